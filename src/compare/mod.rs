@@ -1,0 +1,103 @@
+//! Predicted against measured: what one run of the twin produced, and its figures of merit.
+
+use crate::twin::{Event, Phase};
+
+/// One answered pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    /// Time of the pose, s since the first pose of the run.
+    pub time_s: f64,
+    /// Depth of the tip, m.
+    pub depth_m: f64,
+    /// Predicted force of the tissue on the instrument against its axis, N (positive resists insertion).
+    pub predicted_n: f64,
+    /// Measured force with the same sign, N, at the same time, where there is one.
+    pub measured_n: Option<f64>,
+    /// Phase.
+    pub phase: Phase,
+    /// Event since the last pose.
+    pub event: Option<Event>,
+    /// Explicit steps taken for this pose.
+    pub steps: u32,
+    /// Wall time from the pose's arrival to its prediction, s.
+    pub latency_s: f64,
+}
+
+/// Positions of all targets at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TargetRow {
+    /// Time, s since the first pose.
+    pub time_s: f64,
+    /// Depth, m.
+    pub depth_m: f64,
+    /// Present position of each target, m, in the scene's order.
+    pub positions: Vec<[f64; 3]>,
+}
+
+/// The tissue at the end of a run.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct FinalState {
+    /// Reference points, m.
+    pub points: Vec<[f64; 3]>,
+    /// Background tetrahedra.
+    pub cells: Vec<[u32; 4]>,
+    /// Surface triangles, outward.
+    pub surface: Vec<[u32; 3]>,
+    /// Displacement at the points, m.
+    pub displacement: Vec<[f64; 3]>,
+    /// Volume ratio at the points.
+    pub jacobian: Vec<f64>,
+    /// Von Mises stress at the points, Pa.
+    pub von_mises_pa: Vec<f64>,
+}
+
+/// Everything that a finished run leaves; `report` turns it into files.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Run {
+    /// Name of the scene.
+    pub scene: String,
+    /// Description of the scene.
+    pub description: String,
+    /// Word for the method (`mmls`, ...).
+    pub method: String,
+    /// Nodes.
+    pub nodes: usize,
+    /// Integration points.
+    pub integration_points: usize,
+    /// One row per answered pose.
+    pub answers: Vec<Answer>,
+    /// Names of the targets.
+    pub target_names: Vec<String>,
+    /// Their positions over time.
+    pub targets: Vec<TargetRow>,
+    /// Explicit steps in all.
+    pub steps: u64,
+    /// Wall time of building the twin, s.
+    pub build_s: f64,
+    /// Wall time of stepping alone, s.
+    pub wall_s: f64,
+    /// Simulated (or recorded) time, s.
+    pub simulated_s: f64,
+    /// Poses that were answered later than the next pose came.
+    pub missed_deadlines: u64,
+    /// Poses that were skipped because a newer one had come.
+    pub coalesced_poses: u64,
+    /// Reason, if the model diverged.
+    pub diverged: Option<String>,
+    /// Smallest volume ratio seen.
+    pub min_jacobian: f64,
+    /// Largest kinetic over strain energy seen once the force passed 10% of its peak.
+    pub max_kinetic_to_strain_energy: f64,
+    /// Largest |instrument force + base reaction| over the peak force.
+    pub force_imbalance: f64,
+    /// Largest constraint error, m.
+    pub constraint_error_m: f64,
+    /// Hex of the hash over every predicted force and the final displacement field.
+    pub checksum: String,
+    /// What the measured force is (`synthetic bag needle_insertion`, ...); empty where there is none.
+    pub measured_source: String,
+    /// What was lost on the way (truncated bag, ...): makes the exit code 3.
+    pub losses: Vec<String>,
+    /// The tissue at the end.
+    pub final_state: FinalState,
+}

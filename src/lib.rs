@@ -1,0 +1,33 @@
+//! Digital twin of a needle-insertion test rig.
+//!
+//! A pose comes in, the scene turns it into constraints, the solver takes the steps that the pose is
+//! worth, and a prediction goes out: [`twin::Twin::step`].
+//!
+//! ```text
+//! scene (TOML) ─► cloud ─► approximation ─► solver model            built once
+//!                                               ▲
+//! pose ─► instrument (pose → constraints) ──────┤                   every pose
+//!                                               ▼
+//!                         solver state ─► twin (pace, health, observation) ─► prediction
+//!                                                                               │
+//!            bag, ros, rig, compare, study, report   ◄─────────────────────────┘   the outer ring
+//! ```
+//!
+//! The inner ring (`scene` to `twin`) is numbers only: no files, sockets or clocks. The outer ring is
+//! input and output round the same [`twin::Twin`].
+#![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
+
+pub mod approximation;
+pub mod bag;
+pub mod cli;
+pub mod cloud;
+pub mod compare;
+pub mod instrument;
+pub mod material;
+pub mod report;
+pub mod rig;
+pub mod ros;
+pub mod scene;
+pub mod solver;
+pub mod study;
+pub mod twin;

@@ -1,0 +1,248 @@
+//! What is modelled: sample, material, instrument, discretisation, motion, targets, outputs.
+//!
+//! A scene is a TOML file that names only what is in it. [`Scene`] is the validated form, SI units.
+
+mod units;
+
+pub use units::{Hertz, KilogramsPerCubicMetre, Metres, MetresPerSecond, Pascals, PoissonRatio, Seconds};
+
+/// A validated scene: everything that [`crate::twin::Twin`] needs, and nothing that is not modelled.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Short name, as `scene list` prints it.
+    pub name: String,
+    /// One or more sentences: what it is, what is assumed.
+    pub description: String,
+    /// The tissue sample.
+    pub sample: Sample,
+    /// Its constitutive law.
+    pub material: Material,
+    /// The instrument; absent: nothing touches the sample.
+    pub instrument: Option<Instrument>,
+    /// How the field is approximated.
+    pub discretisation: Discretisation,
+    /// How poses become explicit steps.
+    pub stepping: Stepping,
+    /// The scene's own motion, for `solve`; absent: poses come from outside only.
+    pub motion: Option<Motion>,
+    /// Material points whose position is predicted.
+    pub targets: Vec<Target>,
+}
+
+/// The sample's geometry. Frame `sample`: origin at the centre of the bottom face, z up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Shape and size.
+    pub shape: Shape,
+}
+
+/// Shape and size of the sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// Upright cylinder.
+    Cylinder {
+        /// Diameter.
+        diameter: Metres,
+        /// Height; the top face is at z = height.
+        height: Metres,
+    },
+    /// Upright box, centred on the z axis.
+    Box {
+        /// Edge along x.
+        size_x: Metres,
+        /// Edge along y.
+        size_y: Metres,
+        /// Height; the top face is at z = height.
+        height: Metres,
+    },
+}
+
+impl Shape {
+    /// Height of the sample.
+    #[must_use]
+    pub const fn height(&self) -> Metres {
+        match *self {
+            Self::Cylinder { height, .. } | Self::Box { height, .. } => height,
+        }
+    }
+}
+
+/// Constitutive law with its constants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Which law.
+    pub model: MaterialModel,
+    /// Small-strain shear modulus mu.
+    pub shear_modulus: Pascals,
+    /// Poisson's ratio nu.
+    pub poisson_ratio: PoissonRatio,
+    /// Density of the reference configuration.
+    pub density: KilogramsPerCubicMetre,
+}
+
+impl Material {
+    /// Bulk modulus kappa = 2 mu (1 + nu) / (3 (1 - 2 nu)), Pa.
+    #[must_use]
+    pub fn bulk_modulus(&self) -> f64 {
+        let nu = self.poisson_ratio.get();
+        2.0 * self.shear_modulus.get() * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))
+    }
+}
+
+/// Which constitutive law (`material.model`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaterialModel {
+    /// `neo_hookean`: W = mu/2 (J^-2/3 I1 - 3) + kappa/2 (J - 1)^2.
+    NeoHookean,
+}
+
+/// The rigid instrument that meets the top face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instrument {
+    /// Plate, indenter or needle.
+    pub kind: InstrumentKind,
+    /// Where the instrument's axis meets the top face: x, y in frame `sample`.
+    pub entry: [Metres; 2],
+}
+
+/// Kind of instrument with the keys that only it has (`instrument.kind`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InstrumentKind {
+    /// `plate`: covers and sticks to the whole top face.
+    Plate,
+    /// `indenter`: flat disc that sticks to the top face.
+    Indenter {
+        /// Diameter of the flat face.
+        diameter: Metres,
+    },
+    /// `needle`: kinematic needle of the source paper (method.md, section 9).
+    Needle(Needle),
+}
+
+/// Kinematic needle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Needle {
+    /// Diameter of the shaft.
+    pub diameter: Metres,
+    /// Material within this distance of the axis and behind the tip moves with the needle.
+    pub capture_radius: Metres,
+    /// C_D: fraction of the needle's displacement that captured material follows.
+    pub deformation_coefficient: f64,
+    /// The same fraction while the needle is withdrawn.
+    pub retraction_coefficient: f64,
+    /// Incremental (displacement since capture) or absolute (since first contact).
+    pub deformation_rule: DeformationRule,
+    /// epsilon_p: maximum principal Green-Lagrange strain under the tip at which the surface is punctured.
+    pub puncture_strain: f64,
+}
+
+/// What the deformation coefficient multiplies (`instrument.deformation_rule`; method.md, section 9.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeformationRule {
+    /// u_i = C_D (d - d_capture,i). The default.
+    Incremental,
+    /// u_i = C_D d.
+    Absolute,
+}
+
+/// How the field is approximated and integrated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Discretisation {
+    /// Approximation method.
+    pub method: Method,
+    /// Full 3D or axisymmetric; `auto` decides.
+    pub dimension: Dimension,
+    /// Spacing of the nodes far from every edge.
+    pub spacing: Metres,
+    /// Spacing at the instrument's contact edge as a fraction of `spacing`, in (0, 1].
+    pub edge_refinement: f64,
+    /// Growth of the spacing per metre of distance from an edge (isotropic grading).
+    pub growth: f64,
+    /// alpha: support radius over mean edge length at a node.
+    pub support_factor: f64,
+    /// eta: dimensionless MMLS penalty on the quadratic coefficients (local scaled coordinates).
+    pub penalty: f64,
+    /// Integration points per tetrahedral cell: 1, 4 or 5.
+    pub points_per_cell: u32,
+    /// Cure for volumetric locking.
+    pub volume_ratio: VolumeRatio,
+    /// Precision of the internal-force kernel.
+    pub precision: Precision,
+}
+
+/// Approximation method (`discretisation.method`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Modified moving least squares, quadratic basis with penalty.
+    Mmls,
+    /// Moving least squares, linear basis.
+    Mls,
+    /// Linear tetrahedra: the finite-element baseline.
+    Tet4,
+}
+
+/// `discretisation.dimension`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// The least model that the scene allows.
+    Auto,
+    /// r-z half plane with the hoop term.
+    Axisymmetric,
+    /// Three dimensions.
+    Full,
+}
+
+/// Which volume ratio the pressure sees (`discretisation.volume_ratio`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VolumeRatio {
+    /// Averaged over each node's cells: the cure for volumetric locking.
+    Averaged,
+    /// J of the integration point itself: locks as nu tends to 0.5.
+    Pointwise,
+}
+
+/// Precision of the kernel (`discretisation.precision`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// 32-bit shape table and stress; state and time integration stay 64-bit.
+    F32,
+    /// 64-bit throughout.
+    F64,
+}
+
+/// How poses become explicit steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stepping {
+    /// Tolerated relative error of the force from too few steps.
+    pub tolerance: f64,
+    /// Fraction of the largest stable step that is used, in (0, 1).
+    pub step_factor: f64,
+    /// Largest number of explicit steps that one pose may cost.
+    pub max_steps_per_pose: u32,
+    /// Smallest number of explicit steps that a moving pose gets.
+    pub min_steps_per_pose: u32,
+}
+
+/// A scene's own motion: approach is at zero depth, then insertion, hold and retraction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Depth to reach, positive into the sample.
+    pub depth: Metres,
+    /// Speed of insertion (and retraction).
+    pub speed: MetresPerSecond,
+    /// Rate of the pose stream.
+    pub pose_rate: Hertz,
+    /// Time to stay at depth.
+    pub hold: Seconds,
+    /// Whether the instrument then goes back to depth 0.
+    pub retract: bool,
+}
+
+/// A material point whose position is predicted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// Name.
+    pub name: String,
+    /// Reference position in frame `sample`, m.
+    pub position: [f64; 3],
+}
