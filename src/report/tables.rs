@@ -91,30 +91,31 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     let newton = |f: Option<f64>| f.map(|f| significant(force.factor * f, 3));
     let with_unit = |f: Option<f64>| newton(f).map(|f| format!("{f} {}", force.unit)).unwrap_or_default();
     html.push_str("<div class=\"cards\">\n");
-    let measured = m.peak_measured_n.map(|_| format!("measured {}", with_unit(m.peak_measured_n)));
-    card(html, "Peak force, predicted", newton(m.peak_predicted_n), force.unit, measured);
+    let measured = m.peak_measured_n.map(|_| format!("predicted; measured {}", with_unit(m.peak_measured_n)));
+    card(html, "Peak force", newton(m.peak_predicted_n), force.unit, measured);
     if let Some(nrmse) = m.nrmse {
-        let largest = format!("RMSE {}, largest {}", with_unit(m.rmse_n), with_unit(m.max_abs_error_n));
-        card(html, "Error, RMSE over measured peak", Some(significant(100.0 * nrmse, 2)), "%", Some(largest));
+        let largest =
+            format!("of the measured peak; {}, at most {}", with_unit(m.rmse_n), with_unit(m.max_abs_error_n));
+        card(html, "Relative RMSE", Some(significant(100.0 * nrmse, 2)), "%", Some(largest));
     }
-    let seconds = format!("{} s of stepping for {} s", significant(run.wall_s, 3), significant(run.simulated_s, 3));
-    card(html, "Speed", run.real_time_factor().map(|f| significant(f, 3)), "× real time", Some(seconds));
+    let seconds = format!("{} s for {} s of motion", significant(run.wall_s, 3), significant(run.simulated_s, 3));
+    card(html, "Speed", run.real_time_factor().map(|f| significant(f, 3)), "× real", Some(seconds));
     if let Some(latency) = run.latency_ms() {
-        let rest = format!("median {}, longest {} ms", significant(latency.p50, 2), significant(latency.max, 2));
-        card(html, "Latency, 99 % of poses under", Some(significant(latency.p99, 2)), "ms", Some(rest));
+        let rest = format!("median {}, most {} ms", significant(latency.p50, 2), significant(latency.max, 2));
+        card(html, "Latency (p99)", Some(significant(latency.p99, 2)), "ms", Some(rest));
     }
     if !run.answers.is_empty() {
         let mean = run.steps as f64 / run.answers.len() as f64;
         let step = run.step_us().map(|us| format!(", {} µs each", significant(us, 3))).unwrap_or_default();
         let rest = format!("{} in all{step}", count(run.steps));
-        card(html, "Explicit steps per pose", Some(significant(mean, 3)), "", Some(rest));
+        card(html, "Steps per pose", Some(significant(mean, 3)), "", Some(rest));
     }
     let points = format!("{}, {} integration points", run.method, count(run.integration_points as u64));
     card(html, "Nodes", Some(count(run.nodes as u64)), "", Some(points));
     let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
     if let Some((depth_m, time_s)) = puncture {
         let when = format!("after {} s", significant(time_s, 3));
-        card(html, "Puncture at", Some(significant(1e3 * depth_m, 3)), "mm", Some(when));
+        card(html, "Puncture", Some(significant(1e3 * depth_m, 3)), "mm", Some(when));
     }
     html.push_str("</div>\n");
 }
