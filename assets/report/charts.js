@@ -69,7 +69,9 @@ class Chart {
     this.holder = place.querySelector('.chart');
     this.index = 0;
     moment.listeners.push((time) => this.point(nearest(options.times, time)));
-    new ResizeObserver(() => this.draw()).observe(this.holder);
+    this.draw();
+    // In the next frame: drawing changes heights, which the observer would see as a loop.
+    new ResizeObserver(() => requestAnimationFrame(() => this.draw())).observe(this.holder);
   }
 
   draw() {

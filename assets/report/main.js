@@ -101,7 +101,7 @@ function targets(bands) {
     const at = 3 * (i * names.length + k);
     return 1e3 * Math.hypot(...[0, 1, 2].map((c) => positions[at + c] - positions[3 * k + c]));
   }));
-  const chart = new Chart(document.getElementById('targets'), {
+  new Chart(document.getElementById('targets'), {
     x: time, times: time, bands, label: { x: 'Time in s', about: 'Distance of each target from its place at the start' },
     read: (i) => spans([`<b>${time[i].toFixed(2)}</b> s`, ...names.map((_, k) => `<b style="color:${colour(k)}">${figures(moved[k][i], 3)}</b> mm`)]),
     panels: [{
@@ -109,7 +109,6 @@ function targets(bands) {
       series: moved.map((values, k) => ({ values, cls: '', style: `stroke:${colour(k)};stroke-width:2`, colour: colour(k) })),
     }],
   });
-  chart.draw();
 }
 
 if (n) charts();
