@@ -34,7 +34,7 @@ impl Run {
     }
 
     /// Depth, m, and duration, s, of the stay at the deepest point; `None` if the run only touches it (no more than
-    /// 5% of its time: a slow turn stays near its deepest point as well).
+    /// 2% of its time: a slow turn stays near its deepest point as well).
     #[must_use]
     pub fn hold(&self) -> Option<(f64, f64)> {
         let Legs { hold, retraction, .. } = self.legs();
@@ -42,7 +42,7 @@ impl Run {
         let whole = self.answers.last()?.time_s - self.answers.first()?.time_s;
         let duration = last.time_s - first.time_s;
         let depth = self.answers[hold..retraction].iter().map(|a| a.depth_m).fold(first.depth_m, f64::max);
-        (duration.is_finite() && duration > 0.05 * whole.max(0.0)).then_some((depth, duration))
+        (duration.is_finite() && duration > 0.02 * whole.max(0.0)).then_some((depth, duration))
     }
 }
 
