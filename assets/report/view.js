@@ -203,6 +203,8 @@ class View {
     this.depths.fill(-Infinity);
     this.scale = this.zoom * fine * Math.min(wide, 1.18 * tall) / (2.05 * this.radius);
     this.middle = [w / 2 + fine * this.pan[0], h / 2 + fine * this.pan[1]];
+    const [yaw, pitch] = [this.yaw - 0.5, this.pitch + 0.25];
+    this.towards = [-Math.sin(yaw) * Math.cos(pitch), -Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)];
     this.project(this.positions, this.screen);
     const groups = this.mode === 'half' ? [this.data.half, this.data.cut] : [this.data.surface];
     for (const triangles of groups) {
@@ -244,10 +246,13 @@ class View {
       const inverse = 1 / area;
       // Distance to an edge in px is its weight times the triangle's height over it.
       const [ha, hb, hc] = edge ? [Math.hypot(cx - bx, cy - by), Math.hypot(ax - cx, ay - cy), Math.hypot(bx - ax, by - ay)].map((s) => Math.abs(area) / (s || 1)) : [0, 0, 0];
+      const da = (by - cy) * inverse, db = (cy - ay) * inverse;
       for (let y = top; y <= bottom; y++) {
+        let a = ((bx - left) * (cy - y) - (by - y) * (cx - left)) * inverse - da;
+        let b = ((cx - left) * (ay - y) - (cy - y) * (ax - left)) * inverse - db;
         for (let x = left; x <= right; x++) {
-          const a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) * inverse;
-          const b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) * inverse;
+          a += da;
+          b += db;
           const c = 1 - a - b;
           if (a < -1e-4 || b < -1e-4 || c < -1e-4) continue;
           const z = a * az + b * bz + c * cz, at = y * w + x;
@@ -268,12 +273,12 @@ class View {
 
   /// How much a triangle faces a light beside the viewer, 0 to 1.
   light(p, i, j, l) {
-    const u = [0, 1, 2].map((c) => p[3 * j + c] - p[3 * i + c]), v = [0, 1, 2].map((c) => p[3 * l + c] - p[3 * i + c]);
-    const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    const length = Math.hypot(...n) || 1;
-    const [yaw, pitch] = [this.yaw - 0.5, this.pitch + 0.25];
-    const towards = [-Math.sin(yaw) * Math.cos(pitch), -Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)];
-    return Math.abs(n[0] * towards[0] + n[1] * towards[1] + n[2] * towards[2]) / length;
+    const ax = p[3 * i], ay = p[3 * i + 1], az = p[3 * i + 2];
+    const ux = p[3 * j] - ax, uy = p[3 * j + 1] - ay, uz = p[3 * j + 2] - az;
+    const vx = p[3 * l] - ax, vy = p[3 * l + 1] - ay, vz = p[3 * l + 2] - az;
+    const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
+    const [tx, ty, tz] = this.towards;
+    return Math.abs(x * tx + y * ty + z * tz) / (Math.sqrt(x * x + y * y + z * z) || 1);
   }
 
   instrument() {

@@ -60,6 +60,8 @@ fn body(run: &Run, drawn: bool) -> String {
     tables::verdict(&mut html, run);
     tables::cards(&mut html, run);
     let measured = run.answers.iter().any(|a| a.residual_n().is_some());
+    let legs = run.legs();
+    let back = legs.retraction < legs.end;
     if drawn {
         html.push_str("<div class=\"pair\">\n");
     }
@@ -69,7 +71,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-depth",
         "Force over depth",
         "Against the motion of the tip; hover or tap to read.",
-        &legend(measured, true),
+        &legend(measured, back),
         &fallback,
     );
     if drawn {

@@ -164,12 +164,13 @@ impl Picture {
 }
 
 /// The text, cut with an ellipsis if it is wider than `room` px.
-pub(super) fn fitted(text: &str, size: f32, room: f64) -> String {
-    if text_width(text, size, false) <= room {
+pub(super) fn fitted(text: &str, typ: Type, room: f64) -> String {
+    let width = |text: &str| text_width(text, typ.size, typ.bold);
+    if width(text) <= room {
         return text.to_owned();
     }
     let mut cut = text.to_owned();
-    while cut.pop().is_some() && text_width(&cut, size, false) + f64::from(size) > room {}
+    while cut.pop().is_some() && width(&cut) + f64::from(typ.size) > room {}
     format!("{}…", cut.trim_end())
 }
 
