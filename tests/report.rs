@@ -325,7 +325,7 @@ fn the_sample_in_the_page_is_the_field_of_the_run() {
     assert_eq!(time.len(), run.snapshots.len());
     for name in ["surface", "half", "cut"] {
         let triangles = floats(&view[name]);
-        assert!(!triangles.is_empty() && triangles.len() % 3 == 0);
+        assert!(!triangles.is_empty() && triangles.len().is_multiple_of(3));
         assert!(triangles.iter().all(|&i| (i as usize) < vertices), "{name}");
     }
     let unit = view["displacement_unit"].as_f64().unwrap();

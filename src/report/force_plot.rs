@@ -2,8 +2,9 @@
 
 use super::{
     phases::over_depth,
-    picture::{Anchor, Colour, Pen, Picture, Type, fitted},
+    picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, Panel, VERMILION, label, legend},
+    raster::fitted,
     thin::thin,
     unit::{Scale, significant},
 };

@@ -2,7 +2,7 @@
 //!
 //! Text, figures and tables stand in the page itself; its script draws the curves and the deformed sample.
 
-use super::{ReportError, embed, picture::escaped, settings::settings_html, tables};
+use super::{ReportError, embed, settings::settings_html, svg::escaped, tables};
 use crate::compare::Run;
 use std::fmt::Write as _;
 
@@ -11,8 +11,9 @@ pub(super) const FILE: &str = "report.html";
 
 const PAGE: &str = include_str!("../../assets/report/page.html");
 const STYLE: &str = include_str!("../../assets/report/style.css");
-const SCRIPTS: [&str; 3] = [
+const SCRIPTS: [&str; 4] = [
     include_str!("../../assets/report/charts.js"),
+    include_str!("../../assets/report/shapes.js"),
     include_str!("../../assets/report/view.js"),
     include_str!("../../assets/report/main.js"),
 ];

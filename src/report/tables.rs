@@ -1,7 +1,7 @@
 //! Figures and tables of the page.
 
 use super::{
-    picture::escaped,
+    svg::escaped,
     unit::{Scale, count, significant},
 };
 use crate::compare::Run;
