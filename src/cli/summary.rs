@@ -9,7 +9,13 @@ use crate::twin::Event;
 /// What a user wants to know of a run, at most one screen.
 pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
     let mut lines = vec![
-        ("scene", format!("{}: {}, {} nodes, {} integration points", run.scene, run.method, run.nodes, run.integration_points)),
+        (
+            "scene",
+            format!(
+                "{}: {}, {} nodes, {} integration points",
+                run.scene, run.method, run.nodes, run.integration_points
+            ),
+        ),
         ("poses", poses(run)),
         ("force", force(run)),
     ];

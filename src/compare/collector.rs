@@ -87,8 +87,8 @@ impl Collector {
         let answer = Answer {
             time_s,
             depth_m: prediction.depth_m,
-            predicted_n: -dot(prediction.force_n, axis),
-            measured_n: measured_n.map(|force| -dot(force, axis)),
+            predicted_n: 0.0 - dot(prediction.force_n, axis),
+            measured_n: measured_n.map(|force| 0.0 - dot(force, axis)),
             phase: prediction.phase,
             event: prediction.event,
             steps: prediction.steps,
