@@ -1,5 +1,6 @@
 //! Contract of bad input: exit code 1 or 2, one message on stderr that names the culprit, no panic, and nothing
 //! half-written left behind.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::Path;
 

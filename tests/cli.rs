@@ -1,4 +1,5 @@
 //! Contract of the command line: what goes to stdout, what the files hold, and the exit codes.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::io::Read as _;
 use std::process::Stdio;

@@ -1,4 +1,5 @@
 //! Contract of determinism: the same scene and poses give the same bits, whatever the number of threads.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use assert_cmd::Command;
 use needle_twin::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};

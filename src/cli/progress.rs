@@ -41,7 +41,7 @@ impl Progress {
 
 impl Watch for Progress {
     fn progress(&mut self, done: usize, answer: Option<&Answer>) {
-        if done % STRIDE != 0 || self.bar.is_hidden() {
+        if !done.is_multiple_of(STRIDE) || self.bar.is_hidden() {
             return;
         }
         self.bar.set_position(done as u64);
