@@ -23,7 +23,9 @@ pub enum ReportError {
         source: io::Error,
     },
     /// A field of the run doesn't fit its mesh.
-    #[error("{file}: {field} has {found} values for {expected} points; the run was put together wrongly, please report it")]
+    #[error(
+        "{file}: {field} has {found} values for {expected} points; the run was put together wrongly, please report it"
+    )]
     Length {
         /// File that was being made.
         file: &'static str,

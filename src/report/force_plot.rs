@@ -15,8 +15,7 @@ const HEIGHT: u32 = 660;
 const SIDES: [f64; 2] = [84.0, 932.0];
 
 const MEASURED: [Pen; 2] = [Pen::new(INK, 1.5), Pen::new(Colour(0xa3, 0xab, 0xb6, 1.0), 1.5)];
-const PREDICTED: [Pen; 2] =
-    [Pen::new(BLUE, 2.4), Pen::new(Colour(0x5a, 0x9d, 0xe6, 1.0), 2.4).dashed([8.0, 5.0])];
+const PREDICTED: [Pen; 2] = [Pen::new(BLUE, 2.4), Pen::new(Colour(0x5a, 0x9d, 0xe6, 1.0), 2.4).dashed([8.0, 5.0])];
 const RESIDUAL: [Pen; 2] = [Pen::new(VERMILION, 1.5), Pen::new(Colour(0xea, 0xa2, 0x77, 1.0), 1.5)];
 
 /// The picture of a run.
@@ -32,9 +31,9 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let measured = answers.iter().any(|a| a.residual_n().is_some());
 
     let force = Scale::of_force(run);
-    let x = Axis::holding(answers.iter().map(|a| 1e3 * a.depth_m).chain([0.0]), 10, false);
+    let x = Axis::holding(answers.iter().map(|a| 1e3 * a.depth_m).chain([0.0]), 10, 0.025);
     let forces = answers.iter().flat_map(|a| [Some(a.predicted_n), a.measured_n]).flatten().map(|f| force.factor * f);
-    let y = Axis::holding(forces.chain([0.0]), 6, true);
+    let y = Axis::holding(forces.chain([0.0]), 6, 0.06);
     let bottom = if measured { 446.0 } else { 610.0 };
     let upper = Panel { frame: [SIDES[0], 132.0, SIDES[1], bottom], x: x.clone(), y };
     upper.grid(&mut picture, &format!("Force against insertion in {}", force.unit), !measured);
@@ -45,7 +44,7 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     punctures(&mut picture, &upper, run, force.factor);
     if measured {
         let residuals = answers.iter().filter_map(|a| a.residual_n()).map(|e| force.factor * e);
-        let y = Axis::holding(residuals.chain([0.0]), 3, true);
+        let y = Axis::holding(residuals.chain([0.0]), 3, 0.06);
         let lower = Panel { frame: [SIDES[0], 496.0, SIDES[1], 610.0], x, y };
         lower.grid(&mut picture, &format!("Predicted − measured in {}", force.unit), true);
         for (leg, pen) in legs.iter().zip(RESIDUAL) {
@@ -53,11 +52,11 @@ pub(super) fn force_plot(run: &Run) -> Picture {
         }
     }
     let centre = 0.5 * (SIDES[0] + SIDES[1]);
-    picture.text([centre, 648.0], "Depth of the tip below the undeformed surface in mm", Type {
-        bold: true,
-        colour: INK,
-        ..label(Anchor::Middle)
-    });
+    picture.text(
+        [centre, 648.0],
+        "Depth of the tip below the undeformed surface in mm",
+        Type { bold: true, colour: INK, ..label(Anchor::Middle) },
+    );
     legend(&mut picture, [SIDES[0], 90.0], &entries(measured, !legs[1].is_empty()));
     picture
 }

@@ -5,12 +5,17 @@
 //! computes mechanics, and no file holds a number that is not finite.
 
 mod csv;
+mod embed;
 mod error;
 mod files;
 mod force_plot;
 mod metrics;
+mod page;
 mod picture;
 mod plot;
+mod section;
+mod settings;
+mod tables;
 mod thin;
 mod unit;
 mod vtu;
@@ -19,6 +24,7 @@ pub use csv::{force_csv, targets_csv};
 pub use error::ReportError;
 pub use files::prepare;
 pub use metrics::metrics_json;
+pub use page::report_html;
 pub use vtu::{final_vtu, write_series};
 
 use crate::compare::Run;
@@ -41,6 +47,7 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
         Rendered::new("final.vtu", final_vtu(run)?),
         Rendered::new("force.svg", force_svg(run)),
         Rendered::new("force.png", force_png(run)?),
+        Rendered::new("report.html", report_html(run)?),
     ];
     files::write(out, &rendered)
 }

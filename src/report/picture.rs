@@ -89,11 +89,6 @@ impl Picture {
         }
     }
 
-    /// A filled rectangle between two corners.
-    pub fn rectangle(&mut self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2], colour: Colour) {
-        self.marks.push(Mark::Area { points: vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]], colour });
-    }
-
     /// A filled circle.
     pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
         let corner = |i: i32| {

@@ -26,9 +26,9 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An axis that holds all finite values, with about `count` ticks of 1, 2 or 5 times a power of ten. Widened
-    /// to whole ticks if `whole`; widened to something where the values are one or none.
-    pub fn holding(values: impl IntoIterator<Item = f64>, count: usize, whole: bool) -> Self {
+    /// An axis that holds all finite values, wider by a part `margin` of their range at each end that is not zero,
+    /// with about `count` ticks of 1, 2 or 5 times a power of ten. Where the values are one or none it gets a width.
+    pub fn holding(values: impl IntoIterator<Item = f64>, count: usize, margin: f64) -> Self {
         let finite = values.into_iter().filter(|v| v.is_finite());
         let (mut min, mut max) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         if min > max {
@@ -37,14 +37,12 @@ impl Axis {
             let half = if max == 0.0 { 0.5 } else { 0.5 * max.abs() };
             (min, max) = (min - half, max + half);
         }
+        let margin = margin * (max - min);
+        min -= if min == 0.0 { 0.0 } else { margin };
+        max += if max == 0.0 { 0.0 } else { margin };
         let step = round_step((max - min) / count.max(1) as f64);
         // The small allowance keeps 0.30000000000000004 from costing a whole tick.
         let (first, last) = ((min / step - 1e-9).ceil(), (max / step + 1e-9).floor());
-        let (first, last) =
-            if whole { ((min / step + 1e-9).floor(), (max / step - 1e-9).ceil()) } else { (first, last) };
-        if whole {
-            (min, max) = (min.min(first * step), max.max(last * step));
-        }
         let ticks = (0..=(last - first) as usize).map(|i| (first + i as f64) * step + 0.0).collect();
         Self { min, max, ticks, decimals: (-step.log10().floor()).clamp(0.0, 12.0) as usize }
     }
@@ -132,11 +130,11 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_inside() {
-        let axis = Axis::holding([0.0, 0.0675], 6, true);
-        assert_eq!(axis.ticks.len(), 5, "{axis:?}");
-        assert!((axis.max - 0.08).abs() < 1e-12 && axis.min == 0.0);
+        let axis = Axis::holding([0.0, 0.0675], 6, 0.06);
+        assert_eq!(axis.ticks.len(), 4, "{axis:?}");
+        assert!(axis.max > 0.0675 && axis.min == 0.0);
         assert_eq!(axis.tick_label(axis.ticks[1]), "0.02");
-        let inside = Axis::holding([-0.3, 10.4], 6, false);
+        let inside = Axis::holding([-0.3, 10.4], 6, 0.0);
         assert_eq!((inside.min, inside.max), (-0.3, 10.4));
         assert_eq!(inside.ticks, [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
     }
@@ -144,7 +142,7 @@ mod tests {
     #[test]
     fn an_axis_of_one_value_or_none_has_a_width() {
         for values in [vec![], vec![0.0], vec![3.0, 3.0], vec![f64::NAN, f64::INFINITY], vec![-1e-30, 1e-30]] {
-            let axis = Axis::holding(values.clone(), 5, true);
+            let axis = Axis::holding(values.clone(), 5, 0.06);
             assert!(axis.max > axis.min && !axis.ticks.is_empty(), "{values:?}: {axis:?}");
         }
     }

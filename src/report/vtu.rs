@@ -131,10 +131,8 @@ fn point_data<const C: usize>(
 }
 
 fn data_array(text: &mut String, kind: &str, name: &str, components: usize, bytes: &[u8]) {
-    let _ = writeln!(
-        text,
-        r#"<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="binary">"#
-    );
+    let _ =
+        writeln!(text, r#"<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}" format="binary">"#);
     let mut block = (bytes.len() as u64).to_le_bytes().to_vec();
     block.extend_from_slice(bytes);
     STANDARD.encode_string(&block, text);

@@ -107,8 +107,11 @@ fn answer(i: usize, pose_hz: f64) -> Answer {
     let inside = depth_m.max(0.0) / DEPTH_M;
     let retracting = time_s > 11.3;
     let drop = if depth_m > PUNCTURE_M || retracting { 0.85 } else { 1.0 };
-    let force =
-        if retracting { 0.0675 * (1.25 * inside - 0.25 * inside.sqrt()) * 0.85 } else { 0.0675 * drop * inside.powf(1.5) };
+    let force = if retracting {
+        0.0675 * (1.25 * inside - 0.25 * inside.sqrt()) * 0.85
+    } else {
+        0.0675 * drop * inside.powf(1.5)
+    };
     let noise = 0.0006 * (hash(i as u64) - 0.5) + 0.0008 * (time_s * 0.9).sin();
     let before = depth_at((i as f64 - 1.0) / pose_hz);
     let punctured = !retracting && before <= PUNCTURE_M && depth_m > PUNCTURE_M;
