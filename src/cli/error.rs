@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::bag::BagError;
 use crate::report::ReportError;
 use crate::scene::SceneError;
 use crate::twin::BuildError;
@@ -36,6 +37,9 @@ pub enum CliError {
         /// Its name.
         scene: String,
     },
+    /// The bag can't be read.
+    #[error(transparent)]
+    Bag(#[from] BagError),
     /// The output can't be written.
     #[error(transparent)]
     Report(#[from] ReportError),

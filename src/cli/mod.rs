@@ -7,6 +7,7 @@ mod interrupt;
 mod options;
 mod output;
 mod progress;
+mod replay;
 mod scene;
 pub mod scene_file;
 mod solve;
@@ -34,6 +35,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Replay(replay::Arguments),
     Solve(solve::Arguments),
     Scene(scene::Arguments),
 }
@@ -61,6 +63,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
     match arguments.command {
+        Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
         None => {
