@@ -2,10 +2,13 @@
 //! half-written left behind.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod rig_bag;
+
 use std::path::Path;
 
 use assert_cmd::Command;
 use proptest::prelude::*;
+use rig_bag::RigBag;
 use tempfile::TempDir;
 
 fn needle_twin() -> Command {
@@ -170,6 +173,37 @@ fn one_bad_scene_among_several_is_named() {
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8(output.stdout).unwrap().contains("indentation: ok"));
     assert_names(&String::from_utf8(output.stderr).unwrap(), &["bad.toml:1", "name = 3", "text"]);
+}
+
+#[test]
+fn bags_that_are_none() {
+    assert_names(&refused(&["replay", "no/such/bag"]), &["no/such/bag"]);
+    let noise: Vec<u8> = (0..4096u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let (_folder, path) = file("noise.mcap", &noise);
+    assert_names(&refused(&["replay", &path]), &["noise.mcap"]);
+    let (_folder, path) = file("empty.mcap", b"");
+    assert_names(&refused(&["replay", &path]), &["empty.mcap"]);
+    let (folder, _) = file("any.txt", b"nothing of a bag");
+    assert_names(&refused(&["replay", folder.path().to_str().unwrap()]), &[folder.path().to_str().unwrap()]);
+    refused(&["replay"]);
+}
+
+#[test]
+fn bags_without_what_is_needed_say_what_they_have() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag { depth_topic: None, ..RigBag::default() }.write(folder.path(), "forces_only");
+    let bag = bag.to_str().unwrap();
+    let message = refused(&["replay", bag]);
+    assert_names(
+        &message,
+        &["forces_only", "measured_js", "measured_cp", "/measured_cf", "geometry_msgs/msg/WrenchStamped"],
+    );
+    let bag = RigBag::default().write(folder.path(), "rig");
+    let bag = bag.to_str().unwrap();
+    assert_names(&refused(&["replay", bag, "--measured-js", "/lvdt"]), &["/lvdt", "/measured_js"]);
+    assert_names(&refused(&["replay", bag, "--scene", "nonsense"]), &["nonsense", "needle_insertion"]);
+    assert_names(&refused(&["replay", bag, "--set", "nonsense=1"]), &["nonsense"]);
+    assert_names(&refused(&["replay", bag, "--out", "/dev/null/out"]), &["/dev/null/out"]);
 }
 
 proptest! {
