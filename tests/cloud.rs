@@ -10,18 +10,18 @@ use std::f64::consts::PI;
 const SAMPLE: Domain = Domain::Cylinder { radius: 0.015, height: 0.017 };
 
 fn indentation() -> Spacing {
-    let ring = Feature::ContactRing { centre: [0.0, 0.0], radius: 0.005, spacing: 0.00035 };
-    Spacing { far: 0.0018, growth: 0.2, features: vec![ring] }
+    let ring = Feature::ContactRing { centre: [0.0, 0.0], radius: 0.005, spacing: 0.0003 };
+    Spacing { far: 0.00158, growth: 0.2, features: vec![ring] }
 }
 
 fn needle() -> Spacing {
     let path = Feature::Path { centre: [0.0, 0.0], capture_radius: 0.0005, length: 0.0105, spacing: 0.00025 };
-    Spacing { far: 0.0022, growth: 0.3, features: vec![path] }
+    Spacing { far: 0.00233, growth: 0.3, features: vec![path] }
 }
 
 fn compression() -> Spacing {
     let rim = |top| Feature::Rim { top, spacing: 0.0005 };
-    Spacing { far: 0.0016, growth: 0.25, features: vec![rim(true), rim(false)] }
+    Spacing { far: 0.00155, growth: 0.3, features: vec![rim(true), rim(false)] }
 }
 
 /// Volume enclosed by the surface: divergence theorem, about the body's middle.
@@ -124,9 +124,13 @@ fn graded_share(cloud: &Cloud, domain: &Domain, spacing: &Spacing) -> f64 {
 }
 
 #[test]
-fn preset_bodies_are_filled_well_shaped_and_graded() {
-    for spacing in [indentation(), needle(), compression()] {
+fn preset_bodies_have_the_papers_size_and_are_filled_well_shaped_and_graded() {
+    // The paper's sizes; for compression it gives none; about 7000 nodes are wanted.
+    let sizes = [(8233.0, 44_343.0), (5224.0, 28_645.0), (7000.0, 35_000.0)];
+    for (spacing, (nodes, cells)) in [indentation(), needle(), compression()].into_iter().zip(sizes) {
         let cloud = holds(&SAMPLE, &spacing);
+        assert!((cloud.points.len() as f64 / nodes - 1.0).abs() < 0.1, "{} nodes", cloud.points.len());
+        assert!((cloud.cells.len() as f64 / cells - 1.0).abs() < 0.1, "{} cells", cloud.cells.len());
         assert!(cloud.quality.lowest > 0.4, "{:?}", cloud.quality);
         assert!(cloud.quality.smallest_angle > 18.0, "{:?}", cloud.quality);
         let share = graded_share(&cloud, &SAMPLE, &spacing);

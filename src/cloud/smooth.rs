@@ -14,7 +14,7 @@ pub(crate) fn smooth(packing: &Packing, points: &mut [Point], faces: &[u8], fixe
     for c in cells {
         let p = c.map(|v| points[v as usize]);
         let middle = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);
-        let weight = six_volumes(&p) / packing.h(middle).powi(3);
+        let weight = six_volumes(&p).max(0.0) / packing.h(middle).powi(3);
         for &v in c {
             let (sum, total) = &mut sums[v as usize];
             *sum = add(*sum, scale(middle, weight));
