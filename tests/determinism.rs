@@ -121,3 +121,58 @@ fn the_command_line_keeps_the_promise() {
         assert_eq!(many["force"], one["force"], "{threads} threads");
     }
 }
+
+/// Rooms that are numbers only.
+const INNER_RING: &[&str] = &["scene", "cloud", "approximation", "material", "solver", "instrument", "twin"];
+/// What would let time, order of hashing, the machine or the outside world into them.
+const FORBIDDEN: &[&str] = &[
+    "std::fs",
+    "std::net",
+    "std::env",
+    "std::io",
+    "Instant::now",
+    "SystemTime",
+    "HashMap",
+    "HashSet",
+    "AtomicF",
+    "tokio",
+    "ros2_client",
+    "mcap::",
+    "rand::rng",
+    "thread::spawn",
+    "crate::bag",
+    "crate::cli",
+    "crate::compare",
+    "crate::report",
+    "crate::rig",
+    "crate::ros",
+    "crate::study",
+];
+
+#[test]
+fn the_inner_ring_is_numbers_only() {
+    fn sources(folder: &std::path::Path, out: &mut Vec<std::path::PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => sources(&path, out),
+                false if path.extension().is_some_and(|e| e == "rs") => out.push(path),
+                false => {}
+            }
+        }
+    }
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    INNER_RING.iter().for_each(|room| sources(&root.join(room), &mut files));
+    assert!(files.len() > INNER_RING.len());
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        // Tests at the end of a file may do as they like.
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for (number, line) in code.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with("//")) {
+            for word in FORBIDDEN {
+                assert!(!line.contains(word), "{}:{}: {word} in the inner ring", file.display(), number + 1);
+            }
+        }
+    }
+}
