@@ -1,1 +1,3 @@
-//! (module)
+//! The simulated rig.
+
+pub mod sensors;

@@ -1,1 +1,3 @@
-//! (module)
+//! ROS 2: messages, arguments, environment, nodes.
+
+pub mod messages;
