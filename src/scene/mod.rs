@@ -1,10 +1,34 @@
 //! What is modelled: sample, material, instrument, discretisation, motion, targets, outputs.
 //!
 //! A scene is a TOML file that names only what is in it. [`Scene`] is the validated form, SI units.
+//!
+//! The way of a scene: text → `parse` (every key looked up in the one registry, [`keys`]) → raw values →
+//! `convert` → [`Scene`] → `check` (do the parts fit together?). `--set` and parameters meet the file at the raw
+//! values, so that all of them obey the same types, ranges and messages.
 
+mod check;
+mod convert;
+mod edit;
+mod error;
+mod key;
+pub mod keys;
+mod motion;
+mod parse;
+mod presets;
+mod range;
+pub mod size;
 mod units;
+mod value;
+mod values;
+mod words;
 
+pub use edit::{NewValue, Override};
+pub use error::SceneError;
+pub use key::{Key, Kind};
+pub use presets::{PRESETS, Preset};
+pub use range::Range;
 pub use units::{Hertz, KilogramsPerCubicMetre, Metres, MetresPerSecond, Pascals, PoissonRatio, Seconds};
+pub use value::Value;
 
 /// A validated scene: everything that [`crate::twin::Twin`] needs, and nothing that is not modelled.
 #[derive(Clone, Debug, PartialEq)]

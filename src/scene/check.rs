@@ -1,0 +1,193 @@
+//! What no single key can say: whether the parts of a scene fit together.
+
+use super::size::MEMORY_LIMIT;
+use super::values::Values;
+use super::{Dimension, Instrument, InstrumentKind, Scene, SceneError, Shape, Value};
+
+/// Most poses that a scene's own motion may have.
+const MOST_POSES: f64 = 1e7;
+
+/// Refuses a scene whose parts contradict each other.
+pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
+    let check = Check { scene, values };
+    check.spacing()?;
+    check.instrument()?;
+    check.dimension()?;
+    check.stepping()?;
+    check.motion()?;
+    check.targets()
+}
+
+struct Check<'a> {
+    scene: &'a Scene,
+    values: &'a Values,
+}
+
+impl Check<'_> {
+    fn refuse<T>(&self, key: &str, reason: String) -> Result<T, SceneError> {
+        let value = self.values.value(key).map_or_else(|_| "absent".to_owned(), |value: Value| value.to_string());
+        Err(SceneError::Inconsistent { place: self.values.place(key), key: key.to_owned(), value, reason })
+    }
+
+    fn spacing(&self) -> Result<(), SceneError> {
+        const KEY: &str = "discretisation.spacing_m";
+        let spacing = self.scene.discretisation.spacing.get();
+        let least = smallest_size(&self.scene.sample.shape);
+        if spacing > 0.5 * least {
+            return self.refuse(
+                KEY,
+                format!("too coarse: at most {} m, half of the sample's smallest size of {least} m", 0.5 * least),
+            );
+        }
+        let size = self.scene.estimate();
+        if size.bytes > MEMORY_LIMIT {
+            return self.refuse(
+                KEY,
+                format!(
+                    "too fine: about {:.1e} nodes and {:.1e} GB of memory, more than the {} GB allowed; \
+                     this sample takes at least {:.1e} m",
+                    size.nodes,
+                    size.bytes / 1e9,
+                    MEMORY_LIMIT / 1e9,
+                    self.scene.least_spacing().get() * 1.05 // the message rounds; what it says must be accepted
+                ),
+            );
+        }
+        Ok(())
+    }
+
+    fn instrument(&self) -> Result<(), SceneError> {
+        let Some(instrument) = self.scene.instrument else { return Ok(()) };
+        match instrument.kind {
+            InstrumentKind::Plate => Ok(()),
+            InstrumentKind::Indenter { diameter } => {
+                self.within_top_face("instrument.diameter_m", &instrument, 0.5 * diameter.get())
+            }
+            InstrumentKind::Needle(needle) => {
+                let (diameter, radius) = (needle.diameter.get(), needle.capture_radius.get());
+                if radius < 0.5 * diameter {
+                    return self.refuse(
+                        "instrument.capture_radius_m",
+                        format!("less than the needle's radius of {} m (instrument.diameter_m / 2)", 0.5 * diameter),
+                    );
+                }
+                self.within_top_face("instrument.capture_radius_m", &instrument, radius)
+            }
+        }
+    }
+
+    /// The disc of this radius round the entry point lies in the top face.
+    fn within_top_face(&self, key: &str, instrument: &Instrument, radius: f64) -> Result<(), SceneError> {
+        let [x, y] = instrument.entry.map(|e| e.get().abs());
+        let (fits, face) = match self.scene.sample.shape {
+            Shape::Cylinder { diameter, .. } => (
+                x.hypot(y) + radius <= 0.5 * diameter.get() * (1.0 + 1e-12),
+                format!("of diameter {} m (sample.diameter_m)", diameter.get()),
+            ),
+            Shape::Box { size_x, size_y, .. } => (
+                x + radius <= 0.5 * size_x.get() * (1.0 + 1e-12) && y + radius <= 0.5 * size_y.get() * (1.0 + 1e-12),
+                format!("of {} m by {} m (sample.size_x_m, sample.size_y_m)", size_x.get(), size_y.get()),
+            ),
+        };
+        if fits {
+            return Ok(());
+        }
+        self.refuse(
+            key,
+            format!(
+                "the instrument's disc of radius {radius} m round its entry point ({}, {}) m reaches beyond the \
+                 sample's top face {face}",
+                instrument.entry[0].get(),
+                instrument.entry[1].get()
+            ),
+        )
+    }
+
+    fn dimension(&self) -> Result<(), SceneError> {
+        const KEY: &str = "discretisation.dimension";
+        if self.scene.discretisation.dimension != Dimension::Axisymmetric {
+            return Ok(());
+        }
+        if matches!(self.scene.sample.shape, Shape::Box { .. }) {
+            return self.refuse(KEY, "a box is not a body of revolution: use full or auto".to_owned());
+        }
+        if self.scene.instrument.is_some_and(|i| i.entry.iter().any(|e| e.get() != 0.0)) {
+            return self.refuse(KEY, "the instrument is beside the sample's axis: use full or auto".to_owned());
+        }
+        Ok(())
+    }
+
+    fn stepping(&self) -> Result<(), SceneError> {
+        let stepping = &self.scene.stepping;
+        if stepping.min_steps_per_pose > stepping.max_steps_per_pose {
+            return self.refuse(
+                "stepping.min_steps_per_pose",
+                format!("more than stepping.max_steps_per_pose = {}", stepping.max_steps_per_pose),
+            );
+        }
+        Ok(())
+    }
+
+    fn motion(&self) -> Result<(), SceneError> {
+        let Some(motion) = &self.scene.motion else { return Ok(()) };
+        let height = self.scene.sample.shape.height().get();
+        if motion.depth.get() >= height {
+            return self.refuse("motion.depth_m", format!("must be less than sample.height_m = {height}"));
+        }
+        if motion.pose_count() > MOST_POSES {
+            return self.refuse(
+                "motion.speed_m_per_s",
+                format!(
+                    "depth_m, speed_m_per_s, pose_hz and hold_s make {:.1e} poses; at most {MOST_POSES:.0e} are allowed",
+                    motion.pose_count()
+                ),
+            );
+        }
+        Ok(())
+    }
+
+    fn targets(&self) -> Result<(), SceneError> {
+        for (i, target) in self.scene.targets.iter().enumerate() {
+            if target.name.trim().is_empty() {
+                return self.refuse(&format!("targets.{i}.name"), "a target needs a name".to_owned());
+            }
+            if self.scene.targets[..i].iter().any(|other| other.name == target.name) {
+                return self.refuse(&format!("targets.{i}.name"), "two targets have this name".to_owned());
+            }
+            if !is_inside(&self.scene.sample.shape, target.position) {
+                let extent = extent(&self.scene.sample.shape);
+                return self.refuse(
+                    &format!("targets.{i}.position_m"),
+                    format!("target \"{}\" is outside the sample, which is {extent}", target.name),
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+fn smallest_size(shape: &Shape) -> f64 {
+    match *shape {
+        Shape::Cylinder { diameter, height } => diameter.get().min(height.get()),
+        Shape::Box { size_x, size_y, height } => size_x.get().min(size_y.get()).min(height.get()),
+    }
+}
+
+fn is_inside(shape: &Shape, [x, y, z]: [f64; 3]) -> bool {
+    let beside = match *shape {
+        Shape::Cylinder { diameter, .. } => x.hypot(y) <= 0.5 * diameter.get(),
+        Shape::Box { size_x, size_y, .. } => x.abs() <= 0.5 * size_x.get() && y.abs() <= 0.5 * size_y.get(),
+    };
+    beside && (0.0..=shape.height().get()).contains(&z)
+}
+
+fn extent(shape: &Shape) -> String {
+    match *shape {
+        Shape::Cylinder { diameter, height } => {
+            format!("x^2 + y^2 <= ({} m)^2 and z in [0, {}] m", 0.5 * diameter.get(), height.get())
+        }
+        Shape::Box { size_x, size_y, height } => {
+            format!("|x| <= {} m, |y| <= {} m and z in [0, {}] m", 0.5 * size_x.get(), 0.5 * size_y.get(), height.get())
+        }
+    }
+}

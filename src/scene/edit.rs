@@ -1,0 +1,139 @@
+//! Making, changing and writing a [`Scene`].
+
+use std::collections::BTreeSet;
+
+use super::key::Key;
+use super::presets::Preset;
+use super::{Scene, SceneError, Value, check, convert, keys, parse, values::Values};
+
+/// A change to one key of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    /// Dotted path.
+    pub path: String,
+    /// The new value.
+    pub value: NewValue,
+    /// Where it was asked for (`--set`, `--depth-m`, `parameter`): the start of every message about it.
+    pub place: String,
+}
+
+/// The new value of an [`Override`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum NewValue {
+    /// Text that is read by the key's own type.
+    Unparsed(String),
+    /// A value that has a type already.
+    Typed(Value),
+}
+
+impl Override {
+    /// Reads `key=value`.
+    ///
+    /// # Errors
+    /// [`SceneError::NotAnAssignment`] without `=`; the key itself is looked up by [`Scene::with`].
+    pub fn parse(text: &str, place: &str) -> Result<Self, SceneError> {
+        match text.split_once('=') {
+            Some((path, value)) if !path.trim().is_empty() => Ok(Self::text(path.trim(), value, place)),
+            _ => Err(SceneError::NotAnAssignment { place: place.to_owned(), text: text.to_owned() }),
+        }
+    }
+
+    /// A change whose value is text, to be read by the key's type.
+    #[must_use]
+    pub fn text(path: &str, value: &str, place: &str) -> Self {
+        Self { path: path.to_owned(), value: NewValue::Unparsed(value.to_owned()), place: place.to_owned() }
+    }
+
+    /// A change whose value has a type already.
+    #[must_use]
+    pub fn typed(path: &str, value: impl Into<Value>, place: &str) -> Self {
+        Self { path: path.to_owned(), value: NewValue::Typed(value.into()), place: place.to_owned() }
+    }
+
+    fn checked(&self) -> Result<Value, SceneError> {
+        let shown = match &self.value {
+            NewValue::Unparsed(text) => text.clone(),
+            NewValue::Typed(value) => value.to_string(),
+        };
+        let key: &Key = keys::require(&self.path, &shown, &self.place)?;
+        match &self.value {
+            NewValue::Unparsed(text) => key.parse_at(text, &self.path, &self.place),
+            NewValue::Typed(value) => key.check(value, &self.path, &self.place),
+        }
+    }
+}
+
+impl Scene {
+    /// Reads and checks a scene file's text. `origin` is what messages call it: its path, or a preset's name.
+    ///
+    /// # Errors
+    /// [`SceneError`] with file and line of the first thing that is wrong.
+    pub fn from_toml(text: &str, origin: &str) -> Result<Self, SceneError> {
+        Self::from_values(&parse::parse(text, origin)?)
+    }
+
+    /// A scene that is compiled in.
+    ///
+    /// # Errors
+    /// [`SceneError::UnknownPreset`], with the names that exist.
+    pub fn preset(name: &str) -> Result<Self, SceneError> {
+        Preset::find(name)?.scene()
+    }
+
+    fn from_values(values: &Values) -> Result<Self, SceneError> {
+        let scene = convert::to_scene(values)?;
+        check::check(&scene, values)?;
+        Ok(scene)
+    }
+
+    /// The scene as a file, every key that applies written out; [`Scene::from_toml`] gives the same scene back.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        convert::to_values(self).to_toml()
+    }
+
+    /// The scene with some keys changed, all at once, so that the order doesn't matter. Where `instrument.kind` or
+    /// `sample.shape` changes, keys of the old kind fall away unless they are among the changes.
+    ///
+    /// # Errors
+    /// [`SceneError`] for a key that is not known, a wrong type, a value out of range, or parts that don't fit.
+    pub fn with(&self, changes: &[Override]) -> Result<Self, SceneError> {
+        let mut values = convert::to_values(self);
+        let mut changed = BTreeSet::new();
+        for change in changes {
+            let value = change.checked()?;
+            values.check_target_index(&change.path, &change.place)?;
+            values.insert(&change.path, value, change.place.clone());
+            changed.insert(change.path.clone());
+        }
+        values.drop_misfits(&changed)?;
+        Self::from_values(&values)
+    }
+
+    /// Changes one key, its value written as after `--set`.
+    ///
+    /// # Errors
+    /// As [`Scene::with`]; the scene is then as it was.
+    pub fn set(&mut self, path: &str, value: &str) -> Result<(), SceneError> {
+        *self = self.with(&[Override::text(path, value, "set")])?;
+        Ok(())
+    }
+
+    /// The value of a key, its default included; `None` where the key doesn't apply to this scene or isn't known.
+    #[must_use]
+    pub fn get(&self, path: &str) -> Option<Value> {
+        convert::to_values(self).get(path).cloned()
+    }
+
+    /// Paths of every key that applies to this scene, targets by their index, in the order of the registry.
+    #[must_use]
+    pub fn paths(&self) -> Vec<String> {
+        let values = convert::to_values(self);
+        let targets = (0..self.targets.len()).flat_map(|i| {
+            let of_targets = keys::KEYS.iter().filter(|key| key.section() == "targets");
+            of_targets.map(move |key| format!("targets.{i}.{}", key.field()))
+        });
+        let plain = keys::KEYS.iter().filter(|key| key.section() != "targets").map(|key| key.path.to_owned());
+        plain.chain(targets).filter(|path| values.has(path)).collect()
+    }
+}

@@ -1,0 +1,129 @@
+//! What can be wrong with a scene. Each message names where, which key, which value, what is allowed and what to do.
+
+/// Why a scene is refused. `place` is `file:line`, `--set` or the like.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// The text is not TOML.
+    #[error("{place}: not TOML: {message}{excerpt}")]
+    Syntax {
+        /// Where.
+        place: String,
+        /// What the parser says.
+        message: String,
+        /// The line itself.
+        excerpt: String,
+    },
+    /// A key that no scene has.
+    #[error("{place}: unknown key {key} (value {value}); {hint}")]
+    UnknownKey {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// Its value.
+        value: String,
+        /// The nearest known key.
+        hint: String,
+    },
+    /// A value of the wrong type.
+    #[error("{place}: {key} = {value} is {found}; allowed: {allowed}")]
+    WrongType {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// Its value.
+        value: String,
+        /// What it is.
+        found: &'static str,
+        /// What it should be.
+        allowed: String,
+    },
+    /// A number outside its range.
+    #[error("{place}: {key} = {value} is out of range; allowed: {allowed}{reason}")]
+    OutOfRange {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// Its value.
+        value: String,
+        /// The range.
+        allowed: String,
+        /// Why, where that isn't plain.
+        reason: String,
+    },
+    /// A word that isn't one of the key's.
+    #[error("{place}: {key} = \"{value}\" is not known; allowed: {allowed}{hint}")]
+    UnknownWord {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// The word.
+        value: String,
+        /// The known words.
+        allowed: String,
+        /// The nearest.
+        hint: String,
+    },
+    /// A required key is absent.
+    #[error("{place}: {key} is missing; allowed: {allowed}{because}")]
+    Missing {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// Its values.
+        allowed: String,
+        /// What makes it required.
+        because: String,
+    },
+    /// A key that doesn't go with another one's word.
+    #[error("{place}: {key} = {value} doesn't apply: {selector} is \"{word}\", and the key belongs to {belongs}")]
+    DoesNotApply {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// Its value.
+        value: String,
+        /// The key that selects.
+        selector: String,
+        /// Its word.
+        word: String,
+        /// The words with which it would make sense.
+        belongs: String,
+    },
+    /// Two values that contradict each other.
+    #[error("{place}: {key} = {value}: {reason}")]
+    Inconsistent {
+        /// Where.
+        place: String,
+        /// The key.
+        key: String,
+        /// Its value.
+        value: String,
+        /// What it contradicts, and what is allowed.
+        reason: String,
+    },
+    /// `--set` without `=`.
+    #[error("{place}: \"{text}\" is not of the form key=value (as in --set material.poisson_ratio=0.49)")]
+    NotAnAssignment {
+        /// Where.
+        place: String,
+        /// What was given.
+        text: String,
+    },
+    /// No preset has this name.
+    #[error("no preset is named \"{name}\"; presets: {known}{hint}")]
+    UnknownPreset {
+        /// The name.
+        name: String,
+        /// Those that exist.
+        known: String,
+        /// The nearest.
+        hint: String,
+    },
+}

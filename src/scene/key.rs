@@ -1,0 +1,234 @@
+//! One entry of the registry: what a key means and which values it takes.
+
+use super::{Range, SceneError, Value, keys::nearest_word};
+
+/// Type and allowed values of a key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// Free text.
+    Text,
+    /// One of these words.
+    Word(&'static [&'static str]),
+    /// A number; an integer is taken for one.
+    Real(Range),
+    /// A whole number from the first to the second, both allowed.
+    Integer(i64, i64),
+    /// One of these whole numbers.
+    OneOf(&'static [i64]),
+    /// `true` or `false`.
+    Boolean,
+    /// Three numbers.
+    Point,
+}
+
+/// One key of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Key {
+    /// Dotted path: `material.poisson_ratio`.
+    pub path: &'static str,
+    /// Type and allowed values.
+    pub kind: Kind,
+    /// Default as it would be written, `None` where the key is required.
+    pub default: Option<&'static str>,
+    /// Unit; empty for pure numbers, words and text.
+    pub unit: &'static str,
+    /// What it means, one sentence.
+    pub description: &'static str,
+    /// The key and its words with which alone this key makes sense.
+    pub only_with: Option<(&'static str, &'static [&'static str])>,
+    /// Why the range is as it is, where that isn't plain.
+    pub reason: &'static str,
+    /// Whether it can change while the twin runs.
+    pub live: bool,
+}
+
+impl Key {
+    const fn new(path: &'static str, kind: Kind, unit: &'static str, description: &'static str) -> Self {
+        Self { path, kind, default: None, unit, description, only_with: None, reason: "", live: false }
+    }
+
+    pub(super) const fn text(path: &'static str, description: &'static str) -> Self {
+        Self::new(path, Kind::Text, "", description)
+    }
+
+    pub(super) const fn word(path: &'static str, words: &'static [&'static str], description: &'static str) -> Self {
+        Self::new(path, Kind::Word(words), "", description)
+    }
+
+    pub(super) const fn real(path: &'static str, range: Range, unit: &'static str, description: &'static str) -> Self {
+        Self::new(path, Kind::Real(range), unit, description)
+    }
+
+    pub(super) const fn integer(path: &'static str, low: i64, high: i64, description: &'static str) -> Self {
+        Self::new(path, Kind::Integer(low, high), "", description)
+    }
+
+    pub(super) const fn one_of(path: &'static str, choices: &'static [i64], description: &'static str) -> Self {
+        Self::new(path, Kind::OneOf(choices), "", description)
+    }
+
+    pub(super) const fn boolean(path: &'static str, description: &'static str) -> Self {
+        Self::new(path, Kind::Boolean, "", description)
+    }
+
+    pub(super) const fn point(path: &'static str, unit: &'static str, description: &'static str) -> Self {
+        Self::new(path, Kind::Point, unit, description)
+    }
+
+    /// Gives the default.
+    pub(super) const fn or(self, default: &'static str) -> Self {
+        Self { default: Some(default), ..self }
+    }
+
+    /// Ties the key to words of another one.
+    pub(super) const fn only(self, with: (&'static str, &'static [&'static str])) -> Self {
+        Self { only_with: Some(with), ..self }
+    }
+
+    /// Says why the range is as it is.
+    pub(super) const fn because(self, reason: &'static str) -> Self {
+        Self { reason, ..self }
+    }
+
+    /// Marks the key as one that can change while the twin runs.
+    pub(super) const fn live(self) -> Self {
+        Self { live: true, ..self }
+    }
+
+    /// Section of the path; empty for the keys at the top of a file.
+    #[must_use]
+    pub fn section(&self) -> &'static str {
+        self.path.split_once('.').map_or("", |(section, _)| section)
+    }
+
+    /// Last part of the path.
+    #[must_use]
+    pub fn field(&self) -> &'static str {
+        self.path.split_once('.').map_or(self.path, |(_, field)| field)
+    }
+
+    /// The path as a user writes it after `--set`, with a place holder for a target's index.
+    #[must_use]
+    pub fn shown_path(&self) -> String {
+        match self.section() {
+            "targets" => format!("targets.INDEX.{}", self.field()),
+            _ => self.path.to_owned(),
+        }
+    }
+
+    /// The allowed values in words: `number in (-1, 0.5)`, `one of plate, indenter, needle`.
+    #[must_use]
+    pub fn allowed(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        match self.kind {
+            Kind::Text => "text".to_owned(),
+            Kind::Word(words) => format!("one of {}", words.join(", ")),
+            Kind::Real(range) => format!("number in {range}{unit}"),
+            Kind::Integer(low, high) => format!("whole number in [{low}, {high}]"),
+            Kind::OneOf(choices) => {
+                format!("one of {}", choices.iter().map(i64::to_string).collect::<Vec<_>>().join(", "))
+            }
+            Kind::Boolean => "true or false".to_owned(),
+            Kind::Point => format!("three finite numbers [x, y, z]{unit}"),
+        }
+    }
+
+    /// Checks type and range, and gives the value in the key's own type (an integer becomes a double where the
+    /// key is one). `path` is the full path, with a target's index; `place` says where it was written.
+    ///
+    /// # Errors
+    /// [`SceneError::WrongType`], [`SceneError::OutOfRange`] or [`SceneError::UnknownWord`].
+    pub fn check(&self, value: &Value, path: &str, place: &str) -> Result<Value, SceneError> {
+        let (fits, value) = match (self.kind, value) {
+            (Kind::Text, Value::Text(_)) | (Kind::Boolean, Value::Boolean(_)) => (true, value.clone()),
+            (Kind::Word(words), Value::Text(word)) => {
+                return self.check_word(words, word, path, place);
+            }
+            (Kind::Real(range), Value::Real(_) | Value::Integer(_)) => {
+                let x = value.as_real().unwrap_or(f64::NAN);
+                (range.contains(x), Value::Real(x))
+            }
+            (Kind::Integer(low, high), Value::Integer(i)) => ((low..=high).contains(i), value.clone()),
+            (Kind::OneOf(choices), Value::Integer(i)) => (choices.contains(i), value.clone()),
+            (Kind::Point, Value::Point(p)) => (p.iter().all(|x| x.is_finite()), value.clone()),
+            _ => {
+                return Err(SceneError::WrongType {
+                    place: place.to_owned(),
+                    key: path.to_owned(),
+                    value: value.to_string(),
+                    found: value.type_name(),
+                    allowed: self.allowed(),
+                });
+            }
+        };
+        if fits {
+            return Ok(value);
+        }
+        Err(SceneError::OutOfRange {
+            place: place.to_owned(),
+            key: path.to_owned(),
+            value: value.to_string(),
+            allowed: self.allowed(),
+            reason: if self.reason.is_empty() { String::new() } else { format!(" ({})", self.reason) },
+        })
+    }
+
+    fn check_word(&self, words: &[&str], word: &str, path: &str, place: &str) -> Result<Value, SceneError> {
+        if words.contains(&word) {
+            return Ok(Value::Text(word.to_owned()));
+        }
+        Err(SceneError::UnknownWord {
+            place: place.to_owned(),
+            key: path.to_owned(),
+            value: word.to_owned(),
+            allowed: self.allowed(),
+            hint: nearest_word(word, words).map_or_else(String::new, |near| format!("; did you mean {near}?")),
+        })
+    }
+
+    /// Reads a value from the text after `--set key=`, by the key's own type: text and words need no quotes.
+    ///
+    /// # Errors
+    /// As [`Key::check`].
+    pub fn parse(&self, text: &str, place: &str) -> Result<Value, SceneError> {
+        self.parse_at(text, self.path, place)
+    }
+
+    pub(super) fn parse_at(&self, text: &str, path: &str, place: &str) -> Result<Value, SceneError> {
+        let trimmed = text.trim();
+        let value = match self.kind {
+            Kind::Text | Kind::Word(_) => Value::Text(unquoted(trimmed)),
+            Kind::Boolean => trimmed.parse().map_or_else(|_| Value::from(trimmed), Value::Boolean),
+            Kind::Integer(..) | Kind::OneOf(_) => number(trimmed),
+            Kind::Real(_) => number(trimmed),
+            Kind::Point => point(trimmed).map_or_else(|| Value::from(trimmed), Value::Point),
+        };
+        self.check(&value, path, place)
+    }
+}
+
+/// A number as TOML or Rust writes it; anything else stays text, which the check then refuses by name.
+fn number(text: &str) -> Value {
+    let plain = text.replace('_', "");
+    if let Ok(i) = plain.parse::<i64>() {
+        return Value::Integer(i);
+    }
+    plain.parse::<f64>().map_or_else(|_| Value::from(text), Value::Real)
+}
+
+/// `[x, y, z]` or `x, y, z`.
+fn point(text: &str) -> Option<[f64; 3]> {
+    let inner = text.strip_prefix('[').map_or(Some(text), |rest| rest.strip_suffix(']'))?;
+    let numbers: Vec<f64> = inner.split(',').map(|x| number(x.trim()).as_real()).collect::<Option<_>>()?;
+    numbers.try_into().ok()
+}
+
+/// Text without the quotes that a shell user may have kept from TOML.
+fn unquoted(text: &str) -> String {
+    let quoted = text.len() >= 2 && ['"', '\''].iter().any(|q| text.starts_with(*q) && text.ends_with(*q));
+    let parsed = quoted.then(|| format!("x = {text}").parse::<toml::Table>().ok()).flatten();
+    match parsed.as_ref().and_then(|table| table.get("x")).and_then(toml::Value::as_str) {
+        Some(inner) => inner.to_owned(),
+        None => text.to_owned(),
+    }
+}

@@ -1,0 +1,40 @@
+//! The scene's own motion as a stream of depths.
+
+use super::Motion;
+
+impl Motion {
+    /// Pose intervals of insertion, hold and retraction. The last pose of the insertion is at full depth, so the
+    /// insertion takes the time of a whole number of intervals.
+    fn intervals(&self) -> [f64; 3] {
+        let rate = self.pose_rate.get();
+        // A hair less, so that 0.01 m / 0.001 m/s * 1000 Hz is 10,000 intervals and not 10,001.
+        let insertion = (self.depth.get() / self.speed.get() * rate * (1.0 - 1e-12)).ceil();
+        [insertion, (self.hold.get() * rate).round(), if self.retract { insertion } else { 0.0 }]
+    }
+
+    /// Number of poses, the one at depth 0 and time 0 included. A float, since nonsense can exceed every integer.
+    #[must_use]
+    pub fn pose_count(&self) -> f64 {
+        self.intervals().iter().sum::<f64>() + 1.0
+    }
+
+    /// Time in s and depth in m of every pose: from 0 to depth at speed, hold, and back if it retracts.
+    pub fn poses(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
+        let motion = *self;
+        let [insertion, hold, _] = self.intervals();
+        let (rate, depth) = (self.pose_rate.get(), self.depth.get());
+        (0..self.pose_count() as u64).map(move |k| {
+            let k = k as f64;
+            let down = |intervals: f64| (motion.speed.get() * intervals / rate).min(depth);
+            let at = if k < insertion {
+                down(k)
+            } else if k <= insertion + hold {
+                depth
+            } else {
+                // The mirror image of the insertion, so that the last pose is at depth 0 exactly.
+                down(2.0 * insertion + hold - k)
+            };
+            (k / rate, at)
+        })
+    }
+}

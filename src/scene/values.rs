@@ -1,0 +1,198 @@
+//! The raw layer: checked values by dotted path, each with the place where it was written.
+//!
+//! A file, `--set` and parameters all end here; `convert.rs` turns it into a [`super::Scene`] and back.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use super::key::Key;
+use super::keys::{self, KEYS, SECTIONS, split_target};
+use super::{SceneError, Value};
+
+/// Values of a scene by dotted path. Only known keys, each of its own type and in its own range.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Values {
+    entries: BTreeMap<String, Entry>,
+    /// Sections that are named, even if nothing is in them.
+    sections: BTreeSet<String>,
+    /// File, preset or scene that is to blame where a key is absent.
+    origin: String,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Entry {
+    value: Value,
+    place: String,
+}
+
+impl Values {
+    /// No value at all.
+    pub(super) fn new(origin: &str) -> Self {
+        Self { entries: BTreeMap::new(), sections: BTreeSet::new(), origin: origin.to_owned() }
+    }
+
+    /// Where the whole of it comes from.
+    pub(super) fn origin(&self) -> &str {
+        &self.origin
+    }
+
+    /// Stores a value that is known to be of its key's type and range.
+    pub(super) fn put(&mut self, path: &str, value: impl Into<Value>) {
+        let place = self.origin.clone();
+        self.insert(path, value.into(), place);
+    }
+
+    /// Stores a checked value with its place.
+    pub(super) fn insert(&mut self, path: &str, value: Value, place: String) {
+        if let Some((section, _)) = path.split_once('.') {
+            self.sections.insert(section.to_owned());
+        }
+        self.entries.insert(path.to_owned(), Entry { value, place });
+    }
+
+    /// Notes that a section is named.
+    pub(super) fn name_section(&mut self, section: &str) {
+        self.sections.insert(section.to_owned());
+    }
+
+    /// Whether a section is named: what is not is not modelled.
+    pub(super) fn has_section(&self, section: &str) -> bool {
+        self.sections.contains(section)
+    }
+
+    /// Whether a key was written.
+    pub(super) fn has(&self, path: &str) -> bool {
+        self.entries.contains_key(path)
+    }
+
+    /// The value that was written.
+    pub(super) fn get(&self, path: &str) -> Option<&Value> {
+        self.entries.get(path).map(|entry| &entry.value)
+    }
+
+    /// Where a key was written; where it should have been, if it wasn't.
+    pub(super) fn place(&self, path: &str) -> String {
+        self.entries.get(path).map_or_else(|| self.origin.clone(), |entry| entry.place.clone())
+    }
+
+    /// The written value or the key's default.
+    pub(super) fn value(&self, path: &str) -> Result<Value, SceneError> {
+        if let Some(value) = self.get(path) {
+            return Ok(value.clone());
+        }
+        let key = keys::require(path, "none", &self.origin)?;
+        match key.default {
+            Some(text) => key.parse(text, &self.origin),
+            None => Err(self.missing(path, key)),
+        }
+    }
+
+    fn missing(&self, path: &str, key: &Key) -> SceneError {
+        let because = match key.only_with {
+            Some((selector, _)) => {
+                let word = self.value(selector).ok();
+                let word = word.as_ref().and_then(Value::as_text).unwrap_or_default();
+                format!(" (required where {selector} is \"{word}\")")
+            }
+            None if key.section().is_empty() => String::new(),
+            None => format!(" (required in [{}])", key.section()),
+        };
+        SceneError::Missing { place: self.origin.clone(), key: path.to_owned(), allowed: key.allowed(), because }
+    }
+
+    /// Number of targets: the length of the unbroken run of indices from 0.
+    pub(super) fn targets(&self) -> usize {
+        let named = |i: usize| {
+            let prefix = format!("targets.{i}.");
+            self.entries.range(prefix.clone()..).next().is_some_and(|(path, _)| path.starts_with(&prefix))
+        };
+        (0..).take_while(|&i| named(i)).count()
+    }
+
+    /// Refuses keys that don't go with the word of the key that selects them.
+    pub(super) fn check_applicability(&self) -> Result<(), SceneError> {
+        for (path, entry) in &self.entries {
+            if let Some((selector, word, words)) = self.misfit(path)? {
+                return Err(SceneError::DoesNotApply {
+                    place: entry.place.clone(),
+                    key: path.clone(),
+                    value: entry.value.to_string(),
+                    selector: selector.to_owned(),
+                    word,
+                    belongs: words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and "),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Drops the keys that don't go with the words that now select, except those in `keep`.
+    pub(super) fn drop_misfits(&mut self, keep: &BTreeSet<String>) -> Result<(), SceneError> {
+        let paths: Vec<String> = self.entries.keys().filter(|path| !keep.contains(*path)).cloned().collect();
+        for path in paths {
+            if self.misfit(&path)?.is_some() {
+                self.entries.remove(&path);
+            }
+        }
+        Ok(())
+    }
+
+    /// Selector, its present word and the words wanted, if a key doesn't go with it.
+    fn misfit(&self, path: &str) -> Result<Option<Misfit>, SceneError> {
+        let Some((selector, words)) = keys::find(path).and_then(|key| key.only_with) else { return Ok(None) };
+        let word = self.value(selector)?;
+        let word = word.as_text().unwrap_or_default();
+        Ok((!words.contains(&word)).then(|| (selector, word.to_owned(), words)))
+    }
+
+    /// The scene as a TOML file: every key that was put in, in the order of the registry.
+    pub(super) fn to_toml(&self) -> String {
+        let mut out = String::new();
+        for key in KEYS.iter().filter(|key| key.section().is_empty()) {
+            self.write_line(&mut out, key.path, key);
+        }
+        for section in SECTIONS.iter().filter(|section| self.has_section(section)) {
+            if *section == "targets" {
+                for i in 0..self.targets() {
+                    out.push_str("\n[[targets]]\n");
+                    self.write_section(&mut out, section, |key| format!("targets.{i}.{}", key.field()));
+                }
+            } else {
+                let _ = writeln!(out, "\n[{section}]"); // writing to a String can't fail
+                self.write_section(&mut out, section, |key| key.path.to_owned());
+            }
+        }
+        out
+    }
+
+    fn write_section(&self, out: &mut String, section: &str, path: impl Fn(&Key) -> String) {
+        for key in KEYS.iter().filter(|key| key.section() == section) {
+            self.write_line(out, &path(key), key);
+        }
+    }
+
+    fn write_line(&self, out: &mut String, path: &str, key: &Key) {
+        if let Some(value) = self.get(path) {
+            let _ = writeln!(out, "{} = {value}", key.field()); // writing to a String can't fail
+        }
+    }
+
+    /// Refuses an index of `targets` that would leave a hole.
+    pub(super) fn check_target_index(&self, path: &str, place: &str) -> Result<(), SceneError> {
+        match split_target(path) {
+            Some((index, _)) if index > self.targets() => Err(SceneError::Inconsistent {
+                place: place.to_owned(),
+                key: path.to_owned(),
+                value: format!("index {index}"),
+                reason: format!(
+                    "the scene has {} targets, counted from 0; the next one is targets.{}",
+                    self.targets(),
+                    self.targets()
+                ),
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+type Misfit = (&'static str, String, &'static [&'static str]);

@@ -1,0 +1,66 @@
+//! The words that a scene file uses for its choices, each tied to its type in one place.
+
+use super::{DeformationRule, Dimension, InstrumentKind, MaterialModel, Method, Precision, Shape, VolumeRatio};
+
+/// Ties the variants of a plain enum to their words.
+macro_rules! words {
+    ($type:ident: $($variant:ident = $word:literal),+) => {
+        impl $type {
+            /// Every word, in the order of the variants.
+            pub const WORDS: &'static [&'static str] = &[$($word),+];
+
+            /// The word that files and messages use.
+            #[must_use]
+            pub const fn as_str(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $word),+
+                }
+            }
+
+            /// The variant that a word stands for.
+            #[must_use]
+            pub fn from_word(word: &str) -> Option<Self> {
+                match word {
+                    $($word => Some(Self::$variant),)+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+words!(MaterialModel: NeoHookean = "neo_hookean");
+words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
+words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
+words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Full = "full");
+words!(VolumeRatio: Averaged = "averaged", Pointwise = "pointwise");
+words!(Precision: F32 = "f32", F64 = "f64");
+
+impl Shape {
+    /// Words of `sample.shape`.
+    pub const WORDS: &'static [&'static str] = &["cylinder", "box"];
+
+    /// The word that files and messages use.
+    #[must_use]
+    pub const fn as_str(&self) -> &'static str {
+        match self {
+            Self::Cylinder { .. } => "cylinder",
+            Self::Box { .. } => "box",
+        }
+    }
+}
+
+impl InstrumentKind {
+    /// Words of `instrument.kind`.
+    pub const WORDS: &'static [&'static str] = &["plate", "indenter", "needle"];
+
+    /// The word that files and messages use.
+    #[must_use]
+    pub const fn as_str(&self) -> &'static str {
+        match self {
+            Self::Plate => "plate",
+            Self::Indenter { .. } => "indenter",
+            Self::Needle(_) => "needle",
+        }
+    }
+}
