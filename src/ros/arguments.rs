@@ -33,7 +33,9 @@ pub enum ArgumentError {
         example: &'static str,
     },
     /// Not a ROS argument.
-    #[error("`{argument}` is not a ROS argument; the program's own arguments go before `--ros-args` or behind `--`{hint}")]
+    #[error(
+        "`{argument}` is not a ROS argument; the program's own arguments go before `--ros-args` or behind `--`{hint}"
+    )]
     Unknown {
         /// What was found.
         argument: String,
@@ -41,7 +43,9 @@ pub enum ArgumentError {
         hint: String,
     },
     /// A remap rule can't be read.
-    #[error("remap rule `{rule}`: {reason} (expected `from:=to`, `node:from:=to`, `__ns:=/namespace` or `__node:=name`)")]
+    #[error(
+        "remap rule `{rule}`: {reason} (expected `from:=to`, `node:from:=to`, `__ns:=/namespace` or `__node:=name`)"
+    )]
     Remap {
         /// The rule.
         rule: String,

@@ -64,7 +64,9 @@ impl Environment {
                 reason: "DDS security is not built into these programs; unset it, or keep the traffic on a trusted network",
             });
         }
-        for variable in ["ROS_STATIC_PEERS", "CYCLONEDDS_URI", "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"] {
+        for variable in
+            ["ROS_STATIC_PEERS", "CYCLONEDDS_URI", "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"]
+        {
             if lookup(variable).is_some() {
                 warnings.push(format!("{variable} has no effect here: the programs bring their own DDS"));
             }

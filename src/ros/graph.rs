@@ -153,8 +153,7 @@ fn qos_remedy(side: Side, topic: &str, ours: &QosProfile, theirs: &QosProfile) -
     let (offered, requested) = if side == Side::Publisher { (ours, theirs) } else { (theirs, ours) };
     let reliability =
         offered.reliability == Reliability::BestEffort && matches!(requested.reliability, Reliability::Reliable { .. });
-    let durability =
-        offered.durability == Durability::Volatile && requested.durability == Durability::TransientLocal;
+    let durability = offered.durability == Durability::Volatile && requested.durability == Durability::TransientLocal;
     let (policy, value) = match (side, reliability, durability) {
         (Side::Publisher, true, _) => ("reliability", "reliable"),
         (Side::Subscription, true, _) => ("reliability", "best_effort"),

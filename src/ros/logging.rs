@@ -145,7 +145,10 @@ impl Console {
         let text = self
             .format
             .replace("{severity}", record.severity.word())
-            .replace("{time}", &format!("{}.{:09}", record.wall_nanos / 1_000_000_000, record.wall_nanos % 1_000_000_000))
+            .replace(
+                "{time}",
+                &format!("{}.{:09}", record.wall_nanos / 1_000_000_000, record.wall_nanos % 1_000_000_000),
+            )
             .replace("{time_as_nanoseconds}", &record.wall_nanos.to_string())
             .replace("{name}", name)
             .replace("{file_name}", record.file)

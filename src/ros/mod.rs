@@ -15,7 +15,11 @@ mod parameter_services;
 pub mod parameters;
 pub mod participant;
 pub mod qos;
+mod rosout;
+mod scene_parameters;
 pub mod signals;
+pub mod start;
+pub mod twin_node;
 
 pub use graph::Graph;
 pub use parameter_file::YamlError;

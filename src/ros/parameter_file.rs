@@ -269,7 +269,8 @@ mod tests {
             "/**:\n  ros__parameters:\n    scene: needle\n    material:\n      nu: 0.49\nor1:\n  twin:\n    ros__parameters:\n      threads: 2\n",
         )
         .unwrap();
-        let rows: Vec<_> = found.iter().map(|p| (p.node_pattern.as_str(), p.name.as_str(), p.origin.as_str())).collect();
+        let rows: Vec<_> =
+            found.iter().map(|p| (p.node_pattern.as_str(), p.name.as_str(), p.origin.as_str())).collect();
         assert_eq!(
             rows,
             [("/**", "scene", "p.yaml:3"), ("/**", "material.nu", "p.yaml:5"), ("/or1/twin", "threads", "p.yaml:9")]

@@ -48,7 +48,9 @@ impl ParameterServices {
 
     /// Answers what has been asked; `changed` is called with every parameter that was set.
     pub fn poll(&self, parameters: &Parameters, clock: &NodeClock, changed: &mut dyn FnMut(&str, &ParameterValue)) {
-        answer(&self.get, |q| rcl::GetParametersResponse { values: q.names.iter().map(|n| raw_value(parameters, n)).collect() });
+        answer(&self.get, |q| rcl::GetParametersResponse {
+            values: q.names.iter().map(|n| raw_value(parameters, n)).collect(),
+        });
         answer(&self.types, |q| rcl::GetParameterTypesResponse {
             values: q.names.iter().map(|n| raw_value(parameters, n).ptype).collect(),
         });

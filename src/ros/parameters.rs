@@ -139,10 +139,7 @@ impl Declaration {
 
 fn is_array(value: &ParameterValue) -> bool {
     use ParameterValue as P;
-    matches!(
-        value,
-        P::ByteArray(_) | P::BooleanArray(_) | P::IntegerArray(_) | P::DoubleArray(_) | P::StringArray(_)
-    )
+    matches!(value, P::ByteArray(_) | P::BooleanArray(_) | P::IntegerArray(_) | P::DoubleArray(_) | P::StringArray(_))
 }
 
 fn default_empty(value: &ParameterValue) -> ParameterValue {
@@ -222,7 +219,12 @@ impl Parameters {
             } else if given.origin.starts_with("-p ") || !given.node_pattern.contains('*') {
                 return Err(fail(unknown(&given.name, declarations.keys())));
             } else {
-                warnings.push(format!("{}: `{}`: {}", given.origin, given.name, unknown(&given.name, declarations.keys())));
+                warnings.push(format!(
+                    "{}: `{}`: {}",
+                    given.origin,
+                    given.name,
+                    unknown(&given.name, declarations.keys())
+                ));
             }
         }
         Ok((Self { declarations, values: Mutex::new(values) }, warnings))
@@ -285,10 +287,7 @@ impl Parameters {
     ///
     /// # Errors
     /// The name of the culprit and the reason.
-    pub fn set(
-        &self,
-        changes: &[(String, ParameterValue)],
-    ) -> Result<Vec<(String, ParameterValue)>, (String, String)> {
+    pub fn set(&self, changes: &[(String, ParameterValue)]) -> Result<Vec<(String, ParameterValue)>, (String, String)> {
         let accepted: Vec<_> = changes
             .iter()
             .map(|(name, value)| {

@@ -97,8 +97,7 @@ pub fn apply(profile: &mut QosProfile, policy: &str, value: &ParameterValue) -> 
         }
         ("depth", P::Integer(v)) => {
             let depth = usize::try_from(*v).ok().filter(|d| (1..=100_000).contains(d));
-            profile.history =
-                History::KeepLast { depth: depth.ok_or_else(|| "depth is 1 to 100000".to_owned())? };
+            profile.history = History::KeepLast { depth: depth.ok_or_else(|| "depth is 1 to 100000".to_owned())? };
         }
         ("deadline", P::Integer(v)) => profile.deadline = nanoseconds(*v)?,
         ("lifespan", P::Integer(v)) => profile.lifespan = nanoseconds(*v)?,
