@@ -1,0 +1,171 @@
+//! Nodes on edges and features: rims, box edges, contact rings, the layers of a needle path.
+
+use super::domain::{BASE, Domain, TOP};
+use super::error::CloudError;
+use super::spacing::{Feature, Spacing};
+use super::vector::Point;
+use std::f64::consts::PI;
+
+/// Nodes under construction: position, faces they lie on (bits), and whether they may still move.
+#[derive(Default)]
+pub(crate) struct Nodes {
+    pub(crate) points: Vec<Point>,
+    pub(crate) faces: Vec<u8>,
+    pub(crate) fixed: Vec<bool>,
+}
+
+impl Nodes {
+    pub(crate) fn push(&mut self, p: Point, faces: u8, fixed: bool) {
+        self.points.push(p);
+        self.faces.push(faces);
+        self.fixed.push(fixed);
+    }
+}
+
+/// Parameters t in \[0, 1) of points along a closed or open curve such that each stretch is worth one spacing.
+/// An open curve's own end points are left out.
+fn equidistribute(
+    domain: &Domain,
+    spacing: &Spacing,
+    curve: &dyn Fn(f64) -> Point,
+    closed: bool,
+    fewest: usize,
+) -> Vec<f64> {
+    let length: f64 =
+        (0..64).map(|k| super::vector::distance(curve(k as f64 / 64.0), curve((k + 1) as f64 / 64.0))).sum();
+    let samples = ((4.0 * length / spacing.finest()) as usize).clamp(256, 1 << 20);
+    let mut worth = Vec::with_capacity(samples + 1);
+    worth.push(0.0);
+    for k in 0..samples {
+        let (a, b) = (k as f64 / samples as f64, (k + 1) as f64 / samples as f64);
+        let step = super::vector::distance(curve(a), curve(b)) / spacing.at(domain, curve(0.5 * (a + b)));
+        worth.push(worth[k] + step);
+    }
+    let count = (worth[samples].round() as usize).max(fewest);
+    let unit = worth[samples] / count as f64;
+    let mut at = 0;
+    let mut parameters = Vec::with_capacity(count);
+    for k in usize::from(!closed)..count {
+        let wanted = k as f64 * unit;
+        while at + 1 < samples && worth[at + 1] <= wanted {
+            at += 1;
+        }
+        let within = (wanted - worth[at]) / (worth[at + 1] - worth[at]);
+        parameters.push((at as f64 + within) / samples as f64);
+    }
+    parameters
+}
+
+/// A circle in a horizontal plane.
+fn circle(centre: [f64; 2], radius: f64, z: f64) -> impl Fn(f64) -> Point {
+    move |t| {
+        let (sin, cos) = (2.0 * PI * t).sin_cos();
+        [centre[0] + radius * cos, centre[1] + radius * sin, z]
+    }
+}
+
+/// All nodes that are fixed from the start.
+///
+/// # Errors
+/// Two features closer to each other than half their spacing.
+pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudError> {
+    let mut nodes = Nodes::default();
+    rims(domain, spacing, &mut nodes);
+    let height = domain.height();
+    for f in &spacing.features {
+        match *f {
+            Feature::ContactRing { centre, radius, .. } => {
+                let curve = circle(centre, radius, height);
+                for t in equidistribute(domain, spacing, &curve, true, 8) {
+                    nodes.push(curve(t), TOP, true);
+                }
+            }
+            Feature::Path { centre, capture_radius, length, spacing } => {
+                path(&mut nodes, height, centre, capture_radius, length, spacing);
+            }
+            Feature::Rim { .. } => {}
+        }
+    }
+    too_close(domain, spacing, &nodes)?;
+    Ok(nodes)
+}
+
+fn rims(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
+    match *domain {
+        Domain::Cylinder { radius, height } => {
+            for (z, face) in [(0.0, BASE), (height, TOP)] {
+                let curve = circle([0.0, 0.0], radius, z);
+                for t in equidistribute(domain, spacing, &curve, true, 6) {
+                    nodes.push(curve(t), face | 4, true);
+                }
+            }
+        }
+        Domain::Box { .. } => box_edges(domain, spacing, nodes),
+    }
+}
+
+fn box_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
+    let (low, high) = domain.bounds();
+    let corner = |bits: usize| [0, 1, 2].map(|k| if bits >> k & 1 == 1 { high[k] } else { low[k] });
+    let faces = |p: Point| {
+        let on = |k: usize, low_bit: u8, high_bit: u8| {
+            if p[k] == low[k] {
+                low_bit
+            } else if p[k] == high[k] {
+                high_bit
+            } else {
+                0
+            }
+        };
+        on(0, 4, 8) | on(1, 16, 32) | on(2, BASE, TOP)
+    };
+    for bits in 0..8 {
+        nodes.push(corner(bits), faces(corner(bits)), true);
+    }
+    for axis in 0..3 {
+        for bits in (0..8).filter(|b| b >> axis & 1 == 0) {
+            let (a, b) = (corner(bits), corner(bits | 1 << axis));
+            let curve = |t: f64| {
+                let mut p = a;
+                p[axis] = a[axis] + t * (b[axis] - a[axis]);
+                p
+            };
+            for t in equidistribute(domain, spacing, &curve, false, 1) {
+                nodes.push(curve(t), faces(curve(t)), true);
+            }
+        }
+    }
+}
+
+/// Layers of rings of 6, 12, 18, ... nodes round an axis node; every other layer is turned by half a pitch.
+fn path(nodes: &mut Nodes, height: f64, centre: [f64; 2], radius: f64, length: f64, spacing: f64) {
+    let layers = (length / spacing).round().max(1.0) as usize;
+    let rings = (radius / spacing).round().max(1.0) as usize;
+    for layer in 0..=layers {
+        let z = height - length * (layer as f64 / layers as f64);
+        let faces = if layer == 0 { TOP } else { 0 };
+        nodes.push([centre[0], centre[1], z], faces, true);
+        for ring in 1..=rings {
+            let curve = circle(centre, radius * (ring as f64 / rings as f64), z);
+            let turn = if layer % 2 == 1 { 0.5 } else { 0.0 };
+            for k in 0..6 * ring {
+                nodes.push(curve((k as f64 + turn) / (6 * ring) as f64), faces, true);
+            }
+        }
+    }
+}
+
+fn too_close(domain: &Domain, spacing: &Spacing, nodes: &Nodes) -> Result<(), CloudError> {
+    let (low, high) = domain.bounds();
+    let mut grid = super::grid::Grid::new(low, high, nodes.points.len());
+    for &p in &nodes.points {
+        let h = spacing.at(domain, p);
+        if grid.any(&nodes.points, p, 0.4 * h, |_, _| true) {
+            let reason =
+                format!("two edges or features come closer to each other than half the spacing {h} m at {p:?} m");
+            return Err(CloudError::NotMeshable { reason });
+        }
+        grid.push(p);
+    }
+    Ok(())
+}

@@ -1,0 +1,61 @@
+//! Points in a uniform grid of linked lists: who is near?
+
+use super::vector::{Point, sub};
+
+const NONE: u32 = u32::MAX;
+
+pub(crate) struct Grid {
+    low: Point,
+    inverse: f64,
+    counts: [usize; 3],
+    heads: Vec<u32>,
+    next: Vec<u32>,
+}
+
+impl Grid {
+    /// A grid over the box `low`..`high` with about one cell for each of `expected` points.
+    pub(crate) fn new(low: Point, high: Point, expected: usize) -> Self {
+        let size = sub(high, low);
+        let cell = (size[0] * size[1] * size[2] / (2.0 * expected as f64).max(1.0)).cbrt();
+        let counts = [0, 1, 2].map(|k| (size[k] / cell).ceil().max(1.0) as usize);
+        Self { low, inverse: 1.0 / cell, counts, heads: vec![NONE; counts.iter().product()], next: Vec::new() }
+    }
+
+    fn index(&self, axis: usize, x: f64) -> usize {
+        (((x - self.low[axis]) * self.inverse).max(0.0) as usize).min(self.counts[axis] - 1)
+    }
+
+    /// Adds the next point: points must come in order of their index, from 0.
+    pub(crate) fn push(&mut self, p: Point) {
+        let at = (self.index(2, p[2]) * self.counts[1] + self.index(1, p[1])) * self.counts[0] + self.index(0, p[0]);
+        self.next.push(self.heads[at]);
+        self.heads[at] = (self.next.len() - 1) as u32;
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.heads.fill(NONE);
+        self.next.clear();
+    }
+
+    /// Calls `f(index, squared distance)` for every point within r of p until it returns true; returns whether it did.
+    #[inline]
+    pub(crate) fn any(&self, points: &[Point], p: Point, r: f64, mut f: impl FnMut(u32, f64) -> bool) -> bool {
+        let range = [0, 1, 2].map(|k| (self.index(k, p[k] - r), self.index(k, p[k] + r)));
+        for k in range[2].0..=range[2].1 {
+            for j in range[1].0..=range[1].1 {
+                for i in range[0].0..=range[0].1 {
+                    let mut at = self.heads[(k * self.counts[1] + j) * self.counts[0] + i];
+                    while at != NONE {
+                        let d = sub(points[at as usize], p);
+                        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                        if squared < r * r && f(at, squared) {
+                            return true;
+                        }
+                        at = self.next[at as usize];
+                    }
+                }
+            }
+        }
+        false
+    }
+}

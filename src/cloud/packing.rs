@@ -1,0 +1,242 @@
+//! Fills faces, then the interior, with nodes one spacing apart: an advancing front of candidates round every node that
+//! is already there, each accepted if nothing is nearer than a fraction of the spacing; then a relaxation by
+//! short-range forces.
+
+use super::domain::Domain;
+use super::edges::Nodes;
+use super::grid::Grid;
+use super::spacing::{Feature, Spacing};
+use super::vector::{Point, add, hash01, scale, sub};
+use std::f64::consts::PI;
+
+/// Nearest accepted distance as a fraction of the spacing, on faces and inside.
+const FACE_GAP: f64 = 0.86;
+const BODY_GAP: f64 = 0.83;
+/// Distance between nearest neighbours over the spacing.
+const PACKED: f64 = 0.91;
+/// Candidates round each node.
+const FACE_TRIES: usize = 10;
+/// Distance kept from faces and their edges, as a fraction of the spacing.
+const CLEARANCE: f64 = 0.55;
+/// Iterations of the relaxation, and how often the neighbours are looked up anew.
+const RELAXATIONS: usize = 24;
+const REFRESH: usize = 6;
+
+/// What the fill needs to know.
+pub(crate) struct Packing<'a> {
+    pub(crate) domain: &'a Domain,
+    pub(crate) spacing: &'a Spacing,
+}
+
+impl Packing<'_> {
+    /// Distance between nearest neighbours that makes edges one spacing long on average.
+    pub(crate) fn h(&self, p: Point) -> f64 {
+        PACKED * self.spacing.at(self.domain, p)
+    }
+
+    /// Distance from p to a candidate in direction `way` (unit): the mean of the spacings at both ends.
+    fn stride(&self, p: Point, h: f64, way: Point) -> f64 {
+        let once = 0.5 * (h + self.h(add(p, scale(way, h))));
+        0.5 * (h + self.h(add(p, scale(way, once))))
+    }
+
+    /// Is any node nearer to the candidate than `gap` times the mean of their spacings?
+    fn crowded(&self, nodes: &Nodes, spacings: &[f64], grid: &Grid, candidate: Point, h: f64, gap: f64) -> bool {
+        let reach = gap * h / (1.0 - 0.5 * gap * self.spacing.growth);
+        grid.any(&nodes.points, candidate, reach, |j, squared| {
+            let least = 0.5 * gap * (h + spacings[j as usize]);
+            squared < least * least
+        })
+    }
+
+    /// Is the place kept free for the layers of a needle path?
+    pub(crate) fn reserved(&self, p: Point) -> bool {
+        let height = self.domain.height();
+        self.spacing.features.iter().any(|f| match *f {
+            Feature::Path { centre, capture_radius, length, spacing } => {
+                let r = (p[0] - centre[0]).hypot(p[1] - centre[1]);
+                r < capture_radius + 0.6 * spacing && p[2] > height - length - 0.6 * spacing
+            }
+            _ => false,
+        })
+    }
+
+    fn grid(&self, nodes: &Nodes) -> Grid {
+        let (low, high) = self.domain.bounds();
+        let mut grid =
+            Grid::new(low, high, (self.spacing.predicted_nodes(self.domain) as usize).max(nodes.points.len()));
+        for &p in &nodes.points {
+            grid.push(p);
+        }
+        grid
+    }
+
+    /// Fills every face, then the interior; relaxes each.
+    pub(crate) fn fill(&self, nodes: &mut Nodes) {
+        let mut grid = self.grid(nodes);
+        let mut spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
+        for &face in self.domain.faces() {
+            self.fill_face(nodes, &mut grid, &mut spacings, face);
+        }
+        self.relax(nodes, &mut grid, |faces| faces.count_ones() == 1);
+        spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
+        self.fill_body(nodes, &mut grid, &mut spacings);
+        self.relax(nodes, &mut grid, |faces| faces == 0);
+    }
+
+    fn fill_face(&self, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>, face: u8) {
+        let mut front: Vec<u32> =
+            (0..nodes.points.len() as u32).filter(|&i| nodes.faces[i as usize] & face != 0).collect();
+        let mut next = 0;
+        while next < front.len() {
+            let seed = front[next];
+            let p = nodes.points[seed as usize];
+            next += 1;
+            let h = self.h(p);
+            let [t1, t2] = self.domain.tangents(face, p);
+            let turn = hash01(u64::from(seed), 1);
+            for k in 0..FACE_TRIES {
+                let (sin, cos) = (2.0 * PI * (k as f64 + turn) / FACE_TRIES as f64).sin_cos();
+                let way = add(scale(t1, cos), scale(t2, sin));
+                let candidate = self.domain.project(face, add(p, scale(way, self.stride(p, h, way))));
+                let gap = self.h(candidate);
+                if self.domain.edge_distance(face, candidate) < CLEARANCE * gap
+                    || self.reserved(candidate)
+                    || self.crowded(nodes, spacings, grid, candidate, gap, FACE_GAP)
+                {
+                    continue;
+                }
+                front.push(nodes.points.len() as u32);
+                nodes.push(candidate, face, false);
+                grid.push(candidate);
+                spacings.push(gap);
+            }
+        }
+    }
+
+    fn fill_body(&self, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>) {
+        let directions = icosahedron();
+        let mut next = 0;
+        while next < nodes.points.len() {
+            let p = nodes.points[next];
+            let frame = rotation(next as u64);
+            next += 1;
+            let h = self.h(p);
+            for d in directions {
+                let turned = add(add(scale(frame[0], d[0]), scale(frame[1], d[1])), scale(frame[2], d[2]));
+                let candidate = add(p, scale(turned, self.stride(p, h, turned)));
+                if self.domain.depth(candidate) <= 0.0 {
+                    continue;
+                }
+                let gap = self.h(candidate);
+                if self.domain.depth(candidate) < CLEARANCE * gap
+                    || self.reserved(candidate)
+                    || self.crowded(nodes, spacings, grid, candidate, gap, BODY_GAP)
+                {
+                    continue;
+                }
+                nodes.push(candidate, 0, false);
+                grid.push(candidate);
+                spacings.push(gap);
+            }
+        }
+    }
+
+    /// Short-range forces (1 - w⁴) exp(-w⁴), w = distance over spacing (Bossen and Heckbert's), on the chosen nodes.
+    fn relax(&self, nodes: &mut Nodes, grid: &mut Grid, chosen: impl Fn(u8) -> bool) {
+        let movable: Vec<u32> = (0..nodes.points.len() as u32)
+            .filter(|&i| !nodes.fixed[i as usize] && chosen(nodes.faces[i as usize]))
+            .collect();
+        let mut near: Vec<u32> = Vec::new();
+        let mut start: Vec<usize> = Vec::new();
+        let mut moved: Vec<Point> = vec![[0.0; 3]; movable.len()];
+        let mut spacings: Vec<f64> = Vec::new();
+        for iteration in 0..RELAXATIONS {
+            if iteration % REFRESH == 0 {
+                spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
+                near.clear();
+                start.clear();
+                for &i in &movable {
+                    start.push(near.len());
+                    let p = nodes.points[i as usize];
+                    grid.any(&nodes.points, p, 1.7 * spacings[i as usize], |j, _| {
+                        if j != i
+                            && (nodes.faces[i as usize] == 0 || nodes.faces[j as usize] & nodes.faces[i as usize] != 0)
+                        {
+                            near.push(j);
+                        }
+                        false
+                    });
+                }
+                start.push(near.len());
+            }
+            for (k, &i) in movable.iter().enumerate() {
+                moved[k] = self.relaxed(nodes, &spacings, i, &near[start[k]..start[k + 1]]);
+            }
+            for (k, &i) in movable.iter().enumerate() {
+                nodes.points[i as usize] = moved[k];
+            }
+            if iteration % REFRESH == REFRESH - 1 {
+                grid.clear();
+                for &p in &nodes.points {
+                    grid.push(p);
+                }
+            }
+        }
+    }
+
+    fn relaxed(&self, nodes: &Nodes, spacings: &[f64], i: u32, near: &[u32]) -> Point {
+        let (p, face) = (nodes.points[i as usize], nodes.faces[i as usize]);
+        let h = spacings[i as usize];
+        let mut force = [0.0; 3];
+        for &j in near {
+            let d = sub(p, nodes.points[j as usize]);
+            let length = super::vector::norm(d);
+            let w4 = (2.0 * length / (h + spacings[j as usize])).powi(4);
+            let f = (1.0 - w4) * (-w4).exp();
+            force = add(force, scale(d, f / length));
+        }
+        let step = super::vector::norm(force).max(1.0);
+        let mut q = add(p, scale(force, 0.2 * h / step));
+        let room = if face == 0 {
+            self.domain.depth(q)
+        } else {
+            q = self.domain.project(face, q);
+            self.domain.edge_distance(face, q)
+        };
+        if room < CLEARANCE * h || self.reserved(q) { p } else { q }
+    }
+}
+
+/// Unit vectors to the twelve corners of an icosahedron: the neighbours in a dense packing.
+fn icosahedron() -> [Point; 12] {
+    let golden = 0.5 * (1.0 + 5f64.sqrt());
+    let s = 1.0 / (1.0 + golden * golden).sqrt();
+    let (a, b) = (s, golden * s);
+    [
+        [0.0, a, b],
+        [0.0, a, -b],
+        [0.0, -a, b],
+        [0.0, -a, -b],
+        [a, b, 0.0],
+        [a, -b, 0.0],
+        [-a, b, 0.0],
+        [-a, -b, 0.0],
+        [b, 0.0, a],
+        [-b, 0.0, a],
+        [b, 0.0, -a],
+        [-b, 0.0, -a],
+    ]
+}
+
+/// A rotation fixed by the node's number (uniform quaternion of hashed numbers).
+fn rotation(i: u64) -> [Point; 3] {
+    let (u, v, w) = (hash01(i, 2), 2.0 * PI * hash01(i, 3), 2.0 * PI * hash01(i, 4));
+    let (r1, r2) = ((1.0 - u).sqrt(), u.sqrt());
+    let [x, y, z, s] = [r1 * v.sin(), r1 * v.cos(), r2 * w.sin(), r2 * w.cos()];
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * s), 2.0 * (x * z - y * s)],
+        [2.0 * (x * y - z * s), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + x * s)],
+        [2.0 * (x * z + y * s), 2.0 * (y * z - x * s), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}

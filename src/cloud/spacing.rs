@@ -1,0 +1,262 @@
+//! How far apart nodes should be: h(x) = min(far, min over features (h_f + growth · distance to f)).
+
+use super::domain::Domain;
+use super::error::CloudError;
+use super::vector::Point;
+use std::f64::consts::{PI, SQRT_2};
+
+/// Largest number of nodes that [`super::generate`] takes on.
+pub const MAX_NODES: usize = 2_000_000;
+/// Cells per node of a typical cloud.
+pub const CELLS_PER_NODE: f64 = 5.5;
+/// Memory per node of cloud, shape tables and solver state, in bytes (about 5.5 cells × 30 support nodes × 32 bytes).
+pub const BYTES_PER_NODE: f64 = 6000.0;
+
+/// Something that nodes conform to and near which they are dense. Lengths in metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Feature {
+    /// A ring of nodes exactly at this radius on the top face: edge of a bonded flat indenter.
+    ContactRing {
+        /// Centre in x, y.
+        centre: [f64; 2],
+        /// Radius of the ring.
+        radius: f64,
+        /// Spacing along the ring.
+        spacing: f64,
+    },
+    /// Refines the circular (or rectangular) edge of the top or the base.
+    Rim {
+        /// Top edge, or that of the base.
+        top: bool,
+        /// Spacing along the rim.
+        spacing: f64,
+    },
+    /// A vertical needle path from the top face down: nodes in equal layers, on the axis and on concentric rings, the
+    /// outermost at the capture radius. No other node lies within the capture radius.
+    Path {
+        /// Where the path meets the top face, x, y.
+        centre: [f64; 2],
+        /// Radius of the captured cylinder.
+        capture_radius: f64,
+        /// Depth of the lowest layer below the top face.
+        length: f64,
+        /// Spacing along and across the path; half the capture radius resolves it.
+        spacing: f64,
+    },
+}
+
+impl Feature {
+    /// Wanted spacing at the feature.
+    pub fn spacing(&self) -> f64 {
+        match *self {
+            Feature::ContactRing { spacing, .. } | Feature::Rim { spacing, .. } | Feature::Path { spacing, .. } => {
+                spacing
+            }
+        }
+    }
+
+    /// Distance from a point to the feature in metres.
+    pub fn distance(&self, domain: &Domain, p: Point) -> f64 {
+        let height = domain.height();
+        match *self {
+            Feature::ContactRing { centre, radius, .. } => {
+                let r = (p[0] - centre[0]).hypot(p[1] - centre[1]);
+                (r - radius).hypot(height - p[2])
+            }
+            Feature::Rim { top, .. } => {
+                let z = if top { height - p[2] } else { p[2] };
+                domain.rim_distance([p[0], p[1]]).hypot(z)
+            }
+            Feature::Path { centre, capture_radius, length, .. } => {
+                let r = ((p[0] - centre[0]).hypot(p[1] - centre[1]) - capture_radius).max(0.0);
+                r.hypot((height - length - p[2]).max(0.0))
+            }
+        }
+    }
+
+    /// Area of the surface at distance s from the feature inside a body that is large: for the prediction of sizes.
+    fn offset_area(&self, domain: &Domain, s: f64) -> f64 {
+        match *self {
+            Feature::ContactRing { radius, .. } => 2.0 * PI * radius * PI * s,
+            Feature::Rim { .. } => {
+                let length = match *domain {
+                    Domain::Cylinder { radius, .. } => 2.0 * PI * radius,
+                    Domain::Box { size } => 2.0 * (size[0] + size[1]),
+                };
+                length * 0.5 * PI * s
+            }
+            Feature::Path { capture_radius, length, .. } => {
+                2.0 * PI * (capture_radius + s) * length + PI * (capture_radius + s).powi(2)
+            }
+        }
+    }
+}
+
+/// The spacing of the nodes as a function of position.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spacing {
+    /// Spacing far from every feature, in metres.
+    pub far: f64,
+    /// Growth of the spacing per metre of distance from a feature, the same in every direction; in (0, 1].
+    pub growth: f64,
+    /// Features, each with its own spacing.
+    pub features: Vec<Feature>,
+}
+
+impl Spacing {
+    /// Wanted spacing at a point of the domain, in metres.
+    pub fn at(&self, domain: &Domain, p: Point) -> f64 {
+        let mut h = self.far;
+        for f in &self.features {
+            h = h.min(f.spacing() + self.growth * f.distance(domain, p));
+        }
+        h
+    }
+
+    /// Smallest spacing anywhere.
+    pub fn finest(&self) -> f64 {
+        self.features.iter().map(Feature::spacing).fold(self.far, f64::min)
+    }
+
+    /// Number of nodes that this spacing will take, to about 10%: √2 ∫ dV / h³, corrected for the surface.
+    /// Absurd spacings are bounded by a formula, so that asking never takes long.
+    pub fn predicted_nodes(&self, domain: &Domain) -> f64 {
+        let coarse = self.bound(domain);
+        if coarse > 20.0 * MAX_NODES as f64 { coarse } else { self.integral(domain) }
+    }
+
+    /// Sum of the far field and of every feature's own field.
+    fn bound(&self, domain: &Domain) -> f64 {
+        let mut sum = SQRT_2 * domain.volume() / self.far.powi(3);
+        for f in &self.features {
+            let reach = ((self.far - f.spacing()) / self.growth).max(0.0);
+            let extent = reach.min(2.0 * domain.half_thickness());
+            // Trapezoid rule on a geometric grid of distances: h changes by a tenth at each step.
+            let (mut s, mut field) = (0.0, 0.0);
+            while s < extent {
+                let h = f.spacing() + self.growth * s;
+                let step = (0.1 * h / self.growth).min(extent - s).max(1e-12 * extent);
+                let mid = s + 0.5 * step;
+                field += step * f.offset_area(domain, mid) / (f.spacing() + self.growth * mid).powi(3);
+                s += step;
+            }
+            sum += SQRT_2 * field;
+        }
+        sum
+    }
+
+    /// Adaptive midpoint rule: a block is cut while the spacing varies within it.
+    fn integral(&self, domain: &Domain) -> f64 {
+        let (low, high) = domain.bounds();
+        let mut stack = vec![(low, high, 0u32)];
+        let (mut bulk, mut skin) = (0.0, 0.0);
+        while let Some((a, b, level)) = stack.pop() {
+            let mid = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])];
+            let size = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+            let diagonal = super::vector::norm(size);
+            let depth = domain.depth(mid);
+            if depth < -0.5 * diagonal {
+                continue;
+            }
+            let h = self.at(domain, mid);
+            let rough = self.growth * diagonal > 0.6 * h && h < self.far + 0.5 * self.growth * diagonal;
+            if level < 3 * 3 || (level < 45 && (rough || depth.abs() < 0.5 * diagonal && diagonal > h)) {
+                let axis = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
+                let (mut upper, mut lower) = (b, a);
+                upper[axis] = mid[axis];
+                lower[axis] = mid[axis];
+                stack.push((a, upper, level + 1));
+                stack.push((lower, b, level + 1));
+            } else if depth >= 0.0 {
+                let volume = size[0] * size[1] * size[2];
+                bulk += volume / h.powi(3);
+                if depth < 0.5 * h {
+                    // Half a layer more than the bulk's share: nodes sit on the surface itself.
+                    skin += volume / h.powi(3);
+                }
+            }
+        }
+        SQRT_2 * bulk + skin
+    }
+
+    /// # Errors
+    /// A spacing, growth or feature out of its range, or more than [`MAX_NODES`] nodes.
+    pub(crate) fn validate(&self, domain: &Domain) -> Result<(), CloudError> {
+        let fail = |key, value, rule: String| Err(CloudError::OutOfRange { key, value, rule });
+        let thick = domain.half_thickness();
+        if !(self.far.is_finite() && self.far > 0.0 && self.far <= thick) {
+            return fail(
+                "spacing",
+                self.far,
+                format!("give metres in (0, {thick}], half of the sample's smallest extent"),
+            );
+        }
+        if !(self.growth.is_finite() && self.growth > 0.0 && self.growth <= 1.0) {
+            return fail("growth", self.growth, "give metres per metre in (0, 1]; 0.2 to 0.4 is usual".into());
+        }
+        for f in &self.features {
+            let s = f.spacing();
+            if !(s.is_finite() && s > 0.0 && s <= self.far) {
+                return fail(
+                    "edge spacing",
+                    s,
+                    format!("give metres in (0, {}], the spacing far from the edges", self.far),
+                );
+            }
+            validate_feature(f, domain)?;
+        }
+        let nodes = self.predicted_nodes(domain);
+        if !nodes.is_finite() || nodes > MAX_NODES as f64 {
+            return Err(CloudError::TooManyNodes {
+                finest: self.finest(),
+                far: self.far,
+                nodes,
+                cells: CELLS_PER_NODE * nodes,
+                gigabytes: BYTES_PER_NODE * nodes * 1e-9,
+                limit: MAX_NODES,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Features must lie inside the top face and the body, with room for one spacing round them.
+fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
+    let positive = |key, value: f64| {
+        if value.is_finite() && value > 0.0 {
+            Ok(())
+        } else {
+            Err(CloudError::OutOfRange { key, value, rule: "give a positive length in metres".into() })
+        }
+    };
+    let fits = |key, centre: [f64; 2], value: f64, spacing: f64| {
+        let room = domain.rim_distance(centre) - spacing;
+        if value <= room {
+            Ok(())
+        } else {
+            let rule = format!(
+                "at ({}, {}) m the top face leaves room for at most {room} m with this spacing",
+                centre[0], centre[1]
+            );
+            Err(CloudError::OutOfRange { key, value, rule })
+        }
+    };
+    match *f {
+        Feature::ContactRing { centre, radius, spacing } => {
+            positive("contact radius", radius)?;
+            fits("contact radius", centre, radius, 0.7 * spacing)
+        }
+        Feature::Rim { .. } => Ok(()),
+        Feature::Path { centre, capture_radius, length, spacing } => {
+            positive("capture radius", capture_radius)?;
+            positive("path length", length)?;
+            fits("capture radius", centre, capture_radius, 1.5 * spacing)?;
+            let deepest = domain.height() - spacing;
+            if length > deepest {
+                let rule = format!("the path may reach {deepest} m into this sample");
+                return Err(CloudError::OutOfRange { key: "path length", value: length, rule });
+            }
+            Ok(())
+        }
+    }
+}
