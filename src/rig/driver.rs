@@ -80,7 +80,8 @@ impl Driver {
 mod tests {
     use super::*;
 
-    const LIMITS: DriverLimits = DriverLimits { speed_m_per_s: 0.01, acceleration_m_per_s2: 0.1, range_m: [-0.01, 0.02] };
+    const LIMITS: DriverLimits =
+        DriverLimits { speed_m_per_s: 0.01, acceleration_m_per_s2: 0.1, range_m: [-0.01, 0.02] };
     const DT: f64 = 1e-3;
 
     #[test]

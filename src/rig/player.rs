@@ -285,8 +285,7 @@ mod tests {
     fn offset_keeps_latched_messages_and_loop_starts_anew() {
         let (_folder, bag) = bag();
         let t0 = Instant::now();
-        let options =
-            PlayOptions { start_offset: Duration::from_millis(905), looping: true, ..PlayOptions::default() };
+        let options = PlayOptions { start_offset: Duration::from_millis(905), looping: true, ..PlayOptions::default() };
         let mut player = Player::new(bag, &options, t0).unwrap();
         let late = t0 + Duration::from_secs(10);
         let values: Vec<Option<f64>> = (0..12)

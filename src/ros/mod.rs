@@ -15,10 +15,13 @@ mod parameter_services;
 pub mod parameters;
 pub mod participant;
 pub mod qos;
+mod raw;
+pub mod rig_node;
 mod rosout;
 mod scene_parameters;
 pub mod signals;
 pub mod start;
+mod threads;
 pub mod twin_node;
 
 pub use graph::Graph;

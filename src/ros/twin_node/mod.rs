@@ -22,7 +22,6 @@ mod tissue;
 
 use std::ffi::OsString;
 use std::sync::Arc;
-use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use clap::Parser;
@@ -45,6 +44,7 @@ use super::qos;
 use super::scene_parameters;
 use super::signals::Signals;
 use super::start::{self, FAILURE, NodeError, SUCCESS, Start};
+use super::threads::{join, spawn};
 use crate::scene::Scene;
 use ros2_client::ParameterValue;
 
@@ -278,18 +278,4 @@ fn set_threads(threads: i64) -> Result<(), NodeError> {
         .num_threads(threads)
         .build_global()
         .map_err(|e| NodeError::Other(format!("threads {threads}: {e}")))
-}
-
-fn spawn(name: &str, body: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, NodeError> {
-    thread::Builder::new()
-        .name(name.to_owned())
-        .spawn(body)
-        .map_err(|e| NodeError::Other(format!("the {name} thread can't be started: {e}")))
-}
-
-fn join(thread: JoinHandle<()>) {
-    let name = thread.thread().name().unwrap_or("?").to_owned();
-    if thread.join().is_err() {
-        tracing::error!("the {name} thread has panicked");
-    }
 }
