@@ -151,15 +151,14 @@ struct Playback<'a> {
 impl Playback<'_> {
     fn publish(&mut self, player: &Player, message: Message) {
         let due = player.clock().due(i64::try_from(message.log_ns).unwrap_or(i64::MAX));
-        let topic = message.topic;
-        self.send(message);
-        if let Some(due) = due {
-            let late = Instant::now().saturating_duration_since(due);
-            // What was due before the start (latched messages) is not late.
-            if late < Duration::from_secs(60) && self.outputs.by_topic.contains_key(&topic) {
-                self.late.saturating_record(u64::try_from(late.as_nanos()).unwrap_or(u64::MAX));
-            }
+        let late = due.map(|due| Instant::now().saturating_duration_since(due));
+        // What was due before the start (latched messages) is not late.
+        if let Some(late) = late.filter(|late| *late < Duration::from_secs(60))
+            && self.outputs.by_topic.contains_key(&message.topic)
+        {
+            self.late.saturating_record(u64::try_from(late.as_nanos()).unwrap_or(u64::MAX));
         }
+        self.send(message);
     }
 
     fn send(&mut self, message: Message) {
