@@ -155,7 +155,7 @@ pub fn check(points: &[Point], cells: &[[u32; 4]]) -> Result<Vec<[u32; 3]>, Faul
     duplicates(points)?;
     volumes(points, cells)?;
     let surface = surface(points.len(), cells)?;
-    closed(points.len(), &surface)?;
+    closed(&surface)?;
     Ok(surface)
 }
 
@@ -206,7 +206,7 @@ fn volumes(points: &[Point], cells: &[[u32; 4]]) -> Result<(), Fault> {
 }
 
 /// Every edge joins two triangles, and the triangles round every node form one fan.
-fn closed(points: usize, surface: &[[u32; 3]]) -> Result<(), Fault> {
+fn closed(surface: &[[u32; 3]]) -> Result<(), Fault> {
     let mut edges: Vec<(u32, u32)> = surface
         .iter()
         .flat_map(|t| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])])
@@ -225,15 +225,13 @@ fn closed(points: usize, surface: &[[u32; 3]]) -> Result<(), Fault> {
     let mut links: Vec<(u32, u32, u32)> =
         surface.iter().flat_map(|t| [(t[0], t[1], t[2]), (t[1], t[2], t[0]), (t[2], t[0], t[1])]).collect();
     links.sort_unstable();
-    debug_assert!(points > 0);
     let mut k = 0;
     while k < links.len() {
         let node = links[k].0;
         let n = links[k..].iter().take_while(|l| l.0 == node).count();
         let fan = &links[k..k + n];
         let (mut at, mut steps) = (fan[0].1, 0);
-        loop {
-            let Ok(i) = fan.binary_search_by(|l| l.1.cmp(&at)) else { break };
+        while let Ok(i) = fan.binary_search_by(|l| l.1.cmp(&at)) {
             at = fan[i].2;
             steps += 1;
             if at == fan[0].1 || steps > n {

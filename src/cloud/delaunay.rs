@@ -287,7 +287,7 @@ pub(crate) fn triangulate(points: &[Point]) -> Result<Vec<[u32; 4]>, CloudError>
         b.new_cell(ghost);
     }
     link_all(&mut b);
-    for v in 0..points.len() as u32 {
+    for v in rounds(points.len()) {
         if !first.contains(&v) {
             b.insert(v)?;
         }
@@ -299,6 +299,19 @@ pub(crate) fn triangulate(points: &[Point]) -> Result<Vec<[u32; 4]>, CloudError>
     let alive = b.vertices.iter().zip(&dead).filter(|(v, dead)| !**dead && !v.contains(&GHOST));
     // orient(v0..v3) > 0 is the left-handed order; one swap makes the volume positive.
     Ok(alive.map(|(v, _)| [v[1], v[0], v[2], v[3]]).collect())
+}
+
+/// Order of insertion: rounds that double in size, each along the given order (Amenta, Choi, Rote 2003). Walks stay
+/// short and cavities small.
+fn rounds(n: usize) -> Vec<u32> {
+    let last = (usize::BITS - n.leading_zeros()).saturating_sub(6);
+    let round = |v: u32| {
+        let halvings = (-super::vector::hash01(u64::from(v), 8).max(1e-12).log2()) as u32;
+        last - halvings.min(last)
+    };
+    let mut order: Vec<(u32, u32)> = (0..n as u32).map(|v| (round(v), v)).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, v)| v).collect()
 }
 
 /// Links the first five cells by comparing faces.

@@ -1,7 +1,7 @@
 //! The body: an upright cylinder or box on the plane z = 0, centred on the z axis.
 
 use super::error::CloudError;
-use super::vector::Point;
+use super::vector::{Point, length2};
 
 /// Node lies on the base, z = 0.
 pub const BASE: u8 = 1;
@@ -55,7 +55,7 @@ impl Domain {
     /// Distance from a point of the top face to its rim (negative outside).
     pub(crate) fn rim_distance(&self, centre: [f64; 2]) -> f64 {
         match *self {
-            Domain::Cylinder { radius, .. } => radius - centre[0].hypot(centre[1]),
+            Domain::Cylinder { radius, .. } => radius - length2(centre[0], centre[1]),
             Domain::Box { size } => (0.5 * size[0] - centre[0].abs()).min(0.5 * size[1] - centre[1].abs()),
         }
     }
@@ -93,7 +93,7 @@ impl Domain {
             (_, BASE) => p[2] = 0.0,
             (_, TOP) => p[2] = self.height(),
             (Domain::Cylinder { radius, .. }, _) => {
-                let s = radius / p[0].hypot(p[1]);
+                let s = radius / length2(p[0], p[1]);
                 p[0] *= s;
                 p[1] *= s;
             }

@@ -137,10 +137,14 @@ fn box_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
     }
 }
 
+/// Number of equal steps down a path, and of rings round its axis.
+pub(crate) fn path_shape(radius: f64, length: f64, spacing: f64) -> (usize, usize) {
+    ((length / spacing).round().max(1.0) as usize, (radius / spacing).round().max(1.0) as usize)
+}
+
 /// Layers of rings of 6, 12, 18, ... nodes round an axis node; every other layer is turned by half a pitch.
 fn path(nodes: &mut Nodes, height: f64, centre: [f64; 2], radius: f64, length: f64, spacing: f64) {
-    let layers = (length / spacing).round().max(1.0) as usize;
-    let rings = (radius / spacing).round().max(1.0) as usize;
+    let (layers, rings) = path_shape(radius, length, spacing);
     for layer in 0..=layers {
         let z = height - length * (layer as f64 / layers as f64);
         let faces = if layer == 0 { TOP } else { 0 };

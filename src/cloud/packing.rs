@@ -6,7 +6,7 @@ use super::domain::Domain;
 use super::edges::Nodes;
 use super::grid::Grid;
 use super::spacing::{Feature, Spacing};
-use super::vector::{Point, add, hash01, scale, sub};
+use super::vector::{Point, add, hash01, length2, scale, sub};
 use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing, on faces and inside.
@@ -18,8 +18,9 @@ const PACKED: f64 = 0.91;
 const FACE_TRIES: usize = 10;
 /// Distance kept from faces and their edges, as a fraction of the spacing.
 const CLEARANCE: f64 = 0.55;
-/// Iterations of the relaxation, and how often the neighbours are looked up anew.
-const RELAXATIONS: usize = 24;
+/// Iterations of the relaxation on faces and inside, and how often the neighbours are looked up anew.
+const FACE_RELAXATIONS: usize = 24;
+const BODY_RELAXATIONS: usize = 6;
 const REFRESH: usize = 6;
 
 /// What the fill needs to know.
@@ -54,7 +55,7 @@ impl Packing<'_> {
         let height = self.domain.height();
         self.spacing.features.iter().any(|f| match *f {
             Feature::Path { centre, capture_radius, length, spacing } => {
-                let r = (p[0] - centre[0]).hypot(p[1] - centre[1]);
+                let r = length2(p[0] - centre[0], p[1] - centre[1]);
                 r < capture_radius + 0.6 * spacing && p[2] > height - length - 0.6 * spacing
             }
             _ => false,
@@ -78,10 +79,10 @@ impl Packing<'_> {
         for &face in self.domain.faces() {
             self.fill_face(nodes, &mut grid, &mut spacings, face);
         }
-        self.relax(nodes, &mut grid, |faces| faces.count_ones() == 1);
+        self.relax(nodes, &mut grid, FACE_RELAXATIONS, |faces| faces.count_ones() == 1);
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
         self.fill_body(nodes, &mut grid, &mut spacings);
-        self.relax(nodes, &mut grid, |faces| faces == 0);
+        self.relax(nodes, &mut grid, BODY_RELAXATIONS, |faces| faces == 0);
     }
 
     fn fill_face(&self, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>, face: u8) {
@@ -142,8 +143,9 @@ impl Packing<'_> {
         }
     }
 
-    /// Short-range forces (1 - w⁴) exp(-w⁴), w = distance over spacing (Bossen and Heckbert's), on the chosen nodes.
-    fn relax(&self, nodes: &mut Nodes, grid: &mut Grid, chosen: impl Fn(u8) -> bool) {
+    /// Short-range forces 1.125 - 2.375 w² + 1.25 w³ up to w = 1.5, w = distance over spacing (bubble packing, Shimada and
+    /// Gossard 1995), on the chosen nodes.
+    fn relax(&self, nodes: &mut Nodes, grid: &mut Grid, iterations: usize, chosen: impl Fn(u8) -> bool) {
         let movable: Vec<u32> = (0..nodes.points.len() as u32)
             .filter(|&i| !nodes.fixed[i as usize] && chosen(nodes.faces[i as usize]))
             .collect();
@@ -151,7 +153,7 @@ impl Packing<'_> {
         let mut start: Vec<usize> = Vec::new();
         let mut moved: Vec<Point> = vec![[0.0; 3]; movable.len()];
         let mut spacings: Vec<f64> = Vec::new();
-        for iteration in 0..RELAXATIONS {
+        for iteration in 0..iterations {
             if iteration % REFRESH == 0 {
                 spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
                 near.clear();
@@ -192,9 +194,11 @@ impl Packing<'_> {
         for &j in near {
             let d = sub(p, nodes.points[j as usize]);
             let length = super::vector::norm(d);
-            let w4 = (2.0 * length / (h + spacings[j as usize])).powi(4);
-            let f = (1.0 - w4) * (-w4).exp();
-            force = add(force, scale(d, f / length));
+            let w = 2.0 * length / (h + spacings[j as usize]);
+            if w < 1.5 {
+                let f = 1.125 + w * w * (1.25 * w - 2.375);
+                force = add(force, scale(d, f / length));
+            }
         }
         let step = super::vector::norm(force).max(1.0);
         let mut q = add(p, scale(force, 0.2 * h / step));

@@ -2,11 +2,13 @@
 
 use super::domain::Domain;
 use super::error::CloudError;
-use super::vector::Point;
+use super::vector::{Point, length2};
 use std::f64::consts::{PI, SQRT_2};
 
 /// Largest number of nodes that [`super::generate`] takes on.
 pub const MAX_NODES: usize = 2_000_000;
+/// Steepest growth of the spacing: neighbouring cells stay within about a factor 1.5 of each other in size.
+pub const MAX_GROWTH: f64 = 0.5;
 /// Cells per node of a typical cloud.
 pub const CELLS_PER_NODE: f64 = 5.5;
 /// Memory per node of cloud, shape tables and solver state, in bytes (about 5.5 cells × 30 support nodes × 32 bytes).
@@ -60,17 +62,28 @@ impl Feature {
         let height = domain.height();
         match *self {
             Feature::ContactRing { centre, radius, .. } => {
-                let r = (p[0] - centre[0]).hypot(p[1] - centre[1]);
-                (r - radius).hypot(height - p[2])
+                let r = length2(p[0] - centre[0], p[1] - centre[1]);
+                length2(r - radius, height - p[2])
             }
             Feature::Rim { top, .. } => {
                 let z = if top { height - p[2] } else { p[2] };
-                domain.rim_distance([p[0], p[1]]).hypot(z)
+                length2(domain.rim_distance([p[0], p[1]]), z)
             }
             Feature::Path { centre, capture_radius, length, .. } => {
-                let r = ((p[0] - centre[0]).hypot(p[1] - centre[1]) - capture_radius).max(0.0);
-                r.hypot((height - length - p[2]).max(0.0))
+                let r = (length2(p[0] - centre[0], p[1] - centre[1]) - capture_radius).max(0.0);
+                length2(r, (height - length - p[2]).max(0.0))
             }
+        }
+    }
+
+    /// Number of nodes that a path has within its capture radius (0 for other features).
+    pub fn path_nodes(&self) -> usize {
+        match *self {
+            Feature::Path { capture_radius, length, spacing, .. } => {
+                let (layers, rings) = super::edges::path_shape(capture_radius, length, spacing);
+                (layers + 1) * (1 + 3 * rings * (rings + 1))
+            }
+            _ => 0,
         }
     }
 
@@ -97,7 +110,7 @@ impl Feature {
 pub struct Spacing {
     /// Spacing far from every feature, in metres.
     pub far: f64,
-    /// Growth of the spacing per metre of distance from a feature, the same in every direction; in (0, 1].
+    /// Growth of the spacing per metre of distance from a feature, the same in every direction; in (0, [`MAX_GROWTH`]].
     pub growth: f64,
     /// Features, each with its own spacing.
     pub features: Vec<Feature>,
@@ -191,8 +204,12 @@ impl Spacing {
                 format!("give metres in (0, {thick}], half of the sample's smallest extent"),
             );
         }
-        if !(self.growth.is_finite() && self.growth > 0.0 && self.growth <= 1.0) {
-            return fail("growth", self.growth, "give metres per metre in (0, 1]; 0.2 to 0.4 is usual".into());
+        if !(self.growth.is_finite() && self.growth > 0.0 && self.growth <= MAX_GROWTH) {
+            return fail(
+                "growth",
+                self.growth,
+                format!("give metres per metre in (0, {MAX_GROWTH}]; 0.2 to 0.4 is usual"),
+            );
         }
         for f in &self.features {
             let s = f.spacing();
@@ -205,6 +222,7 @@ impl Spacing {
             }
             validate_feature(f, domain)?;
         }
+        self.validate_pairs()?;
         let nodes = self.predicted_nodes(domain);
         if !nodes.is_finite() || nodes > MAX_NODES as f64 {
             return Err(CloudError::TooManyNodes {
@@ -215,6 +233,34 @@ impl Spacing {
                 gigabytes: BYTES_PER_NODE * nodes * 1e-9,
                 limit: MAX_NODES,
             });
+        }
+        Ok(())
+    }
+}
+
+impl Spacing {
+    /// A needle path must keep clear of contact rings and of other paths.
+    fn validate_pairs(&self) -> Result<(), CloudError> {
+        for (i, f) in self.features.iter().enumerate() {
+            let Feature::Path { centre, capture_radius, spacing, .. } = *f else { continue };
+            for (j, other) in self.features.iter().enumerate() {
+                let gap = match *other {
+                    Feature::ContactRing { centre: c, radius, .. } => {
+                        (length2(c[0] - centre[0], c[1] - centre[1]) - radius).abs() - capture_radius
+                    }
+                    Feature::Path { centre: c, capture_radius: r, .. } if j < i => {
+                        length2(c[0] - centre[0], c[1] - centre[1]) - r - capture_radius
+                    }
+                    _ => continue,
+                };
+                if gap < spacing {
+                    let rule = format!(
+                        "the path at ({}, {}) m is {gap} m from a contact ring or another path; leave at least one spacing, {spacing} m",
+                        centre[0], centre[1]
+                    );
+                    return Err(CloudError::OutOfRange { key: "capture radius", value: capture_radius, rule });
+                }
+            }
         }
         Ok(())
     }
@@ -244,6 +290,10 @@ fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
     match *f {
         Feature::ContactRing { centre, radius, spacing } => {
             positive("contact radius", radius)?;
+            if spacing > radius {
+                let rule = format!("a contact ring of radius {radius} m needs a spacing of at most that");
+                return Err(CloudError::OutOfRange { key: "edge spacing", value: spacing, rule });
+            }
             fits("contact radius", centre, radius, 0.7 * spacing)
         }
         Feature::Rim { .. } => Ok(()),

@@ -26,6 +26,11 @@ pub(crate) fn cross(a: Point, b: Point) -> Point {
 pub(crate) fn norm(a: Point) -> f64 {
     dot(a, a).sqrt()
 }
+/// √(x² + y²); lengths of a body are far from overflow, and `hypot` is slow.
+#[inline]
+pub(crate) fn length2(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
+}
 #[inline]
 pub(crate) fn distance(a: Point, b: Point) -> f64 {
     norm(sub(a, b))

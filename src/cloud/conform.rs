@@ -1,0 +1,69 @@
+//! Does the finished cloud conform to its features? Verified on every cloud, never assumed.
+
+use super::domain::{Domain, TOP};
+use super::error::CloudError;
+use super::spacing::{Feature, Spacing};
+use super::vector::{Point, length2};
+
+/// Relative width of "on the circle".
+const ON: f64 = 1e-9;
+
+fn refused(reason: String) -> Result<(), CloudError> {
+    Err(CloudError::NotMeshable { reason })
+}
+
+/// # Errors
+/// A triangle of the top face that crosses a contact ring, or a foreign node within a path's capture radius.
+pub(crate) fn conforms(
+    domain: &Domain,
+    spacing: &Spacing,
+    points: &[Point],
+    faces: &[u8],
+    surface: &[[u32; 3]],
+) -> Result<(), CloudError> {
+    for f in &spacing.features {
+        match *f {
+            Feature::ContactRing { centre, radius, .. } => ring(centre, radius, points, faces, surface)?,
+            Feature::Path { centre, capture_radius, length, .. } => {
+                path(domain, centre, capture_radius, length, f.path_nodes(), points)?;
+            }
+            Feature::Rim { .. } => {}
+        }
+    }
+    Ok(())
+}
+
+fn ring(centre: [f64; 2], radius: f64, points: &[Point], faces: &[u8], surface: &[[u32; 3]]) -> Result<(), CloudError> {
+    for t in surface.iter().filter(|t| t.iter().all(|&v| faces[v as usize] & TOP != 0)) {
+        let offset = t.map(|v| {
+            let p = points[v as usize];
+            length2(p[0] - centre[0], p[1] - centre[1]) / radius - 1.0
+        });
+        if offset.iter().any(|&o| o < -ON) && offset.iter().any(|&o| o > ON) {
+            return refused(format!(
+                "a triangle at {:?} m crosses the contact ring of radius {radius} m",
+                points[t[0] as usize]
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn path(
+    domain: &Domain,
+    centre: [f64; 2],
+    radius: f64,
+    length: f64,
+    wanted: usize,
+    points: &[Point],
+) -> Result<(), CloudError> {
+    let tip = domain.height() - length * (1.0 + ON);
+    let captured = |p: &&Point| p[2] >= tip && length2(p[0] - centre[0], p[1] - centre[1]) <= radius * (1.0 + ON);
+    let found = points.iter().filter(captured).count();
+    if found != wanted {
+        return refused(format!(
+            "{found} nodes lie within the capture radius {radius} m, not the {wanted} of the path"
+        ));
+    }
+    Ok(())
+}
