@@ -216,7 +216,7 @@ impl<'a> Scan<'a> {
             offset = end;
         }
         self.close_plain(offset);
-        if ended {
+        if ended && self.has_end_mark()? {
             let text = format!("{} has no sound index: it was read from its start", self.file);
             self.index.warnings.push(text);
         } else {
@@ -224,6 +224,12 @@ impl<'a> Scan<'a> {
             self.index.losses.push(loss);
         }
         Ok(self.index)
+    }
+
+    fn has_end_mark(&self) -> std::io::Result<bool> {
+        let mark = MAGIC.len() as u64;
+        let length = self.source.len();
+        Ok(length >= 2 * mark && self.source.read(length - mark, mark)? == MAGIC)
     }
 
     /// What to say of a file without an end.

@@ -1,9 +1,12 @@
 //! rosbag2 folders with MCAP storage: reading, writing, checking, and making synthetic recordings of the rig.
 
+mod check;
 mod chunk;
+pub mod embedded;
 mod error;
 mod folder;
 mod index;
+pub mod make;
 mod metadata;
 mod qos;
 mod reader;
@@ -15,6 +18,7 @@ mod source;
 mod space;
 mod writer;
 
+pub use check::{CheckReport, Finding, Severity, check};
 pub use error::{BagError, Loss};
 pub use metadata::Metadata;
 pub use qos::{Qos, QosTime};

@@ -364,14 +364,20 @@ impl Messages {
         let Some(file) = bag.files().get(file_number) else { return };
         let left = self.limit.saturating_sub(self.held);
         let opened = OpenSegment::read(file_number, &file.source, segment, left.min(unpack_limit(file.source.len())));
+        let (name, offset) = (&file.name, segment.offset);
         let open = match opened {
             Ok(open) => open,
             Err(reason) => {
-                let (file, offset) = (file.name.clone(), segment.offset);
-                self.losses.push(Loss::Chunk { file, offset, messages: None, reason });
+                self.losses.push(Loss::Chunk { file: name.clone(), offset, messages: None, reason });
                 return;
             }
         };
+        if let Some(reason) = open.cut.clone() {
+            let loss = Loss::PartOfChunk { file: name.clone(), offset, read: open.left(), reason };
+            if !bag.losses().contains(&loss) {
+                self.losses.push(loss);
+            }
+        }
         let (open, unknown) = open.keep(|channel| {
             let topic = file.topics.get(&channel)?;
             Some(self.wanted.get(*topic).copied().unwrap_or(false))

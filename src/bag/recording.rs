@@ -6,6 +6,7 @@ use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{PoseStamped, WrenchStamped};
 use crate::ros::messages::sensor_msgs::JointState;
 use crate::ros::messages::{RosMessage, std_msgs::Header};
+use crate::twin::Pose;
 use std::path::Path;
 
 /// Largest step back in time that is taken for disorder and sorted, s. A larger one is a second recording.
@@ -51,6 +52,14 @@ pub struct PoseSample {
     pub axis: [f64; 3],
 }
 
+impl PoseSample {
+    /// The pose as the twin takes it.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose { tip: self.tip, axis: self.axis }
+    }
+}
+
 /// A force and when it was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSample {
@@ -65,6 +74,8 @@ pub struct ForceSample {
 pub struct Recording {
     /// What the force is and where it comes from, for reports: the bag, and what it says of itself.
     pub source: String,
+    /// Scene that the recording was made for, if the bag says so.
+    pub scene: Option<String>,
     /// Time 0 of all series, ns since 1970: the earliest stamp.
     pub origin_ns: i64,
     /// From the displacement sensor; empty without one.
@@ -118,6 +129,7 @@ impl Recording {
         let name = |topic: Option<usize>| topic.map(|t| bag.topics()[t].name.clone());
         let mut recording = Self {
             source: describe(bag),
+            scene: bag.custom_data("scene").map(str::to_owned),
             origin_ns,
             depths: depths
                 .0

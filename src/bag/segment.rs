@@ -2,7 +2,7 @@
 
 use super::chunk::unpack;
 use super::index::Segment;
-use super::record::{ChunkRecord, MessageRecord, Records, op};
+use super::record::{ChunkRecord, MessageRecord, PREFIX, Records, op};
 use super::source::Source;
 use std::ops::Range;
 
@@ -21,6 +21,8 @@ pub(super) struct Entry {
 pub(super) struct OpenSegment {
     /// Number of the file.
     pub file: usize,
+    /// Why its end is missing, if it is.
+    pub cut: Option<String>,
     records: Vec<u8>,
     /// The next message last.
     entries: Vec<Entry>,
@@ -33,15 +35,17 @@ impl OpenSegment {
     /// What is wrong with it.
     pub(super) fn read(file: usize, source: &Source, segment: Segment, limit: u64) -> Result<Self, String> {
         let bytes = source.read(segment.offset, segment.length).map_err(|e| e.to_string())?;
+        let mut cut = None;
         let records = if segment.chunk {
-            // The record at a file's end may be cut off: then its length is beyond the piece.
-            let body = match Records::new(&bytes).next() {
-                Some((op::CHUNK, body)) => body,
-                None if bytes.first() == Some(&op::CHUNK) => bytes.get(9..).unwrap_or_default(),
-                _ => return Err("there is no chunk where the index says".to_owned()),
-            };
+            if bytes.first() != Some(&op::CHUNK) {
+                return Err("there is no chunk where the index says".to_owned());
+            }
+            // The index has said how long it is; the record's own length may be beyond the file's end.
+            let body = bytes.get(PREFIX as usize..).unwrap_or_default();
             let chunk = ChunkRecord::parse(body).ok_or("its header makes no sense")?;
-            unpack(&chunk, limit)?.records
+            let unpacked = unpack(&chunk, limit)?;
+            cut = unpacked.cut;
+            unpacked.records
         } else {
             bytes
         };
@@ -57,7 +61,7 @@ impl OpenSegment {
         // Stable: messages of the same time stay in the order of the file.
         entries.sort_by_key(|e| e.log_ns);
         entries.reverse();
-        Ok(Self { file, records, entries })
+        Ok(Self { file, cut, records, entries })
     }
 
     /// Leaves out what is not wanted: `wanted` says `None` for channels that nobody knows, which are counted.
@@ -75,6 +79,11 @@ impl OpenSegment {
     /// The next message.
     pub(super) fn peek(&self) -> Option<&Entry> {
         self.entries.last()
+    }
+
+    /// Number of messages that are still to come.
+    pub(super) fn left(&self) -> u64 {
+        self.entries.len() as u64
     }
 
     /// The next message and its content.

@@ -111,11 +111,22 @@ impl std::fmt::Debug for BagWriter {
 }
 
 impl BagWriter {
-    /// Makes the folder and starts the file.
+    /// Makes the folder and starts the file, both with the folder's name.
     ///
     /// # Errors
     /// [`BagError::Exists`] if the folder exists and is not empty, [`BagError::Open`] if it can't be written.
     pub fn create(folder: impl AsRef<Path>, options: WriterOptions) -> Result<Self, BagError> {
+        let folder = folder.as_ref();
+        let name =
+            std::path::absolute(folder).ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+        Self::create_named(folder, name.as_deref().unwrap_or("bag"), options)
+    }
+
+    /// As [`BagWriter::create`], with a name for the file (`NAME_0.mcap`).
+    ///
+    /// # Errors
+    /// As [`BagWriter::create`].
+    pub fn create_named(folder: impl AsRef<Path>, name: &str, options: WriterOptions) -> Result<Self, BagError> {
         let folder = folder.as_ref().to_path_buf();
         let at = |path: &Path| {
             let path = path.to_path_buf();
@@ -125,7 +136,7 @@ impl BagWriter {
             return Err(BagError::Exists { path: folder });
         }
         fs::create_dir_all(&folder).map_err(at(&folder))?;
-        let file_name = format!("{}_0.mcap", bag_name(&folder));
+        let file_name = format!("{name}_0.mcap");
         let path = folder.join(&file_name);
         let file = File::create(&path).map_err(at(&path))?;
         let space = Reserved::new(file.try_clone().map_err(at(&path))?);
@@ -393,13 +404,6 @@ impl Drop for BagWriter {
             let _ = self.close();
         }
     }
-}
-
-/// Name of a bag: the last part of its folder's path.
-fn bag_name(folder: &Path) -> String {
-    let name =
-        folder.canonicalize().ok().and_then(|path| path.file_name().map(|name| name.to_string_lossy().into_owned()));
-    name.unwrap_or_else(|| "bag".to_owned())
 }
 
 fn mcap_options() -> mcap::WriteOptions {

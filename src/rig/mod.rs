@@ -1,8 +1,9 @@
-//! The simulated rig: a player of recordings and a needle driver.
+//! The simulated rig: a player of recordings, a needle driver, and the models of its sensors.
 
 mod clock;
 mod driver;
 mod player;
+pub mod sensors;
 
 pub use clock::PlaybackClock;
 pub use driver::{Driver, DriverLimits};

@@ -1,48 +1,46 @@
-//! A Python with pinned packages, made once under `target/`.
-#![allow(dead_code, clippy::unwrap_used, clippy::panic)]
+//! A Python virtual environment under `target/`, made on first use and shared by all tests.
 
-use std::path::PathBuf;
-use std::process::Command;
-use std::time::{Duration, Instant};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 
-/// Folder that holds the built programs' parent: `target`.
-pub fn target_dir() -> PathBuf {
-    // .../target/release/needle_twin
-    PathBuf::from(env!("CARGO_BIN_EXE_needle_twin")).ancestors().nth(2).unwrap().to_owned()
-}
+/// Independent implementations that tests compare with, at the versions that were tried.
+const PACKAGES: [&str; 3] = ["rosbags==0.11.9", "mcap-ros2-support==0.6.0", "cyclonedds==11.0.1"];
 
-/// Path of a Python interpreter that has `packages` (`name==version`). Made on first use; several tests may ask at once.
-pub fn with_packages(name: &str, packages: &[&str]) -> PathBuf {
-    let home = target_dir().join(format!("python-{name}"));
-    let python = home.join("bin/python");
-    let wanted = packages.join("\n");
-    let stamp = home.join("packages.txt");
-    let ready = || std::fs::read_to_string(&stamp).is_ok_and(|text| text == wanted);
-    let lock = target_dir().join(format!("python-{name}.lock"));
-    let begun = Instant::now();
-    while !ready() {
-        if std::fs::create_dir(&lock).is_err() {
-            assert!(
-                begun.elapsed() < Duration::from_secs(600),
-                "{} is held by a test that died: remove it",
-                lock.display()
-            );
-            std::thread::sleep(Duration::from_millis(200));
-            continue;
-        }
-        if !ready() {
-            run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&home));
-            run(Command::new(&python)
-                .args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"])
-                .args(packages));
-            std::fs::write(&stamp, &wanted).unwrap();
-        }
-        std::fs::remove_dir(&lock).unwrap();
+/// The environment's Python. Needs `python3` with venv, and the package index the first time.
+pub fn python() -> PathBuf {
+    // target/tmp is made by cargo for integration tests.
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().to_path_buf();
+    let (folder, done) = (target.join("python-venv"), target.join("python-venv/installed.txt"));
+    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    // Several test programs may come here at once.
+    let lock = File::create(target.join("python-venv.lock")).unwrap();
+    lock.lock().unwrap();
+    let wanted = PACKAGES.join("\n");
+    if fs::read_to_string(&done).is_ok_and(|installed| installed == wanted) {
+        return python;
     }
+    let what =
+        "these tests need Python 3 with venv (Debian: python3-venv) and, the first time, the Python package index";
+    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder), what);
+    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    run(Command::new(&python).args(pip).args(PACKAGES), what);
+    fs::write(done, wanted).unwrap();
     python
 }
 
-fn run(command: &mut Command) {
-    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e} (the tests need Python 3 with venv)"));
-    assert!(output.status.success(), "{command:?}:\n{}", String::from_utf8_lossy(&output.stderr));
+/// Runs a script of the tree and gives what it printed.
+pub fn run_script(script: &str, arguments: &[&Path]) -> String {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(script);
+    let output = run(Command::new(python()).arg(&script).args(arguments), &script.display().to_string());
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs a command to its end; panics with its output if it fails.
+fn run(command: &mut Command, what: &str) -> Output {
+    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}; {what}"));
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{command:?} failed; {what}\n{out}\n{err}");
+    output
 }

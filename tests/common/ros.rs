@@ -108,7 +108,7 @@ pub struct Peer {
 
 impl Peer {
     pub fn start(domain: u16) -> Self {
-        let python = python::with_packages("peers", &["cyclonedds==11.0.1"]);
+        let python = python::python();
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/peer.py");
         let mut child = Command::new(python)
             .arg(script)
