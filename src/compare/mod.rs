@@ -1,5 +1,18 @@
 //! Predicted against measured: what one run of the twin produced, and its figures of merit.
 
+mod collector;
+mod drive;
+mod legs;
+mod metrics;
+mod series;
+
+pub use collector::{Collector, Keep};
+pub use drive::{At, Reading, Watch, build, drive};
+pub use legs::Legs;
+pub use metrics::{ForceMetrics, Latency};
+pub use series::ForceSeries;
+
+use crate::scene::Instrument;
 use crate::twin::{Event, Phase};
 
 /// One answered pose.
@@ -21,6 +34,14 @@ pub struct Answer {
     pub steps: u32,
     /// Wall time from the pose's arrival to its prediction, s.
     pub latency_s: f64,
+}
+
+impl Answer {
+    /// Predicted - measured force, N, where both are there and finite.
+    #[must_use]
+    pub fn residual_n(&self) -> Option<f64> {
+        self.measured_n.map(|measured| self.predicted_n - measured).filter(|e| e.is_finite())
+    }
 }
 
 /// Positions of all targets at one time.
@@ -49,6 +70,19 @@ pub struct FinalState {
     pub jacobian: Vec<f64>,
     /// Von Mises stress at the points, Pa.
     pub von_mises_pa: Vec<f64>,
+}
+
+/// The tissue at one moment of a run.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Snapshot {
+    /// Time, s since the first pose.
+    pub time_s: f64,
+    /// Depth of the tip, m.
+    pub depth_m: f64,
+    /// Displacement at the points of [`FinalState::points`], m.
+    pub displacement: Vec<[f64; 3]>,
+    /// Volume ratio at the same points; empty if it was not computed.
+    pub jacobian: Vec<f64>,
 }
 
 /// Everything that a finished run leaves; `report` turns it into files.
@@ -100,4 +134,12 @@ pub struct Run {
     pub losses: Vec<String>,
     /// The tissue at the end.
     pub final_state: FinalState,
+    /// The tissue at moments of the run, in order of time.
+    pub snapshots: Vec<Snapshot>,
+    /// Instrument of the scene.
+    pub instrument: Option<Instrument>,
+    /// The scene as it was run (presets and `--set` merged), TOML as `scene show` prints it.
+    pub scene_toml: String,
+    /// Word for what ran: `replay`, `solve`, `demo`.
+    pub command: String,
 }

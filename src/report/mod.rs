@@ -1,1 +1,67 @@
-//! (module)
+//! What people look at: figures, curves, pictures and the deformed sample of one run.
+//!
+//! [`write_all`] makes every file from one [`Run`]; each file has its own function as well. Everything is rendered
+//! before the first file is touched, and files appear under their names only when they are complete. Nothing here
+//! computes mechanics, and no file holds a number that is not finite.
+
+mod csv;
+mod embed;
+mod error;
+mod files;
+mod force_plot;
+mod metrics;
+mod page;
+mod picture;
+mod plot;
+mod section;
+mod settings;
+mod tables;
+mod thin;
+mod unit;
+mod vtu;
+
+pub use csv::{force_csv, targets_csv};
+pub use error::ReportError;
+pub use files::prepare;
+pub use metrics::metrics_json;
+pub use page::report_html;
+pub use vtu::{final_vtu, write_series};
+
+use crate::compare::Run;
+use files::Rendered;
+use std::path::{Path, PathBuf};
+
+/// Pixels of `force.png` per px of the picture: 1920 pixels wide.
+const PNG_SCALE: f32 = 2.0;
+
+/// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html` into a
+/// folder, which is made if need be, and returns their paths.
+///
+/// # Errors
+/// [`ReportError`] naming the file and the reason; then no file has been replaced by a half-written one.
+pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
+    let rendered = [
+        Rendered::new("metrics.json", metrics_json(run)),
+        Rendered::new("force.csv", force_csv(run)),
+        Rendered::new("targets.csv", targets_csv(run)),
+        Rendered::new("final.vtu", final_vtu(run)?),
+        Rendered::new("force.svg", force_svg(run)),
+        Rendered::new("force.png", force_png(run)?),
+        Rendered::new("report.html", report_html(run)?),
+    ];
+    files::write(out, &rendered)
+}
+
+/// Content of `force.svg`: predicted and measured force over depth, residual below.
+#[must_use]
+pub fn force_svg(run: &Run) -> String {
+    force_plot::force_plot(run).to_svg()
+}
+
+/// Content of `force.png`: the same picture as [`force_svg`], 1920 pixels wide.
+///
+/// # Errors
+/// [`ReportError::Picture`] if it can't be drawn.
+pub fn force_png(run: &Run) -> Result<Vec<u8>, ReportError> {
+    force_plot::force_plot(run).to_png("force.png", PNG_SCALE)
+}

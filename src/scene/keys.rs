@@ -106,10 +106,11 @@ pub static KEYS: &[Key] = &[
     .or("0.3"),
     Key::real(
         "discretisation.growth",
-        Range::above(0.0, 10.0),
+        Range::above(0.0, 0.5),
         "m/m",
         "Growth of the spacing per metre of distance from an edge.",
     )
+    .because("cells that grow faster than by half their size from one to the next lose their shape")
     .or("0.35"),
     Key::real(
         "discretisation.support_factor",

@@ -1,0 +1,217 @@
+// Line charts as SVG: stacked panels over one horizontal axis, phases as bands, a cursor that all charts share.
+
+const SVG = 'http://www.w3.org/2000/svg';
+
+function node(tag, attributes, text) {
+  const element = document.createElementNS(SVG, tag);
+  for (const key in attributes) element.setAttribute(key, attributes[key]);
+  if (text !== undefined) element.textContent = text;
+  return element;
+}
+
+/// Round numbers within [min, max], about `count` of them, and the decimals that they need.
+function ticks(min, max, count) {
+  const raw = (max - min) / Math.max(count, 1);
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= raw * 0.999999);
+  const at = [];
+  for (let i = Math.ceil(min / step - 1e-9); i * step <= max + 1e-9 * step; i++) at.push(i * step);
+  return { at, decimals: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+}
+
+function minus(text) { return text.replace('-', '−'); }
+
+/// Smallest and largest of several series, a little wider, and never of no width.
+function range(series, zero) {
+  let min = zero ? 0 : Infinity, max = zero ? 0 : -Infinity;
+  for (const { values, mask } of series) {
+    for (let i = 0; i < values.length; i++) {
+      if (mask && !mask[i]) continue;
+      if (values[i] < min) min = values[i];
+      if (values[i] > max) max = values[i];
+    }
+  }
+  if (min > max) { min = 0; max = 1; }
+  if (max - min < 1e-12 * Math.max(1, Math.abs(max))) { max += Math.abs(max) || 1; min -= zero ? 0 : Math.abs(min); }
+  const margin = 0.06 * (max - min);
+  return [min === 0 ? 0 : min - margin, max === 0 ? 0 : max + margin];
+}
+
+/// Index of the entry nearest to `time` in an ascending array.
+function nearest(times, time) {
+  let low = 0, high = times.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] < time) low = middle; else high = middle;
+  }
+  return Math.abs(times[high] - time) < Math.abs(times[low] - time) ? high : low;
+}
+
+/// The moment that every chart marks, in s, and who wants to know of it.
+const moment = {
+  time: 0,
+  listeners: [],
+  set(time, source) {
+    this.time = time;
+    for (const listener of this.listeners) listener(time, source);
+  },
+};
+
+/// A chart in `place`: { x, times, label, panels: [{ title, height, zero, series, limit }], bands, marks, read }.
+/// `x` is what is drawn over, `times` the time of each entry; they are the same array in a chart over time.
+class Chart {
+  constructor(place, options) {
+    this.place = place;
+    this.options = options;
+    this.readout = place.querySelector('.readout');
+    this.holder = place.querySelector('.chart');
+    this.index = 0;
+    moment.listeners.push((time) => this.point(nearest(options.times, time)));
+    new ResizeObserver(() => this.draw()).observe(this.holder);
+  }
+
+  draw() {
+    const width = Math.round(this.holder.clientWidth);
+    if (!width || width === this.width) return;
+    this.width = width;
+    const { panels, label } = this.options;
+    this.left = 48; this.right = width - 12;
+    const gap = 34;
+    let y = 22;
+    for (const panel of panels) { panel.top = y; y += panel.height; panel.bottom = y; y += gap; }
+    const height = y - gap + 42;
+    this.svg = node('svg', { viewBox: `0 0 ${width} ${height}`, height, tabindex: 0, role: 'img', 'aria-label': label.about });
+    this.drawGround();
+    for (const panel of panels) this.drawPanel(panel);
+    const bottom = panels[panels.length - 1].bottom;
+    this.svg.append(node('text', { x: (this.left + this.right) / 2, y: bottom + 36, 'text-anchor': 'middle' }, label.x));
+    this.drawCursor(bottom);
+    this.listen();
+    this.holder.replaceChildren(this.svg);
+    this.point(this.index);
+  }
+
+  /// Horizontal scale, phase bands, marks, horizontal ticks.
+  drawGround() {
+    const { x, bands = [], marks = [], panels } = this.options;
+    this.x = range([{ values: x }], false);
+    if (x === this.options.times) this.x = [x[0], Math.max(x[x.length - 1], x[0] + 1e-9)];
+    const [top, bottom] = [panels[0].top, panels[panels.length - 1].bottom];
+    for (const band of bands) {
+      const [a, b] = [Math.max(this.left, this.px(band.from)), Math.min(this.right, this.px(band.to))];
+      if (b <= a) continue;
+      this.svg.append(node('rect', { x: a, y: top, width: b - a, height: bottom - top, fill: `var(--${band.word})` }));
+      if (b - a > 7 * band.word.length) {
+        this.svg.append(node('text', { x: a + 5, y: bottom - 6 }, band.word));
+      }
+    }
+    const { at, decimals } = ticks(this.x[0], this.x[1], Math.max(3, (this.right - this.left) / 75));
+    for (const value of at) {
+      const place = this.px(value);
+      for (const panel of panels) {
+        this.svg.append(node('line', { class: 'rule', x1: place, x2: place, y1: panel.top, y2: panel.bottom }));
+      }
+      this.svg.append(node('text', { x: place, y: bottom + 17, 'text-anchor': 'middle' }, minus(value.toFixed(decimals))));
+    }
+    for (const mark of marks) {
+      const place = this.px(mark.x);
+      this.svg.append(node('line', { class: 'mark', x1: place, x2: place, y1: top, y2: bottom }));
+      const flip = place + 8 * mark.text.length > this.right;
+      this.svg.append(node('text', { x: place + (flip ? -5 : 5), y: top + 13, 'text-anchor': flip ? 'end' : 'start' }, mark.text));
+    }
+  }
+
+  drawPanel(panel) {
+    panel.y = range(panel.limit === undefined ? panel.series : [...panel.series, { values: [panel.limit] }], panel.zero);
+    const { at, decimals } = ticks(panel.y[0], panel.y[1], panel.height / 42);
+    for (const value of at) {
+      const y = this.py(panel, value);
+      const cls = Math.abs(value) < 1e-12 ? 'zero' : 'rule';
+      this.svg.append(node('line', { class: cls, x1: this.left, x2: this.right, y1: y, y2: y }));
+      this.svg.append(node('text', { x: this.left - 6, y: y + 4, 'text-anchor': 'end' }, minus(value.toFixed(decimals))));
+    }
+    this.svg.append(node('text', { class: 'title', x: 0, y: panel.top - 9 }, panel.title));
+    if (panel.limit !== undefined) {
+      const y = this.py(panel, panel.limit);
+      this.svg.append(node('line', { class: 'limit', x1: this.left, x2: this.right, y1: y, y2: y }));
+    }
+    for (const series of panel.series) this.svg.append(node('path', { class: `line ${series.cls}`, style: series.style || '', d: this.path(panel, series) }));
+  }
+
+  path(panel, { values, mask, from = 0, to = values.length }) {
+    let d = '', down = false;
+    for (let i = from; i < to; i++) {
+      if (mask && !mask[i]) { down = false; continue; }
+      d += `${down ? 'L' : 'M'}${this.px(this.options.x[i]).toFixed(1)} ${this.py(panel, values[i]).toFixed(1)}`;
+      down = true;
+    }
+    return d;
+  }
+
+  drawCursor(bottom) {
+    this.line = node('line', { class: 'cursor', y1: this.options.panels[0].top, y2: bottom });
+    this.svg.append(this.line);
+    this.dots = [];
+    for (const panel of this.options.panels) {
+      for (const series of panel.series) {
+        if (series.back) continue;
+        const dot = node('circle', { class: 'dot', r: 4, style: `fill:${series.colour}` });
+        this.svg.append(dot);
+        this.dots.push({ dot, panel, series });
+      }
+    }
+  }
+
+  listen() {
+    const show = (event, click) => {
+      const box = this.svg.getBoundingClientRect();
+      const i = this.find(event.clientX - box.left, event.clientY - box.top);
+      moment.set(this.options.times[i], click ? 'click' : 'hover');
+    };
+    this.svg.addEventListener('pointermove', (event) => show(event, false));
+    this.svg.addEventListener('pointerdown', (event) => show(event, true));
+    this.svg.addEventListener('keydown', (event) => {
+      const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      const n = this.options.times.length;
+      const i = Math.min(n - 1, Math.max(0, this.index + step * Math.max(1, Math.round(n / 200))));
+      moment.set(this.options.times[i], 'click');
+    });
+  }
+
+  /// Entry under the pointer: by time where that is the horizontal axis, else the nearest point of any curve.
+  find(x, y) {
+    const value = this.x[0] + (x - this.left) / (this.right - this.left) * (this.x[1] - this.x[0]);
+    if (this.options.x === this.options.times) return nearest(this.options.times, value);
+    let best = 0, least = Infinity;
+    for (const panel of this.options.panels) {
+      for (const { values, mask, back } of panel.series) {
+        if (back) continue;
+        for (let i = 0; i < values.length; i++) {
+          if (mask && !mask[i]) continue;
+          const d = (this.px(this.options.x[i]) - x) ** 2 + (this.py(panel, values[i]) - y) ** 2;
+          if (d < least) { least = d; best = i; }
+        }
+      }
+    }
+    return best;
+  }
+
+  point(i) {
+    this.index = i;
+    if (!this.svg) return;
+    const place = this.px(this.options.x[i]);
+    this.line.setAttribute('x1', place);
+    this.line.setAttribute('x2', place);
+    for (const { dot, panel, series } of this.dots) {
+      const shown = !series.mask || series.mask[i];
+      dot.style.display = shown ? '' : 'none';
+      if (shown) { dot.setAttribute('cx', place); dot.setAttribute('cy', this.py(panel, series.values[i])); }
+    }
+    if (this.readout) this.readout.innerHTML = this.options.read(i);
+  }
+
+  px(value) { return this.left + (value - this.x[0]) / (this.x[1] - this.x[0]) * (this.right - this.left); }
+  py(panel, value) { return panel.bottom - (value - panel.y[0]) / (panel.y[1] - panel.y[0]) * (panel.bottom - panel.top); }
+}

@@ -1,0 +1,115 @@
+// Unpacks the run and sets up charts and view.
+
+const ARRAYS = { f32: Float32Array, i16: Int16Array, u16: Uint16Array, u32: Uint32Array, u8: Uint8Array };
+
+/// Replaces { type, base64 } by the typed array that it stands for, at any depth.
+function unpack(value) {
+  if (!value || typeof value !== 'object') return value;
+  if (typeof value.base64 === 'string') {
+    const bytes = Uint8Array.from(atob(value.base64), (c) => c.charCodeAt(0));
+    return new ARRAYS[value.type](bytes.buffer);
+  }
+  for (const key in value) value[key] = unpack(value[key]);
+  return value;
+}
+
+/// A number with so many significant figures.
+function figures(value, n) {
+  if (!Number.isFinite(value)) return '–';
+  const text = Math.abs(value) >= 10 ** n ? Math.round(value).toString() : Number(value.toPrecision(n)).toString();
+  return minus(text);
+}
+
+const run = unpack(JSON.parse(document.getElementById('run').textContent));
+const rows = run.rows, n = rows.time.length;
+const scaled = (values, by) => values && values.map((v) => v * by);
+const depth = scaled(rows.depth, 1e3);
+const predicted = scaled(rows.predicted, run.force.factor);
+const measured = scaled(rows.measured, run.force.factor);
+const residual = measured && predicted.map((p, i) => p - measured[i]);
+const mask = rows.has_measured;
+
+function phaseAt(time) {
+  const band = run.phases.find((p) => time >= p.from && time <= p.to);
+  return band ? band.word : '';
+}
+
+function readForce(i) {
+  const unit = run.force.unit;
+  const parts = [`<b>${rows.time[i].toFixed(2)}</b> s`, `depth <b>${minus(depth[i].toFixed(2))}</b> mm`, `predicted <b>${figures(predicted[i], 3)}</b> ${unit}`];
+  if (measured && (!mask || mask[i])) {
+    parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
+  }
+  return [...parts, phaseAt(rows.time[i])].join(' · ');
+}
+
+/// A series in its way in and its way back, which is drawn paler.
+function bothWays(values, cls, colour) {
+  const turn = run.retraction;
+  const forth = { values, mask, cls, colour, to: turn };
+  return turn < n ? [forth, { values, mask, cls: `${cls} back`, from: Math.max(0, turn - 1), back: true }] : [forth];
+}
+
+function forceSeries(split) {
+  const line = (values, cls, colour) => (split ? bothWays(values, cls, colour) : [{ values, mask, cls, colour }]);
+  const series = line(predicted, 'predicted', 'var(--accent)').map((s) => ({ ...s, mask: undefined }));
+  return measured ? [...line(measured, 'measured', 'var(--measured)'), ...series] : series;
+}
+
+function charts() {
+  const unit = run.force.unit;
+  const force = (split, height) => ({ title: `Force against insertion in ${unit}`, height, zero: true, series: forceSeries(split) });
+  const error = (split) => ({
+    title: `Predicted − measured in ${unit}`, height: 90, zero: true,
+    series: split ? bothWays(residual, 'residual', 'var(--residual)') : [{ values: residual, mask, cls: 'residual', colour: 'var(--residual)' }],
+  });
+  const bands = run.phases;
+  const overTime = { x: rows.time, times: rows.time, bands, marks: run.events.map((e) => ({ x: e.time, text: e.word })) };
+  new Chart(document.getElementById('force-depth'), {
+    x: depth, times: rows.time, read: readForce,
+    label: { x: 'Depth of the tip in mm', about: 'Predicted and measured force over depth' },
+    panels: measured ? [force(true, 250), error(true)] : [force(true, 330)],
+    marks: run.events.map((e) => ({ x: 1e3 * e.depth, text: e.word })),
+  });
+  new Chart(document.getElementById('force-time'), {
+    ...overTime, read: readForce, label: { x: 'Time in s', about: 'Force, residual and depth over time' },
+    panels: [force(false, 210), ...(measured ? [error(false)] : []),
+      { title: 'Depth of the tip in mm', height: 80, zero: true, series: [{ values: depth, cls: 'plain', colour: 'var(--accent)' }] }],
+  });
+  new Chart(document.getElementById('cost'), {
+    ...overTime, label: { x: 'Time in s', about: 'Explicit steps and latency of each pose over time' },
+    read: (i) => `<b>${rows.time[i].toFixed(2)}</b> s · <b>${rows.steps[i]}</b> steps · answered after <b>${figures(rows.latency[i], 3)}</b> ms`,
+    panels: [
+      { title: 'Explicit steps per pose', height: 100, zero: true, series: [{ values: rows.steps, cls: 'plain', colour: 'var(--accent)' }] },
+      { title: 'Latency in ms', height: 100, zero: true, limit: run.period_ms ?? undefined, series: [{ values: rows.latency, cls: 'measured', colour: 'var(--measured)' }] },
+    ],
+  });
+  if (run.targets) targets(bands);
+}
+
+function targets(bands) {
+  const { names, time, positions } = run.targets;
+  const colour = (k) => `var(--t${k % 6})`;
+  const moved = names.map((_, k) => Float32Array.from(time, (_, i) => {
+    const at = 3 * (i * names.length + k);
+    return 1e3 * Math.hypot(...[0, 1, 2].map((c) => positions[at + c] - positions[3 * k + c]));
+  }));
+  const chart = new Chart(document.getElementById('targets'), {
+    x: time, times: time, bands, label: { x: 'Time in s', about: 'Distance of each target from its place at the start' },
+    read: (i) => [`<b>${time[i].toFixed(2)}</b> s`, ...names.map((_, k) => `<b style="color:${colour(k)}">${figures(moved[k][i], 3)}</b> mm`)].join(' · '),
+    panels: [{
+      title: 'Moved from the start by, in mm', height: 160, zero: true,
+      series: moved.map((values, k) => ({ values, cls: '', style: `stroke:${colour(k)};stroke-width:2`, colour: colour(k) })),
+    }],
+  });
+  chart.draw();
+}
+
+if (n) charts();
+const view = run.view && new View(document.getElementById('sample'), run.view, figures);
+if (n) {
+  let peak = 0;
+  for (let i = 0; i < n; i++) if (Math.abs(predicted[i]) > Math.abs(predicted[peak])) peak = i;
+  moment.set(rows.time[peak], 'start');
+}
+document.documentElement.dataset.ready = 'yes';

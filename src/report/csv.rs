@@ -1,0 +1,62 @@
+//! `force.csv` and `targets.csv`: the series of a run, for plotting tools.
+
+use crate::compare::Run;
+use std::fmt::Write as _;
+
+/// Content of `force.csv`: `time_s,depth_m,predicted_n,measured_n`, one line per answered pose.
+///
+/// `measured_n` is empty where there is none, and so is any number that is not finite.
+#[must_use]
+pub fn force_csv(run: &Run) -> String {
+    let mut text = String::from("time_s,depth_m,predicted_n,measured_n\n");
+    for a in &run.answers {
+        let measured = a.measured_n.map_or(Cell(f64::NAN), Cell);
+        push(&mut text, format_args!("{},{},{},{measured}\n", Cell(a.time_s), Cell(a.depth_m), Cell(a.predicted_n)));
+    }
+    text
+}
+
+/// Content of `targets.csv`, one line per moment and three columns per target, as plotting tools take them:
+/// `time_s,depth_m,NAME_x_m,NAME_y_m,NAME_z_m,...` (present position in frame `sample`).
+#[must_use]
+pub fn targets_csv(run: &Run) -> String {
+    let mut text = String::from("time_s,depth_m");
+    for name in &run.target_names {
+        for axis in ["x", "y", "z"] {
+            push(&mut text, format_args!(",{}", quoted(&format!("{name}_{axis}_m"))));
+        }
+    }
+    text.push('\n');
+    for row in &run.targets {
+        push(&mut text, format_args!("{},{}", Cell(row.time_s), Cell(row.depth_m)));
+        for coordinate in row.positions.iter().flatten() {
+            push(&mut text, format_args!(",{}", Cell(*coordinate)));
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn push(text: &mut String, line: std::fmt::Arguments<'_>) {
+    // Writing to a String can't fail.
+    let _ = text.write_fmt(line);
+}
+
+/// A number as it is read back bit by bit; empty where it is not finite.
+struct Cell(f64);
+
+impl std::fmt::Display for Cell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // Debug and not Display: 1.2e-17 instead of nineteen zeros.
+        if self.0.is_finite() { write!(f, "{:?}", self.0) } else { Ok(()) }
+    }
+}
+
+/// Quoted by RFC 4180 where the text needs it.
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", field.replace('"', "\"\""))
+    } else {
+        field.to_owned()
+    }
+}

@@ -1,0 +1,110 @@
+//! `force.png` and `force.svg`: predicted and measured force over depth, residual below.
+
+use super::{
+    picture::{Anchor, Colour, Pen, Picture, Type},
+    plot::{Axis, BLUE, INK, MUTED, Panel, VERMILION, label, legend},
+    thin::thin,
+    unit::{Scale, significant},
+};
+use crate::compare::{Answer, Run};
+use crate::twin::Event;
+
+const WIDTH: u32 = 960;
+const HEIGHT: u32 = 660;
+/// Left, right edge of the panels, px.
+const SIDES: [f64; 2] = [84.0, 932.0];
+
+const MEASURED: [Pen; 2] = [Pen::new(INK, 1.5), Pen::new(Colour(0xa3, 0xab, 0xb6, 1.0), 1.5)];
+const PREDICTED: [Pen; 2] = [Pen::new(BLUE, 2.4), Pen::new(Colour(0x5a, 0x9d, 0xe6, 1.0), 2.4).dashed([8.0, 5.0])];
+const RESIDUAL: [Pen; 2] = [Pen::new(VERMILION, 1.5), Pen::new(Colour(0xea, 0xa2, 0x77, 1.0), 1.5)];
+
+/// The picture of a run.
+pub(super) fn force_plot(run: &Run) -> Picture {
+    let mut picture = Picture::new(WIDTH, HEIGHT);
+    heading(&mut picture, run);
+    let kept = thin(run, 500);
+    let answers: Vec<&Answer> = kept.iter().map(|&i| &run.answers[i]).collect();
+    let turn = kept.partition_point(|&i| i < run.legs().retraction);
+    // The last answer before the turn begins the way back, so that the curve has no gap.
+    let legs = [&answers[..turn], &answers[turn.saturating_sub(1).min(answers.len())..]];
+    let legs = if turn == answers.len() { [legs[0], &[]] } else { legs };
+    let measured = answers.iter().any(|a| a.residual_n().is_some());
+
+    let force = Scale::of_force(run);
+    let x = Axis::holding(answers.iter().map(|a| 1e3 * a.depth_m).chain([0.0]), 10, 0.025);
+    let forces = answers.iter().flat_map(|a| [Some(a.predicted_n), a.measured_n]).flatten().map(|f| force.factor * f);
+    let y = Axis::holding(forces.chain([0.0]), 6, 0.06);
+    let bottom = if measured { 446.0 } else { 610.0 };
+    let upper = Panel { frame: [SIDES[0], 132.0, SIDES[1], bottom], x: x.clone(), y };
+    upper.grid(&mut picture, &format!("Force against insertion in {}", force.unit), !measured);
+    for (leg, [m, p]) in legs.iter().zip([[MEASURED[0], PREDICTED[0]], [MEASURED[1], PREDICTED[1]]]) {
+        upper.curve(&mut picture, column(leg, |a| a.measured_n, force.factor), m);
+        upper.curve(&mut picture, column(leg, |a| Some(a.predicted_n), force.factor), p);
+    }
+    punctures(&mut picture, &upper, run, force.factor);
+    if measured {
+        let residuals = answers.iter().filter_map(|a| a.residual_n()).map(|e| force.factor * e);
+        let y = Axis::holding(residuals.chain([0.0]), 3, 0.06);
+        let lower = Panel { frame: [SIDES[0], 496.0, SIDES[1], 610.0], x, y };
+        lower.grid(&mut picture, &format!("Predicted − measured in {}", force.unit), true);
+        for (leg, pen) in legs.iter().zip(RESIDUAL) {
+            lower.curve(&mut picture, column(leg, Answer::residual_n, force.factor), pen);
+        }
+    }
+    let centre = 0.5 * (SIDES[0] + SIDES[1]);
+    picture.text(
+        [centre, 648.0],
+        "Depth of the tip below the undeformed surface in mm",
+        Type { bold: true, colour: INK, ..label(Anchor::Middle) },
+    );
+    legend(&mut picture, [SIDES[0], 90.0], &entries(measured, !legs[1].is_empty()));
+    picture
+}
+
+fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> Vec<[f64; 2]> {
+    leg.iter().map(|a| [1e3 * a.depth_m, of(a).map_or(f64::NAN, |f| factor * f)]).collect()
+}
+
+fn entries(measured: bool, retraction: bool) -> Vec<(&'static str, Pen)> {
+    let all = [
+        (true, "predicted, insertion", PREDICTED[0]),
+        (retraction, "predicted, retraction", PREDICTED[1]),
+        (measured, "measured, insertion", MEASURED[0]),
+        (measured && retraction, "measured, retraction", MEASURED[1]),
+    ];
+    all.into_iter().filter(|(shown, ..)| *shown).map(|(_, text, pen)| (text, pen)).collect()
+}
+
+fn heading(picture: &mut Picture, run: &Run) {
+    let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };
+    picture.text([SIDES[0], 36.0], format!("{}: force over depth", run.scene), title);
+    let force = Scale::of_force(run);
+    let m = run.force_metrics();
+    let mut line = format!("{}, {} nodes", run.method, run.nodes);
+    if let (Some(rmse), Some(nrmse), Some(max)) = (m.rmse_n, m.nrmse, m.max_abs_error_n) {
+        line += &format!(
+            "; RMSE {} {unit} ({} % of the measured peak), largest error {} {unit}",
+            significant(force.factor * rmse, 3),
+            significant(100.0 * nrmse, 2),
+            significant(force.factor * max, 3),
+            unit = force.unit,
+        );
+    }
+    if !run.measured_source.is_empty() {
+        line += &format!("; measured: {}", run.measured_source);
+    }
+    let typ = Type { colour: MUTED, ..label(Anchor::Start) };
+    picture.text([SIDES[0], 60.0], line, typ);
+}
+
+/// Marks each puncture by a line and by a dot on the predicted curve.
+fn punctures(picture: &mut Picture, panel: &Panel, run: &Run, factor: f64) {
+    for a in &run.answers {
+        let Some(Event::Puncture { depth_m }) = a.event else { continue };
+        if depth_m.is_finite() && a.predicted_n.is_finite() {
+            let depth = 1e3 * depth_m;
+            panel.event(picture, depth, &format!("puncture at {} mm", significant(depth, 3)));
+            picture.dot(panel.at(depth, factor * a.predicted_n), 4.5, BLUE);
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! `metrics.json`: the figures of merit of a run, for programs.
+
+use crate::compare::{ForceMetrics, Run};
+use crate::twin::Event;
+use serde_json::{Map, Value, json};
+
+/// Content of `metrics.json` (keys in `interfaces`; the ones beyond are additive).
+///
+/// A figure that can't be said is `null`, and `null_because` says why, by its dotted key; a number that is not
+/// finite is never written.
+#[must_use]
+pub fn metrics_json(run: &Run) -> String {
+    let mut nulls = Nulls { run, because: Map::new() };
+    let body = json!({
+        "scene": run.scene,
+        "method": run.method,
+        "nodes": run.nodes,
+        "integration_points": run.integration_points,
+        "poses": run.answers.len(),
+        "steps": run.steps,
+        "steps_per_pose": nulls.steps_per_pose(),
+        "force": nulls.force(),
+        "timing": nulls.timing(),
+        "stability": nulls.stability(),
+        "puncture_depth_m": nulls.puncture_depth(),
+        "measured_source": run.measured_source,
+        "losses": run.losses,
+        "checksum": run.checksum,
+        "null_because": nulls.because,
+    });
+    let mut text = format!("{body:#}");
+    text.push('\n');
+    text
+}
+
+/// Turns figures into JSON and notes why one is null.
+struct Nulls<'a> {
+    run: &'a Run,
+    because: Map<String, Value>,
+}
+
+impl Nulls<'_> {
+    fn number(&mut self, key: &str, value: Option<f64>, because: &str) -> Value {
+        let number = value.and_then(serde_json::Number::from_f64);
+        if number.is_none() {
+            let reason = if value.is_some() { "not a finite number" } else { because };
+            self.because.insert(key.to_owned(), Value::from(reason));
+        }
+        number.map_or(Value::Null, Value::Number)
+    }
+
+    fn force(&mut self) -> Value {
+        let m: ForceMetrics = self.run.force_metrics();
+        let unmeasured = "no measured force at the time of a prediction";
+        json!({
+            "peak_predicted_n": self.number("force.peak_predicted_n", m.peak_predicted_n, "no finite prediction"),
+            "peak_measured_n": self.number("force.peak_measured_n", m.peak_measured_n, unmeasured),
+            "rmse_n": self.number("force.rmse_n", m.rmse_n, unmeasured),
+            "nrmse": self.number("force.nrmse", m.nrmse, "no measured force that differs from zero"),
+            "max_abs_error_n": self.number("force.max_abs_error_n", m.max_abs_error_n, unmeasured),
+        })
+    }
+
+    fn timing(&mut self) -> Value {
+        let run = self.run;
+        let latency = run.latency_ms();
+        let unstepped = "no step was taken";
+        let unanswered = "no pose was answered";
+        json!({
+            "build_s": self.number("timing.build_s", Some(run.build_s), ""),
+            "wall_s": self.number("timing.wall_s", Some(run.wall_s), ""),
+            "simulated_s": self.number("timing.simulated_s", Some(run.simulated_s), ""),
+            "real_time_factor": self.number("timing.real_time_factor", run.real_time_factor(), unstepped),
+            "step_us": self.number("timing.step_us", run.step_us(), unstepped),
+            "pose_latency_ms": {
+                "p50": self.number("timing.pose_latency_ms.p50", latency.map(|l| l.p50), unanswered),
+                "p99": self.number("timing.pose_latency_ms.p99", latency.map(|l| l.p99), unanswered),
+                "max": self.number("timing.pose_latency_ms.max", latency.map(|l| l.max), unanswered),
+            },
+            "missed_deadlines": run.missed_deadlines,
+            "coalesced_poses": run.coalesced_poses,
+        })
+    }
+
+    fn stability(&mut self) -> Value {
+        let run = self.run;
+        json!({
+            "diverged": run.diverged.is_some(),
+            "divergence": run.diverged,
+            "min_jacobian": self.number("stability.min_jacobian", Some(run.min_jacobian), ""),
+            "max_kinetic_to_strain_energy":
+                self.number("stability.max_kinetic_to_strain_energy", Some(run.max_kinetic_to_strain_energy), ""),
+            "force_imbalance": self.number("stability.force_imbalance", Some(run.force_imbalance), ""),
+            "constraint_error_m": self.number("stability.constraint_error_m", Some(run.constraint_error_m), ""),
+        })
+    }
+
+    fn steps_per_pose(&mut self) -> Value {
+        let answers = &self.run.answers;
+        let mean = answers.iter().map(|a| f64::from(a.steps)).sum::<f64>() / answers.len() as f64;
+        json!({
+            "mean": self.number("steps_per_pose.mean", (!answers.is_empty()).then_some(mean), "no pose was answered"),
+            "max": answers.iter().map(|a| a.steps).max(),
+        })
+    }
+
+    fn puncture_depth(&mut self) -> Value {
+        let depth = self.run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| depth_m));
+        self.number("puncture_depth_m", depth, "the surface was not punctured")
+    }
+}

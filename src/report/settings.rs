@@ -1,0 +1,75 @@
+//! The scene's settings as a reader wants them: words, numbers with units.
+
+use super::picture::escaped;
+use std::fmt::Write as _;
+
+/// Endings of keys that name a unit, longest first where one ends in another.
+const UNITS: [(&str, &str); 12] = [
+    ("_kg_per_m3", "kg/m³"),
+    ("_m_per_s2", "m/s²"),
+    ("_m_per_s", "m/s"),
+    ("_rad", "rad"),
+    ("_deg", "°"),
+    ("_pa", "Pa"),
+    ("_hz", "Hz"),
+    ("_kg", "kg"),
+    ("_n", "N"),
+    ("_s", "s"),
+    ("_m", "m"),
+    ("_j", "J"),
+];
+
+/// HTML of the settings, one group per table of the scene; empty if the text is no TOML.
+pub(super) fn settings_html(scene_toml: &str) -> String {
+    let Ok(scene) = scene_toml.parse::<toml::Table>() else { return String::new() };
+    let mut html = String::new();
+    let own: toml::Table = scene.iter().filter(|(_, v)| !nested(v)).map(|(k, v)| (k.clone(), v.clone())).collect();
+    group(&mut html, "scene", &own);
+    for (name, value) in &scene {
+        match value {
+            toml::Value::Table(table) => group(&mut html, name, table),
+            toml::Value::Array(items) if nested(value) => {
+                for (i, item) in items.iter().filter_map(toml::Value::as_table).enumerate() {
+                    group(&mut html, &format!("{name} {}", i + 1), item);
+                }
+            }
+            _ => {}
+        }
+    }
+    html
+}
+
+fn nested(value: &toml::Value) -> bool {
+    value.is_table() || value.as_array().is_some_and(|a| !a.is_empty() && a.iter().all(toml::Value::is_table))
+}
+
+fn group(html: &mut String, name: &str, table: &toml::Table) {
+    // The description has its place at the head of the page.
+    let rows: Vec<_> = table.iter().filter(|(key, _)| *key != "description").collect();
+    if rows.is_empty() {
+        return;
+    }
+    let _ = writeln!(html, "<div><h3>{}</h3><dl>", escaped(&words(name)));
+    for (key, value) in rows {
+        let unit = UNITS.iter().find(|(ending, _)| key.ends_with(ending));
+        let (key, unit) = unit.map_or((key.as_str(), ""), |(e, u)| (key.strip_suffix(e).unwrap_or(key), u));
+        let shown = escaped(&text(value));
+        let _ = writeln!(html, "<div><dt>{}</dt><dd>{shown} {unit}</dd></div>", escaped(&words(key)));
+    }
+    html.push_str("</dl></div>\n");
+}
+
+fn words(key: &str) -> String {
+    key.replace('_', " ")
+}
+
+fn text(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(s) => s.clone(),
+        toml::Value::Array(items) => items.iter().map(text).collect::<Vec<_>>().join(", "),
+        toml::Value::Table(t) => {
+            t.iter().map(|(k, v)| format!("{} {}", words(k), text(v))).collect::<Vec<_>>().join(", ")
+        }
+        other => other.to_string(),
+    }
+}

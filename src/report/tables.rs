@@ -1,0 +1,183 @@
+//! Figures and tables of the page.
+
+use super::{
+    picture::escaped,
+    unit::{Scale, count, significant},
+};
+use crate::compare::Run;
+use crate::twin::Event;
+use std::fmt::Write as _;
+
+/// A figure that tells whether a run can be trusted, with the bound that says so.
+struct Guide {
+    name: &'static str,
+    value: f64,
+    shown: String,
+    good: bool,
+    bound: &'static str,
+    about: &'static str,
+}
+
+fn guides(run: &Run) -> [Guide; 4] {
+    let (jacobian, energy) = (run.min_jacobian, run.max_kinetic_to_strain_energy);
+    let (imbalance, constraint) = (run.force_imbalance, run.constraint_error_m);
+    [
+        Guide {
+            name: "Smallest volume ratio",
+            value: jacobian,
+            shown: significant(jacobian, 3),
+            good: jacobian > 0.1,
+            bound: "above 0.1",
+            about: "Volume of the most compressed cell over its volume at rest; 0 would be a cell turned inside out.",
+        },
+        Guide {
+            name: "Kinetic over strain energy",
+            value: energy,
+            shown: significant(energy, 2),
+            good: energy < 0.05,
+            bound: "below 0.05",
+            about: "Largest value once the force passed 10 % of its peak; small means that inertia does not colour the force.",
+        },
+        Guide {
+            name: "Force imbalance",
+            value: imbalance,
+            shown: significant(imbalance, 2),
+            good: imbalance < 0.02,
+            bound: "below 0.02",
+            about: "Instrument force plus base reaction, over the peak force.",
+        },
+        Guide {
+            name: "Constraint error",
+            value: constraint,
+            shown: format!("{} m", significant(constraint, 2)),
+            good: constraint < 1e-6,
+            bound: "below 10⁻⁶ m",
+            about: "Largest distance between the field and its prescribed value under the instrument and at the base.",
+        },
+    ]
+}
+
+/// One sentence that says whether the run can be trusted, and why not.
+pub(super) fn verdict(html: &mut String, run: &Run) {
+    let mut reasons: Vec<String> = run.losses.clone();
+    if !run.answers.is_empty() {
+        let off = guides(run).into_iter().filter(|g| !g.good);
+        reasons.extend(off.map(|g| format!("{}: {} (should be {})", g.name, g.shown, g.bound)));
+    }
+    if run.missed_deadlines > 0 {
+        reasons.push(format!("{} poses were answered after the next one had come", count(run.missed_deadlines)));
+    }
+    if run.coalesced_poses > 0 {
+        reasons.push(format!("{} poses were skipped for a newer one", count(run.coalesced_poses)));
+    }
+    let (class, text) = match &run.diverged {
+        Some(reason) => ("bad", format!("The model diverged: {reason}")),
+        None if run.answers.is_empty() => ("bad", "No pose was answered.".to_owned()),
+        None if !reasons.is_empty() => ("warn", "Finished, with remarks.".to_owned()),
+        None => ("good", "Finished; every check passed.".to_owned()),
+    };
+    let _ = writeln!(html, "<div class=\"verdict {class}\"><strong>{}</strong>", escaped(&text));
+    if !reasons.is_empty() {
+        let items: String = reasons.iter().map(|r| format!("<li>{}</li>", escaped(r))).collect();
+        let _ = writeln!(html, "<ul>{items}</ul>");
+    }
+    html.push_str("</div>\n");
+}
+
+/// The figures that people ask for first.
+pub(super) fn cards(html: &mut String, run: &Run) {
+    let force = Scale::of_force(run);
+    let m = run.force_metrics();
+    let newton = |f: Option<f64>| f.map(|f| significant(force.factor * f, 3));
+    let with_unit = |f: Option<f64>| newton(f).map(|f| format!("{f} {}", force.unit)).unwrap_or_default();
+    html.push_str("<div class=\"cards\">\n");
+    let measured = m.peak_measured_n.map(|_| format!("measured {}", with_unit(m.peak_measured_n)));
+    card(html, "Peak force, predicted", newton(m.peak_predicted_n), force.unit, measured);
+    if let Some(nrmse) = m.nrmse {
+        let largest = format!("RMSE {}, largest {}", with_unit(m.rmse_n), with_unit(m.max_abs_error_n));
+        card(html, "Error, RMSE over measured peak", Some(significant(100.0 * nrmse, 2)), "%", Some(largest));
+    }
+    let seconds = format!("{} s of stepping for {} s", significant(run.wall_s, 3), significant(run.simulated_s, 3));
+    card(html, "Speed", run.real_time_factor().map(|f| significant(f, 3)), "× real time", Some(seconds));
+    if let Some(latency) = run.latency_ms() {
+        let rest = format!("median {}, longest {} ms", significant(latency.p50, 2), significant(latency.max, 2));
+        card(html, "Latency, 99 % of poses under", Some(significant(latency.p99, 2)), "ms", Some(rest));
+    }
+    if !run.answers.is_empty() {
+        let mean = run.steps as f64 / run.answers.len() as f64;
+        let step = run.step_us().map(|us| format!(", {} µs each", significant(us, 3))).unwrap_or_default();
+        let rest = format!("{} in all{step}", count(run.steps));
+        card(html, "Explicit steps per pose", Some(significant(mean, 3)), "", Some(rest));
+    }
+    let points = format!("{}, {} integration points", run.method, count(run.integration_points as u64));
+    card(html, "Nodes", Some(count(run.nodes as u64)), "", Some(points));
+    let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
+    if let Some((depth_m, time_s)) = puncture {
+        let when = format!("after {} s", significant(time_s, 3));
+        card(html, "Puncture at", Some(significant(1e3 * depth_m, 3)), "mm", Some(when));
+    }
+    html.push_str("</div>\n");
+}
+
+fn card(html: &mut String, name: &str, figure: Option<String>, unit: &str, below: Option<String>) {
+    let figure = figure.unwrap_or_else(|| "–".to_owned());
+    let below = below.map(|b| format!("<p>{}</p>", escaped(&b))).unwrap_or_default();
+    let _ = writeln!(
+        html,
+        "<div class=\"card\"><h3>{name}</h3><div class=\"figure\">{figure} <small>{unit}</small></div>{below}</div>"
+    );
+}
+
+/// How stable the run was, each figure with its bound.
+pub(super) fn stability(html: &mut String, run: &Run) {
+    html.push_str(
+        "<section id=\"stability\">\n<h2>Stability</h2>\n<div class=\"wide\"><table>\n<thead><tr><th>Figure</th>\
+         <th class=\"number\">Value</th><th>Should be</th><th></th><th>What it says</th></tr></thead>\n<tbody>\n",
+    );
+    for g in guides(run) {
+        let (class, word) = match (g.good, g.value.is_finite()) {
+            (true, _) => ("good", "✓ holds"),
+            (false, true) => ("bad", "✗ does not hold"),
+            (false, false) => ("bad", "✗ not finite"),
+        };
+        let _ = writeln!(
+            html,
+            "<tr><th>{}</th><td class=\"number\">{}</td><td>{}</td><td><span class=\"state {class}\">{word}</span></td>\
+             <td>{}</td></tr>",
+            g.name, g.shown, g.bound, g.about
+        );
+    }
+    html.push_str("</tbody></table></div>\n</section>\n");
+}
+
+/// Names of the targets with the colours of their curves.
+pub(super) fn target_legend(run: &Run) -> String {
+    let entry = |(k, name): (usize, &String)| {
+        format!("<li><i style=\"border-color:var(--t{})\"></i>{}</li>", k % 6, escaped(name))
+    };
+    format!("<ul class=\"legend\">{}</ul>", run.target_names.iter().enumerate().map(entry).collect::<String>())
+}
+
+/// Where each target started, how far it went, and where it ended, mm.
+pub(super) fn targets(run: &Run) -> String {
+    let mut html = String::from(
+        "<div class=\"wide\"><table>\n<thead><tr><th>Target</th><th class=\"number\">Start x, y, z in mm</th>\
+         <th class=\"number\">End x, y, z in mm</th><th class=\"number\">Farthest in mm</th></tr></thead>\n<tbody>\n",
+    );
+    let place = |p: [f64; 3]| p.map(|c| format!("{:.2}", 1e3 * c + 0.0).replace('-', "−")).join(", ");
+    for (k, name) in run.target_names.iter().enumerate() {
+        let mut path = run.targets.iter().filter_map(|row| row.positions.get(k).copied());
+        let Some(start) = path.next() else { continue };
+        let moved = |p: [f64; 3]| (0..3).map(|c| (p[c] - start[c]).powi(2)).sum::<f64>().sqrt();
+        let farthest = path.clone().map(moved).fold(0.0, f64::max);
+        let _ = writeln!(
+            html,
+            "<tr><th>{}</th><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>",
+            escaped(name),
+            place(start),
+            place(path.last().unwrap_or(start)),
+            significant(1e3 * farthest, 3)
+        );
+    }
+    html + "</tbody></table></div>"
+}
