@@ -1,8 +1,8 @@
 // The deformed sample in three dimensions: drawn by a small rasteriser of its own, so that it looks the same with and
 // without a graphics card. Orthographic, z up.
 
-/// Colours from dark to light, even steps to the eye (viridis).
-const SEQUENTIAL = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98], [173, 220, 48], [253, 231, 37]];
+/// Colours from dark to light, even steps to the eye (viridis, its darkest end lifted so that it stands off a dark page).
+const SEQUENTIAL = [[70, 32, 110], [70, 55, 130], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98], [173, 220, 48], [253, 231, 37]];
 /// Blue below, red above, pale at the middle.
 const DIVERGING = [[33, 80, 160], [75, 130, 200], [140, 180, 222], [200, 214, 230], [236, 236, 236], [240, 208, 190], [226, 150, 118], [200, 88, 66], [160, 30, 40]];
 
@@ -157,7 +157,7 @@ class View {
     this.slider.value = frame;
     this.slider.setAttribute('aria-valuetext', `${this.data.time[frame].toFixed(2)} s`);
     this.place.querySelector('[data-show=moment]').textContent =
-      `${this.data.time[frame].toFixed(2)} s, depth ${minus((1e3 * this.data.depth[frame]).toFixed(2))} mm`;
+      `${this.data.time[frame].toFixed(2)} s, ${minus((1e3 * this.data.depth[frame]).toFixed(2))} mm`;
     this.legend(low, high);
     this.paint();
   }

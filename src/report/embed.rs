@@ -3,7 +3,14 @@
 //! Bounded: curves are thinned, the field is kept in 16-bit steps at as many moments as fit, and a sample that is too
 //! large for a page is left out.
 
-use super::{ReportError, page::FILE, section::Section, thin::thin, unit::Scale};
+use super::{
+    ReportError,
+    page::FILE,
+    phases::{self, Stretch},
+    section::Section,
+    thin::thin,
+    unit::Scale,
+};
 use crate::compare::{Answer, Run, Snapshot};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::twin::Event;
@@ -31,7 +38,9 @@ pub(super) fn data(run: &Run) -> Result<Value, ReportError> {
         "force": { "factor": force.factor, "unit": force.unit },
         "rows": rows(&answers),
         "retraction": kept.partition_point(|&i| i < run.legs().retraction),
-        "phases": phases(run),
+        "phases": bands(&phases::over_time(run)),
+        "depth_phases": bands(&phases::over_depth(run)),
+        "hold": hold(run),
         "events": events(run),
         "period_ms": period_ms(run),
         "targets": targets(run),
@@ -83,20 +92,13 @@ fn rows(answers: &[&Answer]) -> Value {
     })
 }
 
-/// Stretches of time of one phase.
-fn phases(run: &Run) -> Value {
-    let mut bands: Vec<(&'static str, f64, f64)> = Vec::new();
-    for a in run.answers.iter().filter(|a| a.time_s.is_finite()) {
-        let word = a.phase.as_str();
-        if let Some((last, _, to)) = bands.last_mut() {
-            *to = a.time_s;
-            if *last == word {
-                continue;
-            }
-        }
-        bands.push((word, a.time_s, a.time_s));
-    }
-    bands.into_iter().map(|(word, from, to)| json!({ "word": word, "from": from, "to": to })).collect()
+fn bands(stretches: &[Stretch]) -> Value {
+    stretches.iter().map(|s| json!({ "word": s.word, "from": s.from, "to": s.to })).collect()
+}
+
+/// Depth and time spent at the deepest point, where the run stays there.
+fn hold(run: &Run) -> Option<Value> {
+    run.hold().map(|(depth_m, duration_s)| json!({ "depth": depth_m, "duration": duration_s }))
 }
 
 fn events(run: &Run) -> Value {

@@ -11,6 +11,7 @@ mod files;
 mod force_plot;
 mod metrics;
 mod page;
+mod phases;
 mod picture;
 mod plot;
 mod section;

@@ -154,7 +154,7 @@ const VIEW: &str = r#"<section id="sample" class="view">
 <h2>Deformed sample</h2>
 <p>Drag to turn, pinch or use the wheel to zoom. Dotted: the undeformed outline.</p>
 <div class="controls">
-<select data-control="mode" aria-label="What to show"><option value="half">cut through the axis</option><option value="whole">whole surface</option></select>
+<select data-control="mode" aria-label="What to show"><option value="half">cut open</option><option value="whole">whole</option></select>
 <select data-control="field" aria-label="Colour"><option value="displacement">displacement</option><option value="jacobian">volume ratio</option></select>
 <button type="button" data-control="mesh" aria-pressed="false">Mesh</button>
 <button type="button" data-control="out" aria-label="Zoom out">−</button>

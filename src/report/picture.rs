@@ -89,6 +89,11 @@ impl Picture {
         }
     }
 
+    /// A filled rectangle between two corners.
+    pub fn rectangle(&mut self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2], colour: Colour) {
+        self.marks.push(Mark::Area { points: vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]], colour });
+    }
+
     /// A filled circle.
     pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
         let corner = |i: i32| {
@@ -156,6 +161,16 @@ impl Picture {
         }
         pixmap.encode_png().map_err(|e| fail(e.to_string()))
     }
+}
+
+/// The text, cut with an ellipsis if it is wider than `room` px.
+pub(super) fn fitted(text: &str, size: f32, room: f64) -> String {
+    if text_width(text, size, false) <= room {
+        return text.to_owned();
+    }
+    let mut cut = text.to_owned();
+    while cut.pop().is_some() && text_width(&cut, size, false) + f64::from(size) > room {}
+    format!("{}…", cut.trim_end())
 }
 
 /// Width of a text, px.
