@@ -1,5 +1,6 @@
 //! Contract of scene files: presets load, every key can be set, a scene survives being written and read,
 //! and nothing that a user can write makes the reader panic.
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::scene::keys::{self, KEYS};
 use needle_twin::scene::{

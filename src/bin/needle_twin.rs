@@ -1,1 +1,7 @@
-fn main() {}
+//! The command line of needle_twin; `needle_twin --help` says what it does.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    needle_twin::cli::run(std::env::args_os())
+}

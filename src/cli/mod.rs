@@ -1,1 +1,108 @@
-//! (module)
+//! The command line: arguments → one library call → exit code. One file per sub-command.
+//!
+//! Results go to stdout, progress and diagnostics to stderr. A failure is one message: what, where, what to do.
+
+mod error;
+mod interrupt;
+mod options;
+mod output;
+mod progress;
+mod replay;
+mod scene;
+pub mod scene_file;
+mod solve;
+mod summary;
+
+use std::ffi::OsString;
+use std::io::{self, Write as _};
+use std::process::ExitCode;
+
+use clap::{CommandFactory as _, Parser, Subcommand};
+
+pub use error::CliError;
+
+/// Exit codes, in the words of the help.
+const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \
+                          3 finished, but data was lost or the model diverged on the way.";
+
+/// Digital twin of a needle-insertion test rig: predicts the load cell's force and the tissue's deformation.
+#[derive(Debug, Parser)]
+#[command(name = "needle_twin", version, after_help = EXIT_CODES, max_term_width = 110)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Replay(replay::Arguments),
+    Solve(solve::Arguments),
+    Scene(scene::Arguments),
+}
+
+/// How a command ended that did not fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything was done.
+    Complete,
+    /// It ended, but data was lost or the model diverged on the way.
+    Lossy,
+}
+
+/// Runs the program with its arguments (the first is the program's name) and gives the exit code of the process.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => exit_code(dispatch(arguments)),
+        // Help and version end here too, as "errors" of exit code 0 that go to stdout.
+        Err(error) => {
+            let _ = error.print(); // nowhere left to say that it can't be said
+            ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
+        }
+    }
+}
+
+fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
+    match arguments.command {
+        Some(Command::Replay(arguments)) => replay::run(&arguments),
+        Some(Command::Solve(arguments)) => solve::run(&arguments),
+        Some(Command::Scene(arguments)) => scene::run(arguments),
+        None => {
+            print(&format!("{}\n", Arguments::command().render_help()))?;
+            Ok(Outcome::Complete)
+        }
+    }
+}
+
+fn exit_code(result: Result<Outcome, CliError>) -> ExitCode {
+    match result {
+        Ok(Outcome::Complete) => ExitCode::SUCCESS,
+        Ok(Outcome::Lossy) => ExitCode::from(3),
+        // Whoever reads our output has had enough of it (`| head`).
+        Err(CliError::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => {
+            let _ = writeln!(io::stderr(), "error: {error}"); // nowhere left to say that it can't be said
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Writes a result to stdout.
+fn print(text: &str) -> Result<(), CliError> {
+    let mut stdout = io::stdout().lock();
+    stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()).map_err(CliError::Stdout)
+}
+
+/// Writes a diagnostic to stderr.
+fn warn(message: &str) {
+    let _ = writeln!(io::stderr(), "warning: {message}"); // nowhere left to say that it can't be said
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_definition_of_the_command_line_is_sound() {
+        Arguments::command().debug_assert();
+    }
+}

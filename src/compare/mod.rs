@@ -1,10 +1,16 @@
 //! Predicted against measured: what one run of the twin produced, and its figures of merit.
 
+mod collector;
+mod drive;
 mod legs;
 mod metrics;
+mod series;
 
+pub use collector::{Collector, Keep};
+pub use drive::{At, Reading, Watch, build, drive};
 pub use legs::Legs;
 pub use metrics::{ForceMetrics, Latency};
+pub use series::ForceSeries;
 
 use crate::scene::Instrument;
 use crate::twin::{Event, Phase};

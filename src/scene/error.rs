@@ -41,7 +41,7 @@ pub enum SceneError {
         allowed: String,
     },
     /// A number outside its range.
-    #[error("{place}: {key} = {value} is out of range; allowed: {allowed}{reason}")]
+    #[error("{place}: {key} = {value} is out of range; allowed: {allowed}")]
     OutOfRange {
         /// Where.
         place: String,
@@ -49,13 +49,11 @@ pub enum SceneError {
         key: String,
         /// Its value.
         value: String,
-        /// The range.
+        /// The range, and why where that isn't plain.
         allowed: String,
-        /// Why, where that isn't plain.
-        reason: String,
     },
     /// A word that isn't one of the key's.
-    #[error("{place}: {key} = \"{value}\" is not known; allowed: {allowed}{hint}")]
+    #[error("{place}: {key} = \"{value}\" is not known; allowed: {allowed}")]
     UnknownWord {
         /// Where.
         place: String,
@@ -63,10 +61,8 @@ pub enum SceneError {
         key: String,
         /// The word.
         value: String,
-        /// The known words.
+        /// The known words, and the nearest.
         allowed: String,
-        /// The nearest.
-        hint: String,
     },
     /// A required key is absent.
     #[error("{place}: {key} is missing; allowed: {allowed}{because}")]
@@ -81,7 +77,7 @@ pub enum SceneError {
         because: String,
     },
     /// A key that doesn't go with another one's word.
-    #[error("{place}: {key} = {value} doesn't apply: {selector} is \"{word}\", and the key belongs to {belongs}")]
+    #[error("{place}: {key} = {value} doesn't apply: {reason}")]
     DoesNotApply {
         /// Where.
         place: String,
@@ -89,12 +85,8 @@ pub enum SceneError {
         key: String,
         /// Its value.
         value: String,
-        /// The key that selects.
-        selector: String,
-        /// Its word.
-        word: String,
-        /// The words with which it would make sense.
-        belongs: String,
+        /// The key that selects, its word, and the words with which this one would make sense.
+        reason: String,
     },
     /// Two values that contradict each other.
     #[error("{place}: {key} = {value}: {reason}")]

@@ -168,8 +168,10 @@ impl Key {
             place: place.to_owned(),
             key: path.to_owned(),
             value: value.to_string(),
-            allowed: self.allowed(),
-            reason: if self.reason.is_empty() { String::new() } else { format!(" ({})", self.reason) },
+            allowed: match self.reason {
+                "" => self.allowed(),
+                reason => format!("{} ({reason})", self.allowed()),
+            },
         })
     }
 
@@ -181,8 +183,10 @@ impl Key {
             place: place.to_owned(),
             key: path.to_owned(),
             value: word.to_owned(),
-            allowed: self.allowed(),
-            hint: nearest_word(word, words).map_or_else(String::new, |near| format!("; did you mean {near}?")),
+            allowed: match nearest_word(word, words) {
+                Some(near) => format!("{}; did you mean {near}?", self.allowed()),
+                None => self.allowed(),
+            },
         })
     }
 

@@ -106,10 +106,11 @@ pub static KEYS: &[Key] = &[
     .or("0.3"),
     Key::real(
         "discretisation.growth",
-        Range::above(0.0, 10.0),
+        Range::above(0.0, 0.5),
         "m/m",
         "Growth of the spacing per metre of distance from an edge.",
     )
+    .because("cells that grow faster than by half their size from one to the next lose their shape")
     .or("0.35"),
     Key::real(
         "discretisation.support_factor",
@@ -129,9 +130,9 @@ pub static KEYS: &[Key] = &[
     Key::word(
         "discretisation.volume_ratio",
         VolumeRatio::WORDS,
-        "Volume ratio that the pressure sees: averaged cures volumetric locking.",
+        "Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged (over each node) half-way.",
     )
-    .or("averaged"),
+    .or("projected"),
     Key::word("discretisation.precision", Precision::WORDS, "Precision of the internal-force kernel.").or("f32"),
     // stepping
     Key::real(

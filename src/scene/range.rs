@@ -47,6 +47,11 @@ impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let left = if self.low_allowed { '[' } else { '(' };
         let right = if self.high_allowed { ']' } else { ')' };
-        write!(f, "{left}{}, {}{right}", self.low, self.high)
+        write!(f, "{left}{}, {}{right}", plain(self.low), plain(self.high))
     }
+}
+
+/// A number without a tail of zeros.
+fn plain(x: f64) -> String {
+    if x.abs() < 1e5 { x.to_string() } else { format!("{x:e}") }
 }

@@ -7,6 +7,8 @@ use super::{InstrumentKind, Metres, Precision, Scene, Shape};
 /// Most memory that a scene may ask for, bytes.
 pub const MEMORY_LIMIT: f64 = 8e9;
 
+/// Nodes per cube of the spacing: the packing is denser than a cubic lattice.
+const PACKING: f64 = 1.3;
 /// Background tetrahedra per node of a large cloud.
 const CELLS_PER_NODE: f64 = 5.5;
 /// Support nodes of an integration point at a support factor of 1.8 (method.md, section 3.7).
@@ -33,7 +35,7 @@ impl Scene {
     /// The same with another spacing.
     fn estimate_at(&self, spacing: f64) -> Estimate {
         let d = &self.discretisation;
-        let nodes = self.volume() / spacing.powi(3) + self.edge_nodes(spacing);
+        let nodes = PACKING * (self.volume() / spacing.powi(3) + self.edge_nodes(spacing));
         let support = SUPPORT_NODES * (d.support_factor / 1.8).powi(3);
         let float = match d.precision {
             Precision::F32 => 4.0,

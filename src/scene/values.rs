@@ -113,13 +113,12 @@ impl Values {
     pub(super) fn check_applicability(&self) -> Result<(), SceneError> {
         for (path, entry) in &self.entries {
             if let Some((selector, word, words)) = self.misfit(path)? {
+                let words: Vec<_> = words.iter().map(|w| format!("\"{w}\"")).collect();
                 return Err(SceneError::DoesNotApply {
                     place: entry.place.clone(),
                     key: path.clone(),
                     value: entry.value.to_string(),
-                    selector: selector.to_owned(),
-                    word,
-                    belongs: words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and "),
+                    reason: format!("{selector} is \"{word}\", and the key belongs to {}", words.join(" and ")),
                 });
             }
         }

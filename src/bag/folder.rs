@@ -1,0 +1,161 @@
+//! Finds the files of a bag from what the user names, and says what is there when it isn't one.
+
+use super::error::{BagError, Loss};
+use super::metadata::Metadata;
+use super::record::MAGIC;
+use super::source::Source;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// How a bag of another kind becomes one that can be read here.
+const CONVERT: &str = "convert it, for instance with `rosbags-convert --src BAG --dst NEW --dst-storage mcap` (pip install rosbags) \
+                       or with `ros2 bag convert`, and open NEW";
+
+/// Largest metadata.yaml that is read: a thousand topics are about a megabyte.
+const METADATA_LIMIT: u64 = 16 << 20;
+
+/// The files of a bag.
+pub(super) struct Located {
+    pub files: Vec<PathBuf>,
+    pub metadata: Option<Metadata>,
+    pub losses: Vec<Loss>,
+    pub warnings: Vec<String>,
+}
+
+/// Finds the MCAP files behind `path`: a folder, its metadata.yaml, or a file.
+pub(super) fn locate(path: &Path) -> Result<Located, BagError> {
+    let about = fs::metadata(path).map_err(|source| BagError::Open { path: path.to_path_buf(), source })?;
+    if about.is_dir() {
+        return in_folder(path);
+    }
+    if path.file_name().is_some_and(|name| name == "metadata.yaml") {
+        return in_folder(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")));
+    }
+    Ok(Located { files: vec![path.to_path_buf()], metadata: None, losses: Vec::new(), warnings: Vec::new() })
+}
+
+fn in_folder(folder: &Path) -> Result<Located, BagError> {
+    let not_a_bag = |found: String, remedy: &str| BagError::NotABag {
+        path: folder.to_path_buf(),
+        found,
+        remedy: remedy.to_owned(),
+    };
+    let mut warnings = Vec::new();
+    let metadata = read_metadata(&folder.join("metadata.yaml"), &mut warnings);
+    if let Some(metadata) = &metadata {
+        if metadata.storage_identifier != "mcap" {
+            return Err(not_a_bag(format!("a bag with {} storage, not MCAP", metadata.storage_identifier), CONVERT));
+        }
+        let mode = metadata.compression_mode.to_ascii_uppercase();
+        if !matches!(mode.as_str(), "" | "NONE") {
+            return Err(not_a_bag(format!("a bag with {mode} compression by rosbag2"), CONVERT));
+        }
+    }
+    let listed: Vec<PathBuf> =
+        metadata.iter().flat_map(|m| &m.relative_file_paths).filter_map(|f| inside(folder, f)).collect();
+    let mut losses = Vec::new();
+    let mut files = Vec::new();
+    for file in listed {
+        if file.is_file() {
+            files.push(file);
+        } else {
+            losses.push(Loss::MissingFile { file: file.display().to_string() });
+        }
+    }
+    let present = mcap_files(folder).map_err(|source| BagError::Open { path: folder.to_path_buf(), source })?;
+    if files.is_empty() {
+        if metadata.is_some() && !present.is_empty() {
+            warnings
+                .push("metadata.yaml lists no file that is there: all MCAP files of the folder were taken".to_owned());
+        }
+        files = present;
+    } else if let Some(extra) = present.iter().find(|p| !files.contains(p)) {
+        warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
+    }
+    if files.is_empty() {
+        let other = fs::read_dir(folder)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .any(|e| e.path().extension().is_some_and(|x| x == "db3"));
+        let found = if other {
+            "a bag with sqlite3 storage, not MCAP"
+        } else {
+            "no bag: there is no .mcap file in this folder"
+        };
+        return Err(not_a_bag(
+            found.to_owned(),
+            if other { CONVERT } else { "name the folder that `ros2 bag record` made" },
+        ));
+    }
+    Ok(Located { files, metadata, losses, warnings })
+}
+
+/// A file of the folder by the name that metadata.yaml gives: nothing outside the folder is opened.
+fn inside(folder: &Path, name: &str) -> Option<PathBuf> {
+    Path::new(name).file_name().map(|name| folder.join(name))
+}
+
+fn read_metadata(path: &Path, warnings: &mut Vec<String>) -> Option<Metadata> {
+    let text = match fs::metadata(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            warnings.push(
+                "there is no metadata.yaml: all MCAP files of the folder were taken (`ros2 bag reindex` makes it)"
+                    .into(),
+            );
+            return None;
+        }
+        Ok(about) if about.len() > METADATA_LIMIT => Err(format!("it has {} bytes", about.len())),
+        _ => fs::read_to_string(path).map_err(|e| e.to_string()),
+    };
+    match text.and_then(|text| Metadata::parse(&text)) {
+        Ok(metadata) => Some(metadata),
+        Err(reason) => {
+            let reason = reason.lines().next().unwrap_or_default();
+            warnings.push(format!("metadata.yaml can't be used ({reason}): all MCAP files of the folder were taken"));
+            None
+        }
+    }
+}
+
+/// The MCAP files of a folder in the order of recording: `NAME_2.mcap` before `NAME_10.mcap`.
+fn mcap_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut files: Vec<PathBuf> = fs::read_dir(folder)?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.extension().is_some_and(|x| x == "mcap") && path.is_file())
+        .collect();
+    files.sort_by_key(|path| {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let digits = stem.chars().rev().take_while(char::is_ascii_digit).count();
+        let (name, number) = stem.split_at(stem.len() - digits);
+        (name.to_owned(), number.parse::<u64>().unwrap_or(0), stem.clone())
+    });
+    Ok(files)
+}
+
+/// Looks at the first bytes of a file.
+///
+/// # Errors
+/// [`BagError::NotABag`] if they are not those of an MCAP file.
+pub(super) fn check_start(path: &Path, source: &Source) -> Result<(), BagError> {
+    let open = |source| BagError::Open { path: path.to_path_buf(), source };
+    let start = source.read(0, source.len().min(16)).map_err(open)?;
+    if start.starts_with(&MAGIC) {
+        return Ok(());
+    }
+    let again = "record it again, or take another copy";
+    let (found, remedy) = if start.is_empty() {
+        ("an empty file", again)
+    } else if MAGIC.starts_with(&start) {
+        ("an MCAP file that was cut off within its first 8 bytes", again)
+    } else if start.starts_with(b"SQLite format 3") {
+        ("a bag with sqlite3 storage, not MCAP", CONVERT)
+    } else if start.starts_with(b"#ROSBAG") {
+        ("a ROS 1 bag", CONVERT)
+    } else if start.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) {
+        ("a file that was compressed with zstd", "unpack it with `zstd -d` first")
+    } else {
+        ("not a bag: it does not start like an MCAP file", "name a rosbag2 folder or an .mcap file")
+    };
+    Err(BagError::NotABag { path: path.to_path_buf(), found: found.to_owned(), remedy: remedy.to_owned() })
+}

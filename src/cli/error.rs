@@ -1,0 +1,65 @@
+//! Why a command failed.
+
+use std::io;
+use std::path::PathBuf;
+
+use crate::bag::BagError;
+use crate::report::ReportError;
+use crate::scene::SceneError;
+use crate::twin::BuildError;
+
+/// Why a command failed: what, where, what to do. Printed once, at the edge.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CliError {
+    /// The scene is wrong.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A scene file can't be read.
+    #[error("{}: {reason}", .path.display())]
+    SceneFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// The twin of a scene can't be built.
+    #[error("scene {scene} can't be discretised: {source}")]
+    Build {
+        /// Its name.
+        scene: String,
+        /// Why.
+        source: BuildError,
+    },
+    /// A scene has no motion of its own.
+    #[error("scene {scene} has no [motion] of its own; give --depth-m (and --speed-m-per-s, --pose-hz)")]
+    NoMotion {
+        /// Its name.
+        scene: String,
+    },
+    /// The bag can't be read.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// The output can't be written.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// The threads can't be started.
+    #[error("can't start {threads} threads: {source}; give fewer with --threads")]
+    Threads {
+        /// How many were wanted.
+        threads: usize,
+        /// Why.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// Some of several scenes are wrong; each has been named.
+    #[error("{bad} of {all} scenes can't be used")]
+    ScenesRefused {
+        /// How many are wrong.
+        bad: usize,
+        /// How many there are.
+        all: usize,
+    },
+    /// stdout can't be written.
+    #[error("stdout: {0}")]
+    Stdout(io::Error),
+}

@@ -1,0 +1,65 @@
+//! Progress of a run on stderr: a bar where that is a terminal, nothing where it isn't.
+
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::interrupt::Interrupt;
+use crate::compare::{Answer, Watch};
+
+/// Answers between two looks at the bar: it must not cost time that the steps could have.
+const STRIDE: usize = 64;
+
+/// A progress bar that ends with Ctrl-C.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    interrupt: Interrupt,
+}
+
+impl Progress {
+    /// Says what is being prepared, for as long as the number of poses isn't shown yet.
+    pub(super) fn preparing(what: &str) -> Self {
+        let bar = ProgressBar::new_spinner().with_message(what.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(100));
+        Self { bar, interrupt: Interrupt::listen() }
+    }
+
+    /// Goes over to counting poses.
+    pub(super) fn count(&self, poses: usize) {
+        self.bar.disable_steady_tick();
+        let style = ProgressStyle::with_template("{bar:40} {percent:>3}% {pos}/{len} poses, {eta} left  {msg}");
+        self.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        self.bar.set_length(poses as u64);
+        self.bar.set_message("");
+    }
+
+    /// Takes the bar away.
+    pub(super) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Watch for Progress {
+    fn progress(&mut self, done: usize, answer: Option<&Answer>) {
+        if !done.is_multiple_of(STRIDE) || self.bar.is_hidden() {
+            return;
+        }
+        self.bar.set_position(done as u64);
+        if let Some(answer) = answer {
+            let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {n:.4} N"));
+            self.bar.set_message(format!(
+                "depth {:.2} mm, predicted {:.4} N{measured}",
+                1e3 * answer.depth_m,
+                answer.predicted_n
+            ));
+        }
+    }
+
+    fn warn(&mut self, message: &str) {
+        self.bar.suspend(|| super::warn(message));
+    }
+
+    fn stop(&self) -> bool {
+        self.interrupt.pressed()
+    }
+}

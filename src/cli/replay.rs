@@ -1,0 +1,130 @@
+//! `needle_twin replay`: a recording through the twin, offline and deterministic.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::options::{OutputOptions, SetOptions, ThreadOptions};
+use super::progress::Progress;
+use super::{CliError, Outcome, output, scene_file};
+use crate::bag::{Recording, TopicNames};
+use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run, Watch as _};
+use crate::scene::Scene;
+
+/// Scene of a bag that doesn't say which it was made for.
+const DEFAULT_SCENE: &str = "needle_insertion";
+/// Frame of poses and wrenches.
+const FRAME: &str = "sample";
+
+/// Run the recorded motion of a bag and compare with its load cell: one message at a time, as fast as the machine
+/// allows; the same bag, scene and settings give the same checksum
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// rosbag2 folder or .mcap file
+    bag: PathBuf,
+
+    /// Preset or scene file [default: the one that the bag names, needle_insertion if it names none]
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
+    scene: Option<String>,
+
+    #[command(flatten)]
+    set: SetOptions,
+
+    #[command(flatten)]
+    topics: TopicOptions,
+
+    #[command(flatten)]
+    threads: ThreadOptions,
+
+    /// Seed of what is drawn at random; a replay draws nothing, so its results don't depend on it
+    #[arg(long, value_name = "N", help_heading = "Run")]
+    seed: Option<u64>,
+
+    #[command(flatten)]
+    output: OutputOptions,
+}
+
+/// Which topics of the bag are taken.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Bag")]
+struct TopicOptions {
+    /// Joint whose position is the depth
+    #[arg(long, value_name = "NAME", default_value = "insertion")]
+    joint: String,
+
+    /// Topic of the displacement sensor, sensor_msgs/JointState [default: a measured_js]
+    #[arg(long, value_name = "TOPIC")]
+    measured_js: Option<String>,
+
+    /// Topic of the tip's pose, geometry_msgs/PoseStamped [default: a measured_cp, where there is no measured_js]
+    #[arg(long, value_name = "TOPIC")]
+    measured_cp: Option<String>,
+
+    /// Topic of the load cell, geometry_msgs/WrenchStamped [default: a measured_cf]
+    #[arg(long, value_name = "TOPIC")]
+    measured_cf: Option<String>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
+    let recording = Recording::load(&arguments.bag, &arguments.topics.names())?;
+    let name = arguments.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
+    let scene = arguments.set.apply(&scene_file::load(name)?, [])?;
+    let folder = output::prepare(&arguments.output)?;
+    let readings = arguments.topics.readings(&recording);
+    let run = arguments.threads.install(|| replay(&scene, &recording, readings, folder.is_some()))??;
+    output::deliver(&run, folder.as_ref(), arguments.output.json)
+}
+
+impl TopicOptions {
+    fn names(&self) -> TopicNames {
+        TopicNames {
+            joint_state: self.measured_js.clone(),
+            pose: self.measured_cp.clone(),
+            wrench: self.measured_cf.clone(),
+            joint: self.joint.clone(),
+        }
+    }
+
+    /// The depths, unless there are none or the pose was asked for by name.
+    fn readings(&self, recording: &Recording) -> Vec<Reading> {
+        let pose_wanted = self.measured_cp.is_some() && self.measured_js.is_none();
+        if recording.depths.is_empty() || pose_wanted {
+            recording.poses.iter().map(|s| Reading { time_s: s.time_s, at: At::Pose(s.pose()) }).collect()
+        } else {
+            recording.depths.iter().map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect()
+        }
+    }
+}
+
+fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, fields: bool) -> Result<Run, CliError> {
+    let mut progress = Progress::preparing("building the model");
+    for warning in recording.warnings.iter().chain(&foreign_frames(recording, &readings)) {
+        progress.warn(warning);
+    }
+    let built = compare::build(scene);
+    let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    progress.count(readings.len());
+    let duration_s = readings.first().zip(readings.last()).map(|(first, last)| last.time_s - first.time_s);
+    let mut collector = Collector::new(&twin, "replay", build_s, Keep { fields, duration_s });
+    recording.losses.iter().for_each(|loss| collector.lost(loss.to_string()));
+    let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
+    if !measured.is_empty() {
+        collector.measured_source(&recording.source);
+    }
+    let run = compare::drive(&mut twin, readings, Some(&measured), collector, &mut progress);
+    progress.finish();
+    Ok(run)
+}
+
+/// What to say of poses and forces that are recorded in another frame: a replay has no transforms to bring them over.
+fn foreign_frames(recording: &Recording, readings: &[Reading]) -> Vec<String> {
+    let poses_used = readings.first().is_some_and(|reading| matches!(reading.at, At::Pose(_)));
+    let [poses, forces] = &recording.frame_ids;
+    [("poses", poses, poses_used), ("forces", forces, !recording.forces.is_empty())]
+        .into_iter()
+        .filter(|(_, frame, used)| *used && !frame.is_empty() && frame.trim_start_matches('/') != FRAME)
+        .map(|(what, frame, _)| {
+            format!("the {what} are recorded in frame \"{frame}\" and are taken as if it were \"{FRAME}\" (z up)")
+        })
+        .collect()
+}

@@ -1,0 +1,175 @@
+//! `needle_twin scene`: what scenes there are, what is in one, and whether it can be used.
+
+use std::fmt::Write as _;
+
+use clap::{Args, Subcommand};
+use serde_json::{Map, json};
+
+use super::options::SetOptions;
+use super::{CliError, Outcome, print, scene_file};
+use crate::scene::keys::{KEYS, SECTIONS};
+use crate::scene::{Key, PRESETS, Scene, Value};
+
+/// List, print and check scenes
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Name the presets that are compiled in
+    List {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print a scene, ready to be edited; with --set, as it then is
+    Show(Show),
+    /// Read and check scenes without running them
+    Check {
+        /// Presets or scene files
+        #[arg(required = true, value_name = "NAME|FILE")]
+        scenes: Vec<String>,
+        #[command(flatten)]
+        set: SetOptions,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Debug, Args)]
+struct Show {
+    /// Preset or scene file
+    #[arg(value_name = "NAME|FILE", required_unless_present = "keys")]
+    scene: Option<String>,
+    #[command(flatten)]
+    set: SetOptions,
+    /// Document every key that a scene can have: type, range, unit, default
+    #[arg(long, conflicts_with_all = ["scene", "set"])]
+    keys: bool,
+    /// Print JSON: every key by its dotted path
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: Arguments) -> Result<Outcome, CliError> {
+    match arguments.verb {
+        Verb::List { json } => list(json)?,
+        Verb::Show(show) => print(&show.text()?)?,
+        Verb::Check { scenes, set, json } => check(&scenes, &set, json)?,
+    }
+    Ok(Outcome::Complete)
+}
+
+fn list(as_json: bool) -> Result<(), CliError> {
+    let scenes = PRESETS.iter().map(crate::scene::Preset::scene).collect::<Result<Vec<_>, _>>()?;
+    if as_json {
+        let rows = scenes.iter().map(|s| json!({ "name": s.name, "description": s.description }));
+        return print(&format!("{:#}\n", serde_json::Value::from_iter(rows)));
+    }
+    let rows = scenes.iter().map(|s| format!("{:<18}{}\n", s.name, s.description.trim()));
+    print(&rows.collect::<String>())
+}
+
+impl Show {
+    fn text(&self) -> Result<String, CliError> {
+        let Some(name) = &self.scene else {
+            return Ok(if self.json { keys_json() } else { keys_text() });
+        };
+        let (text, origin) = scene_file::text(name)?;
+        let scene = Scene::from_toml(&text, &origin)?;
+        if self.json {
+            return Ok(scene_json(&self.set.apply(&scene, [])?));
+        }
+        // Unchanged, it is shown as it was written, comments and all.
+        Ok(if self.set.set.is_empty() { text } else { self.set.apply(&scene, [])?.to_toml() })
+    }
+}
+
+fn scene_json(scene: &Scene) -> String {
+    let entries = scene.paths().into_iter().filter_map(|path| scene.get(&path).map(|value| (path, value_json(value))));
+    format!("{:#}\n", serde_json::Value::Object(entries.collect::<Map<_, _>>()))
+}
+
+fn value_json(value: Value) -> serde_json::Value {
+    match value {
+        Value::Text(text) => json!(text),
+        Value::Real(x) => json!(x),
+        Value::Integer(i) => json!(i),
+        Value::Boolean(yes) => json!(yes),
+        Value::Point(point) => json!(point),
+    }
+}
+
+fn default_of(key: &Key) -> &'static str {
+    match key.default {
+        Some("") => "empty",
+        Some(default) => default,
+        None => "required",
+    }
+}
+
+fn keys_text() -> String {
+    let mut out = String::from("Keys of a scene. Sections that are absent are not modelled.\n");
+    for section in std::iter::once(&"").chain(SECTIONS) {
+        out.push('\n');
+        for key in KEYS.iter().filter(|key| key.section() == *section) {
+            let live = if key.live { "; can change while running" } else { "" };
+            let only = key.only_with.map_or_else(String::new, |(selector, words)| {
+                format!("; only with {selector} = {}", words.join(" or "))
+            });
+            // Writing to a String can't fail.
+            let _ = writeln!(out, "{}: {}; default: {}{only}{live}", key.shown_path(), key.allowed(), default_of(key));
+            let _ = writeln!(out, "    {}", key.description);
+        }
+    }
+    out
+}
+
+fn keys_json() -> String {
+    let rows = KEYS.iter().map(|key| {
+        json!({
+            "key": key.shown_path(),
+            "allowed": key.allowed(),
+            "default": key.default,
+            "required": key.default.is_none(),
+            "unit": key.unit,
+            "only_with": key.only_with.map(|(selector, words)| json!({ "key": selector, "values": words })),
+            "live": key.live,
+            "description": key.description,
+        })
+    });
+    format!("{:#}\n", serde_json::Value::from_iter(rows))
+}
+
+fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliError> {
+    let checked: Vec<_> = scenes.iter().map(|name| scene_file::load(name).and_then(|s| set.apply(&s, []))).collect();
+    if as_json {
+        let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
+            Ok(scene) => json!({
+                "scene": name, "ok": true, "name": scene.name,
+                "estimated_nodes": scene.estimate().nodes, "estimated_bytes": scene.estimate().bytes,
+            }),
+            Err(error) => json!({ "scene": name, "ok": false, "error": error.to_string() }),
+        });
+        print(&format!("{:#}\n", serde_json::Value::from_iter(rows)))?;
+    } else {
+        for (name, scene) in scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|scene| (n, scene))) {
+            let size = scene.estimate();
+            print(&format!("{name}: ok, about {:.0} nodes and {:.0} MB\n", size.nodes, size.bytes / 1e6))?;
+        }
+    }
+    let all = checked.len();
+    let mut errors: Vec<CliError> = checked.into_iter().filter_map(Result::err).collect();
+    match errors.len() {
+        0 => Ok(()),
+        1 => Err(errors.remove(0)),
+        bad => {
+            errors.iter().for_each(|error| super::warn(&error.to_string()));
+            Err(CliError::ScenesRefused { bad, all })
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! `needle_twin solve`: a scene's own motion, answered pose by pose.
+
+use clap::Args;
+
+use super::options::{OutputOptions, SetOptions, ThreadOptions};
+use super::progress::Progress;
+use super::{CliError, Outcome, output, scene_file};
+use crate::compare::{self, At, Collector, Keep, Reading, Run};
+use crate::scene::{Motion, Override, Scene};
+
+/// Run a scene's own motion: a stream of poses, each answered as the live node would, as fast as the machine allows
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Preset or scene file (`needle_twin scene list` names the presets)
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
+    scene: String,
+
+    #[command(flatten)]
+    set: SetOptions,
+
+    /// Depth to reach, m, positive into the sample [default: the scene's]
+    #[arg(long, value_name = "D", allow_negative_numbers = true, help_heading = "Motion")]
+    depth_m: Option<String>,
+
+    /// Speed, m/s [default: the scene's]
+    #[arg(long, value_name = "V", allow_negative_numbers = true, help_heading = "Motion")]
+    speed_m_per_s: Option<String>,
+
+    /// Poses per second [default: the scene's, 1000 if it has none]
+    #[arg(long, value_name = "R", allow_negative_numbers = true, help_heading = "Motion")]
+    pose_hz: Option<String>,
+
+    #[command(flatten)]
+    threads: ThreadOptions,
+
+    #[command(flatten)]
+    output: OutputOptions,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
+    let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, arguments.motion())?;
+    let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
+    let folder = output::prepare(&arguments.output)?;
+    let run = arguments.threads.install(|| solve(&scene, &motion, folder.is_some()))??;
+    output::deliver(&run, folder.as_ref(), arguments.output.json)
+}
+
+impl Arguments {
+    /// The motion's options as changes of the scene, so that they obey its ranges.
+    fn motion(&self) -> impl Iterator<Item = Override> {
+        [
+            ("motion.depth_m", "--depth-m", &self.depth_m),
+            ("motion.speed_m_per_s", "--speed-m-per-s", &self.speed_m_per_s),
+            ("motion.pose_hz", "--pose-hz", &self.pose_hz),
+        ]
+        .into_iter()
+        .filter_map(|(path, option, value)| value.as_ref().map(|value| Override::text(path, value, option)))
+    }
+}
+
+fn solve(scene: &Scene, motion: &Motion, fields: bool) -> Result<Run, CliError> {
+    let mut progress = Progress::preparing("building the model");
+    let built = compare::build(scene);
+    let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    progress.count(motion.pose_count() as usize);
+    let duration_s = Some((motion.pose_count() - 1.0) / motion.pose_rate.get());
+    let collector = Collector::new(&twin, "solve", build_s, Keep { fields, duration_s });
+    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+    let run = compare::drive(&mut twin, readings, None, collector, &mut progress);
+    progress.finish();
+    Ok(run)
+}

@@ -1,0 +1,98 @@
+//! A run on one screen.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use crate::compare::Run;
+use crate::twin::Event;
+
+/// What a user wants to know of a run, at most one screen.
+pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
+    let mut lines = vec![
+        (
+            "scene",
+            format!(
+                "{}: {}, {} nodes, {} integration points",
+                run.scene, run.method, run.nodes, run.integration_points
+            ),
+        ),
+        ("poses", poses(run)),
+        ("force", force(run)),
+    ];
+    if let Some(error) = error(run) {
+        lines.push(("error", error));
+    }
+    if let Some(depth_m) = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| depth_m)) {
+        lines.push(("puncture", format!("at {:.3} mm", 1e3 * depth_m)));
+    }
+    lines.extend(targets(run).map(|moved| ("targets", moved)));
+    lines.push(("speed", speed(run)));
+    lines.push(("health", health(run)));
+    lines.push(("checksum", run.checksum.clone()));
+    if let Some(first) = files.first() {
+        lines.push(("files", written(first, files)));
+    }
+    let mut out = String::new();
+    for (label, text) in lines {
+        let _ = writeln!(out, "{label:>9}  {text}"); // writing to a String can't fail
+    }
+    out
+}
+
+fn poses(run: &Run) -> String {
+    let count = run.answers.len();
+    let deepest = run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max);
+    let mean = if count == 0 { 0.0 } else { run.steps as f64 / count as f64 };
+    format!("{count} answered, {mean:.1} steps each, to {:.3} mm", 1e3 * deepest)
+}
+
+fn force(run: &Run) -> String {
+    let metrics = run.force_metrics();
+    let newtons = |peak: Option<f64>| peak.map_or_else(|| "none".to_owned(), |n| format!("{n:.4} N"));
+    let predicted = format!("peak predicted {}", newtons(metrics.peak_predicted_n));
+    match metrics.peak_measured_n {
+        Some(_) => format!("{predicted}, measured {} ({})", newtons(metrics.peak_measured_n), run.measured_source),
+        None => predicted,
+    }
+}
+
+fn error(run: &Run) -> Option<String> {
+    let metrics = run.force_metrics();
+    let relative = metrics.nrmse.map_or_else(String::new, |n| format!(" ({:.1}% of the measured peak)", 1e2 * n));
+    Some(format!("rmse {:.4} N{relative}, largest {:.4} N", metrics.rmse_n?, metrics.max_abs_error_n?))
+}
+
+/// How far each target moved.
+fn targets(run: &Run) -> Option<String> {
+    let (first, last) = (run.targets.first()?, run.targets.last()?);
+    let moved = run.target_names.iter().zip(first.positions.iter().zip(&last.positions)).map(|(name, (from, to))| {
+        let distance = from.iter().zip(to).map(|(a, b)| (b - a) * (b - a)).sum::<f64>().sqrt();
+        format!("{name} moved {:.3} mm", 1e3 * distance)
+    });
+    Some(moved.collect::<Vec<_>>().join(", ")).filter(|text| !text.is_empty())
+}
+
+fn speed(run: &Run) -> String {
+    let factor = run.real_time_factor().map_or_else(|| "-".to_owned(), |f| format!("{f:.2}"));
+    let step = run.step_us().map_or_else(String::new, |us| format!(", {us:.1} us per step"));
+    format!(
+        "real-time factor {factor} ({:.2} s in {:.2} s{step}, built in {:.2} s)",
+        run.simulated_s, run.wall_s, run.build_s
+    )
+}
+
+fn health(run: &Run) -> String {
+    let verdict = if run.diverged.is_some() { "DIVERGED, " } else { "" };
+    format!(
+        "{verdict}smallest J {:.3}, kinetic/strain energy {:.1e}, force imbalance {:.1}%",
+        run.min_jacobian,
+        run.max_kinetic_to_strain_energy,
+        1e2 * run.force_imbalance
+    )
+}
+
+fn written(first: &std::path::Path, files: &[PathBuf]) -> String {
+    let folder = first.parent().map(|p| p.display().to_string()).unwrap_or_default();
+    let names: Vec<_> = files.iter().filter_map(|f| f.file_name()).map(|n| n.to_string_lossy()).collect();
+    format!("{folder}: {}", names.join(", "))
+}

@@ -1,0 +1,111 @@
+//! Drives a twin with a stream of poses, one at a time, as fast as the machine allows, and keeps what comes out.
+
+use std::time::Instant;
+
+use super::{Answer, Collector, ForceSeries, Keep, Run};
+use crate::scene::Scene;
+use crate::twin::{BuildError, Halt, Pose, StampedPose, Twin};
+
+/// Where the instrument was at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Time, s.
+    pub time_s: f64,
+    /// Place.
+    pub at: At,
+}
+
+/// Where the instrument was: what a displacement sensor says, or a whole pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum At {
+    /// Depth along the scene's own instrument axis, m.
+    Depth(f64),
+    /// Tip and direction.
+    Pose(Pose),
+}
+
+/// Looks on while a twin is driven.
+pub trait Watch {
+    /// One pose was answered, or refused (`None`); `done` of them in all.
+    fn progress(&mut self, done: usize, answer: Option<&Answer>);
+
+    /// Something that a user should know now.
+    fn warn(&mut self, message: &str);
+
+    /// Whether to end here.
+    fn stop(&self) -> bool;
+}
+
+/// Builds the twin of a scene; the second value is the wall time that it took, s.
+///
+/// # Errors
+/// [`BuildError`] if the scene can't be discretised.
+pub fn build(scene: &Scene) -> Result<(Twin, f64), BuildError> {
+    let start = Instant::now();
+    let twin = Twin::new(scene)?;
+    Ok((twin, start.elapsed().as_secs_f64()))
+}
+
+/// Sends readings into a fresh twin, in their order, and collects a [`Run`]. A pose that the twin refuses is counted
+/// and left out; a model that diverges ends the run, which then holds what came before.
+///
+/// Only the steps are timed. A deadline counts as missed where a step took longer than the time to the next reading.
+pub fn drive(
+    twin: &mut Twin,
+    readings: impl IntoIterator<Item = Reading>,
+    measured: Option<&ForceSeries>,
+    mut collector: Collector,
+    watch: &mut dyn Watch,
+) -> Run {
+    let mut readings = readings.into_iter().peekable();
+    let mut done = 0;
+    while let Some(reading) = readings.next() {
+        if watch.stop() {
+            collector.lost(format!("interrupted after {done} poses"));
+            break;
+        }
+        let pose = stamped(twin, reading);
+        let start = Instant::now();
+        let result = twin.step(pose);
+        let latency_s = start.elapsed().as_secs_f64();
+        done += 1;
+        match result {
+            Ok(prediction) if prediction.force_n.iter().all(|f| f.is_finite()) => {
+                let force = measured.and_then(|series| series.at(reading.time_s));
+                let answer = collector.answered(twin, &prediction, pose.pose.axis, force, latency_s);
+                if readings.peek().is_some_and(|next| latency_s > next.time_s - reading.time_s) {
+                    collector.missed_deadline();
+                }
+                watch.progress(done, Some(&answer));
+            }
+            Ok(prediction) => {
+                collector.diverged(format!("the force is not finite at depth {:.6} m", prediction.depth_m));
+                break;
+            }
+            Err(Halt::Pose { reason }) => {
+                if collector.refused(&reason) {
+                    watch.warn(&format!("pose {done} at {} s refused: {reason}; it is left out", reading.time_s));
+                }
+                watch.progress(done, None);
+            }
+            Err(halt) => {
+                collector.diverged(halt.to_string());
+                break;
+            }
+        }
+    }
+    collector.finish(twin)
+}
+
+fn stamped(twin: &Twin, reading: Reading) -> StampedPose {
+    let pose = match reading.at {
+        At::Depth(depth_m) => twin.pose_at_depth(depth_m),
+        At::Pose(pose) => pose,
+    };
+    StampedPose { time_s: reading.time_s, pose }
+}
+
+impl Keep {
+    /// Answers only: no field is computed.
+    pub const ANSWERS: Self = Self { fields: false, duration_s: None };
+}

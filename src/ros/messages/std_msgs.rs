@@ -1,0 +1,42 @@
+//! Package `std_msgs`.
+
+use super::{builtin_interfaces::Time, ros_messages};
+use serde::{Deserialize, Serialize};
+
+/// When and in which frame.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Header {
+    /// Time of the measurement, or of the pose that a prediction answers.
+    pub stamp: Time,
+    /// Coordinate frame, without a leading slash.
+    pub frame_id: String,
+}
+
+/// A number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Float64 {
+    /// The number.
+    pub data: f64,
+}
+
+/// A truth value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Bool {
+    /// The value.
+    pub data: bool,
+}
+
+/// Colour and opacity, each in [0, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColorRGBA {
+    /// Red.
+    pub r: f32,
+    /// Green.
+    pub g: f32,
+    /// Blue.
+    pub b: f32,
+    /// Opacity.
+    pub a: f32,
+}
+
+ros_messages!("std_msgs": Header, Float64, Bool, ColorRGBA);

@@ -1,0 +1,262 @@
+//! Damaged bags: what can be read is read, nothing false comes out, nothing panics, hangs or takes much memory.
+#![allow(clippy::unwrap_used)]
+
+use crate::common::random::Random;
+use needle_twin::bag::{BagError, BagReader, BagWriter, Loss, Qos, Recording, TopicNames, WriterOptions, check};
+use needle_twin::ros::messages::sensor_msgs::JointState;
+use needle_twin::ros::messages::std_msgs::Float64;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// A small bag with several chunks and two topics.
+fn small_bag(folder: &Path) -> PathBuf {
+    let path = folder.join("small");
+    let options = WriterOptions { chunk_bytes: 900, flush_after: None, ..Default::default() };
+    let mut bag = BagWriter::create(&path, options).unwrap();
+    let depth = bag.add_topic::<JointState>("/measured_js", &Qos::reliable(10)).unwrap();
+    let number = bag.add_topic::<Float64>("/number", &Qos::reliable(10)).unwrap();
+    for i in 0..24u64 {
+        let mut message =
+            JointState { name: vec!["insertion".into()], position: vec![i as f64 * 1e-4], ..Default::default() };
+        message.header.stamp.nanosec = i as u32 + 1;
+        bag.write(depth, i, i, &message).unwrap();
+        bag.write(number, i, i, &Float64 { data: i as f64 }).unwrap();
+    }
+    bag.finish().unwrap();
+    path
+}
+
+/// Topic, type, times and bytes of a message: what must not change.
+type Told = (String, String, u64, u64, Vec<u8>);
+
+/// All messages and whether anything was said to be lost.
+fn tell(bag: &BagReader) -> (Vec<Told>, bool) {
+    let mut messages = bag.messages();
+    let told = messages
+        .by_ref()
+        .map(|m| {
+            let topic = &bag.topics()[m.topic];
+            (topic.name.clone(), topic.type_name.clone(), m.log_ns, m.publish_ns, m.data)
+        })
+        .collect();
+    (told, !messages.losses().is_empty() || !bag.losses().is_empty())
+}
+
+fn small_bytes() -> (Vec<u8>, Vec<Told>) {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = std::fs::read(small_bag(folder.path()).join("small_0.mcap")).unwrap();
+    let (told, lost) = tell(&BagReader::from_vec("small", bytes.clone()).unwrap());
+    assert!(told.len() == 48 && !lost);
+    (bytes, told)
+}
+
+#[test]
+fn a_bag_cut_anywhere_gives_its_start_and_says_so() {
+    let (bytes, told) = small_bytes();
+    let mut read_some = 0;
+    for length in 0..bytes.len() {
+        match BagReader::from_vec("cut", bytes[..length].to_vec()) {
+            Err(BagError::NotABag { .. }) => assert!(length < 8, "{length}"),
+            Err(e) => panic!("{length}: {e}"),
+            Ok(bag) => {
+                let (some, lost) = tell(&bag);
+                assert!(told.starts_with(&some), "cut at {length}");
+                assert!(lost, "cut at {length}: nothing was said to be lost");
+                assert_eq!(bag.message_count(), some.len() as u64);
+                read_some += usize::from(!some.is_empty() && some.len() < told.len());
+            }
+        }
+    }
+    assert!(read_some > bytes.len() / 3, "{read_some}");
+}
+
+#[test]
+fn a_cut_bag_drives_the_twin_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_bag(folder.path());
+    let file = path.join("small_0.mcap");
+    let bytes = std::fs::read(&file).unwrap();
+    // Two thirds of the messages are left.
+    let depths = |length: usize| {
+        let bag = BagReader::from_vec("cut", bytes[..length].to_vec()).unwrap();
+        bag.select(|t| t.name == "/measured_js").count()
+    };
+    let length = (8..bytes.len()).find(|length| depths(*length) >= 16).unwrap();
+    std::fs::write(&file, &bytes[..length]).unwrap();
+    let recording = Recording::load(&path, &TopicNames::default()).unwrap();
+    assert!((16..24).contains(&recording.depths.len()));
+    assert!(recording.losses.iter().any(|l| matches!(l, Loss::CutOff { .. })), "{:?}", recording.losses);
+    std::fs::write(&file, &bytes[..100]).unwrap();
+    let error = Recording::load(&path, &TopicNames::default()).unwrap_err().to_string();
+    assert!(error.contains("cut off") && error.contains("no topics"), "{error}");
+}
+
+#[test]
+fn a_flipped_bit_anywhere_makes_nothing_false() {
+    let (bytes, told) = small_bytes();
+    let truth: HashSet<Told> = told.iter().cloned().collect();
+    let mut recovered = 0;
+    for at in 8..bytes.len() {
+        let mut bad = bytes.clone();
+        bad[at] ^= 1 << (at % 8);
+        let Ok(bag) = BagReader::from_vec("flipped", bad) else { continue };
+        let (some, lost) = tell(&bag);
+        assert!(some.iter().all(|m| truth.contains(m)), "a bit at {at} made a false message");
+        assert!(lost || some.len() == told.len(), "a bit at {at} lost messages without a word");
+        recovered += some.len();
+    }
+    // One chunk of many is lost with a bit in it, the others are not.
+    assert!(recovered > bytes.len() * told.len() * 7 / 10, "{recovered} of {}", bytes.len() * told.len());
+}
+
+#[test]
+fn random_bytes_are_an_error_or_nothing() {
+    let mut random = Random::new(7);
+    for round in 0..3000 {
+        let length = random.below(2000) as usize;
+        let mut bytes = random.bytes(length);
+        if round % 2 == 0 {
+            bytes.splice(0..0, *b"\x89MCAP0\r\n");
+        }
+        match BagReader::from_vec("noise", bytes) {
+            Err(e) => assert!(round % 2 == 1 && e.to_string().contains("not a bag") || length == 0, "{e}"),
+            Ok(bag) => assert!(tell(&bag).0.is_empty() && !bag.losses().is_empty()),
+        }
+    }
+}
+
+#[test]
+fn records_in_any_mutation_do_no_harm() {
+    let (bytes, _) = small_bytes();
+    let mut random = Random::new(8);
+    for _ in 0..10_000 {
+        let mut bad = bytes.clone();
+        for _ in 0..=random.below(8) {
+            let at = random.below(bad.len() as u64) as usize;
+            match random.below(4) {
+                0 => bad[at] = random.below(256) as u8,
+                1 => bad.truncate(at.max(8)),
+                2 => {
+                    // A length or an offset, often enough.
+                    let huge = (u64::MAX >> random.below(64)).to_le_bytes();
+                    let end = (at + 8).min(bad.len());
+                    bad[at..end].copy_from_slice(&huge[..end - at]);
+                }
+                _ => {
+                    let from = random.below(bad.len() as u64) as usize;
+                    let n = (random.below(64) as usize).min(bad.len() - from.max(at));
+                    bad.copy_within(from..from + n, at);
+                }
+            }
+        }
+        if let Ok(bag) = BagReader::from_vec("mutated", bad) {
+            tell(&bag);
+            let _ = Recording::from_reader(&bag, &TopicNames::default());
+        }
+    }
+}
+
+#[test]
+fn other_files_are_named_for_what_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases: [(&str, &[u8], &str); 6] = [
+        ("empty.mcap", b"", "an empty file"),
+        ("text.mcap", b"hello, this is a text", "not a bag"),
+        ("a.db3", b"SQLite format 3\0............", "rosbags-convert"),
+        ("b.bag", b"#ROSBAG V2.0\n", "ROS 1"),
+        ("c.mcap.zstd", b"\x28\xb5\x2f\xfd........", "zstd -d"),
+        ("d.mcap", b"\x89MCAP", "cut off"),
+    ];
+    for (name, bytes, said) in cases {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let error = BagReader::open(&path).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains(name), "{error}");
+    }
+    let missing = BagReader::open(folder.path().join("nothing")).unwrap_err();
+    assert!(matches!(missing, BagError::Open { .. }) && missing.to_string().contains("nothing"));
+}
+
+#[test]
+fn folders_with_missing_or_false_metadata_are_read_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_bag(folder.path());
+    let yaml = path.join("metadata.yaml");
+    let good = std::fs::read_to_string(&yaml).unwrap();
+    assert_eq!(check(&path).unwrap().findings, []);
+    let opened = |text: Option<&str>| {
+        match text {
+            Some(text) => std::fs::write(&yaml, text).unwrap(),
+            None => std::fs::remove_file(&yaml).unwrap(),
+        }
+        let bag = BagReader::open(&path).unwrap();
+        assert_eq!(bag.messages().count(), 48);
+        (bag.warnings().join("\n"), bag.losses().len())
+    };
+    for (text, warning) in [
+        (None, "no metadata.yaml"),
+        (Some("}{"), "can't be used"),
+        (Some(&*good.replace("message_count: 48", "message_count: 99")), "says 99 messages"),
+        (
+            Some(&*good.replace("sensor_msgs/msg/JointState", "std_msgs/msg/Bool")),
+            "files say sensor_msgs/msg/JointState",
+        ),
+        (Some(&*good.replace("name: /number", "name: /other")), "lists topic /other"),
+    ] {
+        let (warnings, losses) = opened(text);
+        assert!(warnings.contains(warning) && losses == 0, "{warnings}");
+    }
+    let (_, losses) = opened(Some(&good.replace("    - small_0.mcap", "    - small_0.mcap\n    - small_1.mcap")));
+    assert_eq!(losses, 1, "a file that is listed and not there");
+    std::fs::write(&yaml, good.replace("storage_identifier: mcap", "storage_identifier: sqlite3")).unwrap();
+    assert!(BagReader::open(&path).unwrap_err().to_string().contains("rosbags-convert"));
+    std::fs::write(&yaml, &good).unwrap();
+    assert!(BagReader::open(&yaml).unwrap().warnings().is_empty(), "metadata.yaml itself may be named");
+}
+
+#[test]
+fn the_check_finds_what_makes_other_readers_fail() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_bag(folder.path());
+    let yaml = path.join("metadata.yaml");
+    let good = std::fs::read_to_string(&yaml).unwrap();
+    let findings = |text: String| {
+        assert_ne!(text, good);
+        std::fs::write(&yaml, text).unwrap();
+        check(&path).unwrap().findings.iter().map(|f| f.text.clone()).collect::<Vec<_>>().join("\n")
+    };
+    for (from, to, said) in [
+        ("depth: 10", "depth: 5", "quality of service differs"),
+        ("  custom_data: ~\n", "", "no key custom_data"),
+        ("  ros_distro: jazzy\n", "", "no key ros_distro"),
+        ("RIHS01_705b", "RIHS01_0000", "type hash is \"RIHS01_0000"),
+        ("version: 9", "version: 10", "version is 10"),
+        ("message_count: 24", "message_count: 25", "says 25 messages"),
+    ] {
+        let found = findings(good.replace(from, to));
+        assert!(found.contains(said) || said == "version is 10" && found.contains("version 10"), "{from}: {found}");
+    }
+}
+
+#[test]
+fn several_files_are_one_bag_in_the_order_of_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("split");
+    std::fs::create_dir(&path).unwrap();
+    for part in 0..12u64 {
+        let one = folder.path().join(format!("part{part}"));
+        let mut bag = BagWriter::create(&one, WriterOptions::default()).unwrap();
+        let topic = bag.add_topic::<Float64>("/number", &Qos::reliable(10)).unwrap();
+        for i in 0..10 {
+            // Neighbouring files overlap in time.
+            bag.write(topic, 10 * part + 2 * i, 0, &Float64 { data: (10 * part + 2 * i) as f64 }).unwrap();
+        }
+        bag.finish().unwrap();
+        std::fs::rename(one.join(format!("part{part}_0.mcap")), path.join(format!("split_{part}.mcap"))).unwrap();
+    }
+    let bag = BagReader::open(&path).unwrap();
+    assert_eq!(bag.topics().len(), 1);
+    assert_eq!(bag.topics()[0].messages, 120);
+    let numbers: Vec<f64> = bag.messages().map(|m| bag.decode::<Float64>(&m).unwrap().data).collect();
+    assert!(numbers.len() == 120 && numbers.is_sorted());
+}

@@ -1,0 +1,196 @@
+//! Contract of the command line: what goes to stdout, what the files hold, and the exit codes.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::io::Read as _;
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::Duration;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A small model that is run in a moment.
+const SMALL: &[&str] =
+    &["--scene", "needle_insertion", "--set", "discretisation.spacing_m=0.004", "--speed-m-per-s", "0.01"];
+
+fn needle_twin() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+}
+
+fn stdout(arguments: &[&str]) -> String {
+    let output = needle_twin().args(arguments).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.stderr.is_empty(), "no diagnostics without a terminal: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_str(&stdout(arguments)).unwrap()
+}
+
+/// Every dotted path of a JSON object that leads to a value.
+fn paths(value: &Value, prefix: &str, out: &mut Vec<String>) {
+    match value {
+        Value::Object(map) => map.iter().for_each(|(key, value)| paths(value, &format!("{prefix}{key}."), out)),
+        _ => out.push(prefix.trim_end_matches('.').to_owned()),
+    }
+}
+
+#[test]
+fn metrics_have_the_keys_of_the_contract() {
+    let metrics = json(&[&["solve", "--json", "--depth-m", "0.0005"], SMALL].concat());
+    let mut found = Vec::new();
+    paths(&metrics, "", &mut found);
+    for key in [
+        "scene",
+        "method",
+        "nodes",
+        "integration_points",
+        "poses",
+        "steps",
+        "checksum",
+        "force.peak_predicted_n",
+        "force.peak_measured_n",
+        "force.rmse_n",
+        "force.nrmse",
+        "force.max_abs_error_n",
+        "timing.build_s",
+        "timing.wall_s",
+        "timing.simulated_s",
+        "timing.real_time_factor",
+        "timing.step_us",
+        "timing.pose_latency_ms.p50",
+        "timing.pose_latency_ms.p99",
+        "timing.pose_latency_ms.max",
+        "timing.missed_deadlines",
+        "timing.coalesced_poses",
+        "stability.diverged",
+        "stability.min_jacobian",
+        "stability.max_kinetic_to_strain_energy",
+        "stability.force_imbalance",
+    ] {
+        assert!(found.iter().any(|path| path == key), "{key} is not in {found:?}");
+    }
+    assert_eq!(metrics["scene"], "needle_insertion");
+    assert_eq!(metrics["poses"], 51, "0.5 mm at 10 mm/s and 1 kHz, both ends included");
+    assert_eq!(metrics["timing"]["simulated_s"], 0.05);
+    assert_eq!(metrics["stability"]["diverged"], false);
+    assert!(metrics["checksum"].as_str().unwrap().len() >= 16);
+    assert!(metrics["nodes"].as_u64().unwrap() > 50);
+    assert!(metrics["steps"].as_u64().unwrap() >= 50);
+}
+
+#[test]
+fn options_of_solve_are_those_of_the_scene() {
+    let options = json(&[&["solve", "--json", "--depth-m", "0.0005", "--pose-hz", "500"], SMALL].concat());
+    let keys = ["--set", "motion.depth_m=0.0005", "--set", "motion.pose_hz=500"];
+    let set = json(&[&["solve", "--json"], SMALL, &keys].concat());
+    assert_eq!(options["checksum"], set["checksum"]);
+    assert_eq!(options["poses"], 26);
+}
+
+#[test]
+fn files_of_a_run_are_named_and_whole() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("a/b");
+    let summary = stdout(&[&["solve", "--depth-m", "0.0005", "--out", out.to_str().unwrap()], SMALL].concat());
+    assert!(summary.lines().count() < 24, "one screen: {summary}");
+    for word in ["needle_insertion", "peak predicted", "real-time factor", "checksum", "metrics.json"] {
+        assert!(summary.contains(word), "{word}: {summary}");
+    }
+    for name in ["metrics.json", "force.csv", "targets.csv", "final.vtu", "force.png", "report.html"] {
+        assert!(out.join(name).metadata().unwrap().len() > 0, "{name}");
+    }
+    let csv = std::fs::read_to_string(out.join("force.csv")).unwrap();
+    assert_eq!(csv.lines().next(), Some("time_s,depth_m,predicted_n,measured_n"));
+    assert_eq!(csv.lines().count(), 52);
+    let strays = std::fs::read_dir(&out)
+        .unwrap()
+        .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().starts_with('.'));
+    assert_eq!(strays.count(), 0, "nothing temporary is left");
+}
+
+#[test]
+fn a_shown_scene_is_a_scene_file() {
+    let folder = TempDir::new().unwrap();
+    for name in ["compression", "indentation", "needle_insertion"] {
+        for set in [&[] as &[&str], &["--set", "material.poisson_ratio=0.3"]] {
+            let shown = stdout(&[&["scene", "show", name], set].concat());
+            let path = folder.path().join("mine.toml");
+            std::fs::write(&path, &shown).unwrap();
+            let path = path.to_str().unwrap();
+            assert!(stdout(&["scene", "check", path]).contains("ok"));
+            let again = json(&["scene", "show", path, "--json"]);
+            assert_eq!(again, json(&[&["scene", "show", name, "--json"], set].concat()));
+            assert_eq!(again["material.poisson_ratio"], if set.is_empty() { 0.49 } else { 0.3 });
+        }
+    }
+}
+
+#[test]
+fn scenes_and_keys_are_listed() {
+    let list = json(&["scene", "list", "--json"]);
+    let names: Vec<_> = list.as_array().unwrap().iter().map(|row| row["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["compression", "indentation", "needle_insertion"]);
+    let text = stdout(&["scene", "list"]);
+    assert!(names.iter().all(|name| text.contains(name)));
+    let keys = json(&["scene", "show", "--keys", "--json"]);
+    let text = stdout(&["scene", "show", "--keys"]);
+    for row in keys.as_array().unwrap() {
+        assert!(text.contains(row["key"].as_str().unwrap()) && text.contains(row["description"].as_str().unwrap()));
+    }
+    assert!(json(&["scene", "check", "--json", "indentation"])[0]["ok"].as_bool().unwrap());
+}
+
+#[test]
+fn help_names_every_command_and_the_exit_codes() {
+    let help = stdout(&["--help"]);
+    for word in ["solve", "replay", "scene", "Exit codes"] {
+        assert!(help.contains(word), "{word}: {help}");
+    }
+    let solve = stdout(&["solve", "--help"]);
+    for word in ["--scene", "--set", "--depth-m", "--speed-m-per-s", "--pose-hz", "--threads", "--out", "--json", "m/s"]
+    {
+        assert!(solve.contains(word), "{word}: {solve}");
+    }
+    assert!(stdout(&["--version"]).contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_reader_who_has_had_enough_is_no_failure() {
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+        .args(["scene", "show", "--keys"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let mut stderr = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+    assert!(child.wait().unwrap().success(), "{stderr}");
+    assert!(stderr.is_empty(), "{stderr}");
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_what_is_done() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    let child = std::process::Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+        .args(["solve", "--scene", "indentation", "--speed-m-per-s", "0.00001", "--out"])
+        .arg(&out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    sleep(Duration::from_secs(2));
+    let pid = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "finished, but not all of it: {stderr}");
+    assert!(stderr.contains("interrupted after"), "{stderr}");
+    let metrics: Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
+    assert!(metrics["losses"][0].as_str().unwrap().contains("interrupted"));
+}

@@ -1,0 +1,178 @@
+//! Contract of determinism: the same scene and poses give the same bits, whatever the number of threads.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use assert_cmd::Command;
+use needle_twin::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};
+use needle_twin::scene::{Override, Scene};
+use serde_json::Value;
+
+struct Quiet;
+
+impl Watch for Quiet {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+
+    fn warn(&mut self, message: &str) {
+        panic!("{message}");
+    }
+
+    fn stop(&self) -> bool {
+        false
+    }
+}
+
+/// A coarse scene with insertion, hold and retraction.
+fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
+    let quick = [
+        ("discretisation.spacing_m", "0.003"),
+        ("motion.depth_m", "0.001"),
+        ("motion.speed_m_per_s", "0.02"),
+        ("motion.hold_s", "0.01"),
+        ("motion.retract", "true"),
+    ];
+    let changes: Vec<_> =
+        quick.iter().chain(changes).map(|(path, value)| Override::text(path, value, "test")).collect();
+    Scene::preset(preset).unwrap().with(&changes).unwrap()
+}
+
+fn solve(scene: &Scene, threads: usize) -> Run {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+        let (mut twin, build_s) = compare::build(scene).unwrap();
+        let collector = Collector::new(&twin, "test", build_s, Keep { fields: true, duration_s: None });
+        let readings = scene.motion.unwrap().poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+        compare::drive(&mut twin, readings, None, collector, &mut Quiet)
+    })
+}
+
+/// All numbers of a run as bits, without those of the clock.
+fn bits(run: &Run) -> Vec<u64> {
+    let answers = run.answers.iter().flat_map(|a| [a.time_s, a.depth_m, a.predicted_n, f64::from(a.steps)]);
+    let targets = run.targets.iter().flat_map(|row| row.positions.iter().flatten().copied());
+    let state = &run.final_state;
+    let fields =
+        state.points.iter().chain(&state.displacement).flatten().chain(&state.jacobian).chain(&state.von_mises_pa);
+    answers.chain(targets).chain(fields.copied()).map(f64::to_bits).collect()
+}
+
+#[test]
+fn one_two_and_four_threads_give_the_same_bits() {
+    for (preset, changes) in [
+        ("needle_insertion", &[] as &[(&str, &str)]),
+        ("needle_insertion", &[("discretisation.precision", "f64")]),
+        ("indentation", &[]),
+        ("compression", &[("discretisation.method", "tet4")]),
+    ] {
+        let scene = scene(preset, changes);
+        let one = solve(&scene, 1);
+        assert!(one.answers.iter().any(|a| a.predicted_n.abs() > 1e-4), "{preset}: there is a force to compare");
+        assert_eq!(one.diverged, None, "{preset}");
+        for threads in [2, 4] {
+            let many = solve(&scene, threads);
+            assert_eq!(many.checksum, one.checksum, "{preset} {changes:?} on {threads} threads");
+            assert!(bits(&many) == bits(&one), "{preset} {changes:?} on {threads} threads: some bit differs");
+        }
+    }
+}
+
+#[test]
+fn a_run_again_gives_the_same_bits() {
+    let scene = scene("needle_insertion", &[]);
+    assert!(bits(&solve(&scene, 2)) == bits(&solve(&scene, 2)));
+}
+
+#[test]
+fn a_reset_twin_is_a_new_twin() {
+    let scene = scene("indentation", &[]);
+    let (mut twin, _) = compare::build(&scene).unwrap();
+    let mut run = || {
+        twin.reset();
+        let collector = Collector::new(&twin, "test", 0.0, Keep::ANSWERS);
+        let readings = scene.motion.unwrap().poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+        compare::drive(&mut twin, readings, None, collector, &mut Quiet)
+    };
+    let (first, second) = (run(), run());
+    assert!(first.answers.iter().any(|a| a.predicted_n.abs() > 1e-4), "there is a force to compare");
+    assert_eq!(first.checksum, second.checksum);
+}
+
+#[test]
+fn the_checksum_sees_every_change() {
+    let base = scene("needle_insertion", &[]);
+    let checksum = solve(&base, 2).checksum;
+    for change in [("material.shear_modulus_pa", "1679"), ("motion.depth_m", "0.00101")] {
+        assert_ne!(solve(&scene("needle_insertion", &[change]), 2).checksum, checksum, "{change:?}");
+    }
+}
+
+#[test]
+fn the_command_line_keeps_the_promise() {
+    let metrics = |threads: &str| -> Value {
+        let output = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+            .args(["solve", "--scene", "indentation", "--depth-m", "0.0005", "--json", "--speed-m-per-s", "0.02"])
+            .args(["--set", "discretisation.spacing_m=0.003", "--threads", threads])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let one = metrics("1");
+    for threads in ["2", "4"] {
+        let many = metrics(threads);
+        assert_eq!(many["checksum"], one["checksum"], "{threads} threads");
+        assert_eq!(many["force"], one["force"], "{threads} threads");
+    }
+}
+
+/// Rooms that are numbers only.
+const INNER_RING: &[&str] = &["scene", "cloud", "approximation", "material", "solver", "instrument", "twin"];
+/// What would let time, order of hashing, the machine or the outside world into them.
+const FORBIDDEN: &[&str] = &[
+    "std::fs",
+    "std::net",
+    "std::env",
+    "std::io",
+    "Instant::now",
+    "SystemTime",
+    "HashMap",
+    "HashSet",
+    "AtomicF",
+    "tokio",
+    "ros2_client",
+    "mcap::",
+    "rand::rng",
+    "thread::spawn",
+    "crate::bag",
+    "crate::cli",
+    "crate::compare",
+    "crate::report",
+    "crate::rig",
+    "crate::ros",
+    "crate::study",
+];
+
+#[test]
+fn the_inner_ring_is_numbers_only() {
+    fn sources(folder: &std::path::Path, out: &mut Vec<std::path::PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => sources(&path, out),
+                false if path.extension().is_some_and(|e| e == "rs") => out.push(path),
+                false => {}
+            }
+        }
+    }
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    INNER_RING.iter().for_each(|room| sources(&root.join(room), &mut files));
+    assert!(files.len() > INNER_RING.len());
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        // Tests at the end of a file may do as they like.
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for (number, line) in code.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with("//")) {
+            for word in FORBIDDEN {
+                assert!(!line.contains(word), "{}:{}: {word} in the inner ring", file.display(), number + 1);
+            }
+        }
+    }
+}

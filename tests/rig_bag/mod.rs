@@ -1,0 +1,114 @@
+//! A small recording of a rig, made for a test: depth at 500 Hz, force at 200 Hz with stamps of its own.
+#![allow(dead_code)] // each test takes what it needs
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use needle_twin::bag::{BagWriter, Qos, WriterOptions};
+use needle_twin::ros::messages::RosMessage;
+use needle_twin::ros::messages::builtin_interfaces::Time;
+use needle_twin::ros::messages::geometry_msgs::{Point, Pose, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
+use needle_twin::ros::messages::sensor_msgs::JointState;
+use needle_twin::ros::messages::std_msgs::Header;
+
+/// Stamp of the first message, ns since 1970.
+const START_NS: i64 = 1_767_225_600_000_000_000;
+/// Depth of the approach's start, m: the needle begins 0.2 mm above the sample.
+const START_M: f64 = -0.0002;
+/// Speed, m/s.
+const SPEED: f64 = 0.02;
+/// Stiffness that the pretended load cell shows, N/m.
+pub const STIFFNESS: f64 = 10.0;
+/// Height of the sample of every preset, m.
+const HEIGHT_M: f64 = 0.017;
+
+/// What goes into the bag.
+pub struct RigBag {
+    /// Scene that the bag names.
+    pub scene: Option<&'static str>,
+    /// Depths as JointState on this topic.
+    pub depth_topic: Option<&'static str>,
+    /// The same as PoseStamped.
+    pub pose_topic: Option<&'static str>,
+    /// Load cell.
+    pub force_topic: Option<&'static str>,
+    /// Readings of the displacement sensor.
+    pub readings: u32,
+    /// Depth that is written in place of this reading's.
+    pub nonsense: Option<(u32, f64)>,
+}
+
+impl Default for RigBag {
+    fn default() -> Self {
+        Self {
+            scene: None,
+            depth_topic: Some("/measured_js"),
+            pose_topic: None,
+            force_topic: Some("/measured_cf"),
+            readings: 50,
+            nonsense: None,
+        }
+    }
+}
+
+impl RigBag {
+    /// Writes the bag into `folder/NAME` and gives that path.
+    pub fn write(&self, folder: &Path, name: &str) -> PathBuf {
+        let custom_data: BTreeMap<_, _> = self.scene.map(|s| ("scene".to_owned(), s.to_owned())).into_iter().collect();
+        let options = WriterOptions { chunk_bytes: 2000, flush_after: None, custom_data };
+        let mut bag = BagWriter::create(folder.join(name), options).unwrap();
+        for k in 0..self.readings {
+            let depth = match self.nonsense {
+                Some((at, value)) if at == k => value,
+                _ => depth_at(f64::from(k) / 500.0),
+            };
+            let ns = i64::from(k) * 2_000_000;
+            self.depth_topic.iter().for_each(|topic| put(&mut bag, topic, ns, &joint_state(ns, depth)));
+            self.pose_topic.iter().for_each(|topic| put(&mut bag, topic, ns, &pose(ns, depth)));
+        }
+        // 3.3 ms off, so that no force has a pose's stamp.
+        for ns in (3_300_000..i64::from(self.readings) * 2_000_000).step_by(5_000_000) {
+            self.force_topic.iter().for_each(|topic| put(&mut bag, topic, ns, &wrench(ns)));
+        }
+        bag.finish().unwrap();
+        folder.join(name)
+    }
+}
+
+/// Depth of the motion, m.
+pub fn depth_at(time_s: f64) -> f64 {
+    START_M + SPEED * time_s
+}
+
+fn put<T: RosMessage>(bag: &mut BagWriter, topic: &str, ns: i64, message: &T) {
+    let at = (START_NS + ns) as u64;
+    let id = bag.add_topic::<T>(topic, &Qos::reliable(10)).unwrap();
+    bag.write(id, at + 300_000, at + 200_000, message).unwrap();
+}
+
+fn header(ns: i64) -> Header {
+    Header { stamp: Time::from_nanos(START_NS + ns), frame_id: "sample".to_owned() }
+}
+
+fn joint_state(ns: i64, depth: f64) -> JointState {
+    JointState {
+        header: header(ns),
+        name: vec!["insertion".to_owned()],
+        position: vec![depth],
+        ..JointState::default()
+    }
+}
+
+fn pose(ns: i64, depth: f64) -> PoseStamped {
+    // Half a turn about x: the tip's z axis points down, into the sample.
+    let orientation = Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 };
+    PoseStamped {
+        header: header(ns),
+        pose: Pose { position: Point { x: 0.0, y: 0.0, z: HEIGHT_M - depth }, orientation },
+    }
+}
+
+fn wrench(ns: i64) -> WrenchStamped {
+    let force = Vector3 { x: 0.0, y: 0.0, z: STIFFNESS * depth_at(ns as f64 * 1e-9) };
+    WrenchStamped { header: header(ns), wrench: Wrench { force, torque: Vector3::default() } }
+}
