@@ -225,6 +225,7 @@ fn the_picture_shows_what_there_is() {
     let alone = report::force_png(&run).unwrap();
     assert_eq!(pixels(&alone, RESIDUAL), 0, "no residual without a measured force");
     assert!(pixels(&alone, PREDICTED) > 4000);
+    assert!(pixels(&report::force_png(&synthetic_run::needle(1.0)).unwrap(), PREDICTED) > 4000, "few poses, one line");
 }
 
 #[test]

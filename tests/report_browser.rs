@@ -38,6 +38,8 @@ const AFTER: &str = r#"<script>(async () => {
   const control = (name) => document.querySelector(`[data-control=${name}]`);
   await paint();
   seen.paths = document.querySelectorAll('.chart path').length;
+  seen.dotted = [...document.querySelectorAll('.chart path')].filter((e) => !e.getAttribute('d').includes('L')).length;
+  seen.cut = [...document.querySelectorAll('.chart svg text')].filter((e) => e.getBBox().x < -0.5).map((e) => e.textContent);
   seen.broken = [...document.querySelectorAll('svg *')].filter((e) => /NaN|Infinity|undefined/.test(e.outerHTML)).length;
   seen.readouts = [...document.querySelectorAll('.readout')].map((e) => e.textContent);
   seen.overflow = document.documentElement.scrollWidth - innerWidth;

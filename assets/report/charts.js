@@ -79,7 +79,10 @@ class Chart {
     if (!width || width === this.width) return;
     this.width = width;
     const { panels, label } = this.options;
-    this.left = 48; this.right = width - 12;
+    for (const panel of panels) this.scale(panel);
+    const longest = Math.max(...panels.flatMap((panel) => panel.labels.map((text) => text.length)));
+    this.left = Math.max(40, 14 + 7.4 * longest);
+    this.right = width - 12;
     const gap = 34;
     const ribbon = (this.options.bands || []).length ? RIBBON : 0;
     let y = 22 + ribbon;
@@ -138,15 +141,21 @@ class Chart {
     }
   }
 
-  drawPanel(panel) {
+  /// Vertical range of a panel, its ticks and their labels.
+  scale(panel) {
     panel.y = range(panel.limit === undefined ? panel.series : [...panel.series, { values: [panel.limit] }], panel.zero);
     const { at, decimals } = ticks(panel.y[0], panel.y[1], panel.height / 34);
-    for (const value of at) {
+    panel.at = at;
+    panel.labels = at.map((value) => minus(value.toFixed(decimals)));
+  }
+
+  drawPanel(panel) {
+    panel.at.forEach((value, i) => {
       const y = this.py(panel, value);
       const cls = Math.abs(value) < 1e-12 ? 'zero' : 'rule';
       this.svg.append(node('line', { class: cls, x1: this.left, x2: this.right, y1: y, y2: y }));
-      this.svg.append(node('text', { x: this.left - 6, y: y + 4, 'text-anchor': 'end' }, minus(value.toFixed(decimals))));
-    }
+      this.svg.append(node('text', { x: this.left - 6, y: y + 4, 'text-anchor': 'end' }, panel.labels[i]));
+    });
     const title = panel.top - 9 - (panel === this.options.panels[0] && this.options.bands?.length ? RIBBON : 0);
     this.svg.append(node('text', { class: 'title', x: 0, y: title }, panel.title));
     if (panel.limit !== undefined) {
@@ -156,16 +165,17 @@ class Chart {
     for (const series of panel.series) this.svg.append(node('path', { class: `line ${series.cls}`, style: series.style || '', d: this.path(panel, series) }));
   }
 
-  /// A line through the entries that are there; short gaps are bridged, long ones (2% of the time) break it.
+  /// A line through the entries that are there; a short gap is bridged, a long one (2% of the time) breaks it.
   path(panel, { values, mask, from = 0, to = values.length }) {
     const { x, times } = this.options;
     const long = 0.02 * (times[times.length - 1] - times[0]);
-    let d = '', last = -Infinity;
+    let d = '', last = -Infinity, lacking = false;
     for (let i = from; i < to; i++) {
-      if (mask && !mask[i]) continue;
-      const bridged = !mask || times[i] - last <= long;
+      if (mask && !mask[i]) { lacking = true; continue; }
+      const bridged = !lacking || times[i] - last <= long;
       d += `${d && bridged ? 'L' : 'M'}${this.px(x[i]).toFixed(1)} ${this.py(panel, values[i]).toFixed(1)}`;
       last = times[i];
+      lacking = false;
     }
     return d;
   }

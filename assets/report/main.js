@@ -30,8 +30,8 @@ const residual = measured && predicted.map((p, i) => p - measured[i]);
 const mask = rows.has_measured;
 
 function phaseAt(time) {
-  const band = run.phases.find((p) => time >= p.from && time <= p.to);
-  return band ? band.word : '';
+  // The last that has begun: times come in 32 bits, so the end of the last band says little.
+  return run.phases.findLast((p) => time >= p.from)?.word ?? run.phases[0]?.word ?? '';
 }
 
 /// Parts of a read-out, none of which breaks in the middle.
@@ -61,6 +61,8 @@ function forceSeries(split) {
 
 function charts() {
   const unit = run.force.unit;
+  const slow = rows.latency.some((ms) => ms > 5000), perMs = slow ? 1e-3 : 1;
+  const latency = scaled(rows.latency, perMs);
   const force = (split, height) => ({ title: `Force against insertion in ${unit}`, height, zero: true, series: forceSeries(split) });
   const error = (split) => ({
     title: `Predicted − measured in ${unit}`, height: 90, zero: true,
@@ -85,10 +87,10 @@ function charts() {
   });
   new Chart(document.getElementById('cost'), {
     ...overTime, label: { x: 'Time in s', about: 'Explicit steps and latency of each pose over time' },
-    read: (i) => `<b>${rows.time[i].toFixed(2)}</b> s · <b>${rows.steps[i]}</b> steps · answered after <b>${figures(rows.latency[i], 3)}</b> ms`,
+    read: (i) => `<b>${rows.time[i].toFixed(2)}</b> s · <b>${rows.steps[i]}</b> steps · answered after <b>${figures(latency[i], 3)}</b> ${slow ? 's' : 'ms'}`,
     panels: [
       { title: 'Explicit steps per pose', height: 100, zero: true, series: [{ values: rows.steps, cls: 'plain', colour: 'var(--accent)' }] },
-      { title: 'Latency in ms', height: 100, zero: true, limit: run.period_ms ?? undefined, series: [{ values: rows.latency, cls: 'measured', colour: 'var(--measured)' }] },
+      { title: `Latency in ${slow ? 's' : 'ms'}`, height: 100, zero: true, limit: run.period_ms === null ? undefined : run.period_ms * perMs, series: [{ values: latency, cls: 'measured', colour: 'var(--measured)' }] },
     ],
   });
   if (run.targets) targets(bands);

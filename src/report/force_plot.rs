@@ -70,18 +70,22 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     picture
 }
 
-/// Value pairs of a leg that have both numbers. A load cell slower than the poses leaves gaps that the line bridges;
-/// a long one (2% of the leg's time) breaks it.
+/// Value pairs of a leg that have both numbers. Where answers lack the number, as with a load cell slower than the
+/// poses, the line bridges a short gap; a long one (2% of the leg's time) breaks it.
 fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> Vec<[f64; 2]> {
-    let duration = leg.last().map_or(0.0, |last| last.time_s - leg[0].time_s);
+    let long = leg.last().map_or(0.0, |last| 0.02 * (last.time_s - leg[0].time_s));
     let mut points = Vec::with_capacity(leg.len());
-    let mut last_s = f64::INFINITY;
-    for (a, force) in leg.iter().filter_map(|a| of(a).filter(|f| f.is_finite()).map(|f| (a, f))) {
-        if a.time_s - last_s > 0.02 * duration {
+    let (mut last_s, mut lacking) = (f64::NEG_INFINITY, false);
+    for a in leg {
+        let Some(force) = of(a).filter(|f| f.is_finite()) else {
+            lacking = true;
+            continue;
+        };
+        if lacking && a.time_s - last_s > long {
             points.push([f64::NAN; 2]);
         }
         points.push([1e3 * a.depth_m, factor * force]);
-        last_s = a.time_s;
+        (last_s, lacking) = (a.time_s, false);
     }
     points
 }
@@ -113,7 +117,7 @@ fn heading(picture: &mut Picture, run: &Run) {
         );
     }
     let source = match run.measured_source.as_str() {
-        "" => String::new(),
+        "" => "No measured force: a prediction alone".to_owned(),
         source => format!("Measured force: {source}"),
     };
     for (y, text) in [(60.0, line), (80.0, source)] {

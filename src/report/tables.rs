@@ -101,8 +101,10 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     let seconds = format!("{} s for {} s of motion", significant(run.wall_s, 3), significant(run.simulated_s, 3));
     card(html, "Times real time", run.real_time_factor().map(|f| significant(f, 3)), "×", Some(seconds));
     if let Some(latency) = run.latency_ms() {
-        let rest = format!("median {}, most {} ms", significant(latency.p50, 2), significant(latency.max, 2));
-        card(html, "Latency (p99)", Some(significant(latency.p99, 2)), "ms", Some(rest));
+        let (factor, unit) = if latency.max > 5000.0 { (1e-3, "s") } else { (1.0, "ms") };
+        let shown = |ms: f64| significant(factor * ms, 2);
+        let rest = format!("median {}, most {} {unit}", shown(latency.p50), shown(latency.max));
+        card(html, "Latency (p99)", Some(shown(latency.p99)), unit, Some(rest));
     }
     if !run.answers.is_empty() {
         let mean = run.steps as f64 / run.answers.len() as f64;
