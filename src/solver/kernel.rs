@@ -243,22 +243,8 @@ impl<T: Real> Block<T> {
         let mut min = T::of(f64::MAX);
         for p in 0..self.volume.len() {
             let range = self.start[p] as usize..self.start[p + 1] as usize;
-            // two sets of accumulators hide the latency of the additions
-            let mut sets = [[[T::default(); 4]; 3]; 2];
-            let (local, gradients) = (&self.local[range.clone()], &self.gradient[range]);
-            for (l, g) in local.chunks_exact(2).zip(gradients.chunks_exact(2)) {
-                for s in 0..2 {
-                    accumulate(&mut sets[s], &self.u[l[s] as usize], &g[s]);
-                }
-            }
-            if local.len() % 2 == 1 {
-                accumulate(&mut sets[0], &self.u[local[local.len() - 1] as usize], &gradients[gradients.len() - 1]);
-            }
-            let mut columns = sets[0];
+            let mut columns = T::gather(&self.local[range.clone()], &self.gradient[range], &self.u);
             for k in 0..3 {
-                for i in 0..4 {
-                    columns[k][i] += sets[1][k][i];
-                }
                 columns[k][k] += one;
             }
             self.deformation[p] = columns;
@@ -319,14 +305,30 @@ impl<T: Real> Block<T> {
             let columns: [[T; 4]; 3] =
                 std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
             let range = self.start[p] as usize..self.start[p + 1] as usize;
-            for (&l, g) in self.local[range.clone()].iter().zip(&self.gradient[range]) {
-                let force = &mut self.force[l as usize];
-                for i in 0..4 {
-                    force[i] = columns[0][i].fma(g[0], columns[1][i].fma(g[1], columns[2][i].fma(g[2], force[i])));
-                }
-            }
+            T::scatter(&self.local[range.clone()], &self.gradient[range], &columns, &mut self.force);
         }
         self.energy = energy.get();
+    }
+}
+
+/// sum_j u_j (x) grad phi_j by columns. Two sets of accumulators hide the latency of the additions.
+#[inline(always)]
+pub(super) fn gather<T: Real>(local: &[u16], gradient: &[[T; 3]], u: &[[T; 4]]) -> [[T; 4]; 3] {
+    let mut sets = [[[T::default(); 4]; 3]; 2];
+    for (e, (l, g)) in local.iter().zip(gradient).enumerate() {
+        accumulate(&mut sets[e % 2], &u[usize::from(*l)], g);
+    }
+    std::array::from_fn(|k| std::array::from_fn(|i| sets[0][k][i] + sets[1][k][i]))
+}
+
+/// f_j += V P grad phi_j, with V P by columns.
+#[inline(always)]
+pub(super) fn scatter<T: Real>(local: &[u16], gradient: &[[T; 3]], columns: &[[T; 4]; 3], force: &mut [[T; 4]]) {
+    for (l, g) in local.iter().zip(gradient) {
+        let force = &mut force[usize::from(*l)];
+        for i in 0..4 {
+            force[i] = columns[0][i].fma(g[0], columns[1][i].fma(g[1], columns[2][i].fma(g[2], force[i])));
+        }
     }
 }
 

@@ -42,15 +42,8 @@ impl Twin {
             let steps = if idle { 0 } else { self.pace.steps(distance, self.solver.slowest()) };
             if steps > 0 {
                 balance = self.advance_safely(steps, -moved[2], tip.depth)?;
+                self.pace.judge(&balance);
                 taken = steps;
-            }
-            loop {
-                let more = self.pace.more(&balance, self.solver.slowest(), taken);
-                if more == 0 {
-                    break;
-                }
-                balance = self.advance_safely(more, 0.0, tip.depth)?;
-                taken += more;
             }
         }
         self.tip = tip.offset;
@@ -66,6 +59,12 @@ impl Twin {
             steps: taken,
             health: self.health(&balance),
         })
+    }
+
+    /// Angular frequency of the slowest mode, rad per step.
+    #[must_use]
+    pub fn slowest(&self) -> f64 {
+        self.solver.slowest()
     }
 
     /// Back to the undeformed state.
