@@ -1,6 +1,8 @@
 // Line charts as SVG: stacked panels over one horizontal axis, phases as bands, a cursor that all charts share.
 
 const SVG = 'http://www.w3.org/2000/svg';
+/// Height of the ribbon with the names of the phases, px.
+const RIBBON = 18;
 
 function node(tag, attributes, text) {
   const element = document.createElementNS(SVG, tag);
@@ -67,7 +69,9 @@ class Chart {
     this.holder = place.querySelector('.chart');
     this.index = 0;
     moment.listeners.push((time) => this.point(nearest(options.times, time)));
-    new ResizeObserver(() => this.draw()).observe(this.holder);
+    this.draw();
+    // In the next frame: drawing changes heights, which the observer would see as a loop.
+    new ResizeObserver(() => requestAnimationFrame(() => this.draw())).observe(this.holder);
   }
 
   draw() {
@@ -77,60 +81,74 @@ class Chart {
     const { panels, label } = this.options;
     this.left = 48; this.right = width - 12;
     const gap = 34;
-    let y = 22;
+    const ribbon = (this.options.bands || []).length ? RIBBON : 0;
+    let y = 22 + ribbon;
     for (const panel of panels) { panel.top = y; y += panel.height; panel.bottom = y; y += gap; }
     const height = y - gap + 42;
     this.svg = node('svg', { viewBox: `0 0 ${width} ${height}`, height, tabindex: 0, role: 'img', 'aria-label': label.about });
     this.drawGround();
     for (const panel of panels) this.drawPanel(panel);
+    this.drawMarks();
     const bottom = panels[panels.length - 1].bottom;
     this.svg.append(node('text', { x: (this.left + this.right) / 2, y: bottom + 36, 'text-anchor': 'middle' }, label.x));
-    this.drawCursor(bottom);
+    this.drawCursor();
     this.listen();
     this.holder.replaceChildren(this.svg);
     this.point(this.index);
   }
 
-  /// Horizontal scale, phase bands, marks, horizontal ticks.
+  /// Horizontal scale with its ticks, and the phases as tints with their names in a ribbon over the first panel.
   drawGround() {
-    const { x, bands = [], marks = [], panels } = this.options;
+    const { x, bands = [], panels } = this.options;
     this.x = range([{ values: x }], false);
     if (x === this.options.times) this.x = [x[0], Math.max(x[x.length - 1], x[0] + 1e-9)];
     const [top, bottom] = [panels[0].top, panels[panels.length - 1].bottom];
     for (const band of bands) {
       const [a, b] = [Math.max(this.left, this.px(band.from)), Math.min(this.right, this.px(band.to))];
       if (b <= a) continue;
-      this.svg.append(node('rect', { x: a, y: top, width: b - a, height: bottom - top, fill: `var(--${band.word})` }));
-      if (b - a > 7 * band.word.length) {
-        this.svg.append(node('text', { x: a + 5, y: bottom - 6 }, band.word));
-      }
+      const tint = (y, height) => this.svg.append(node('rect', { x: a, y, width: b - a, height, fill: `var(--${band.word})` }));
+      for (const panel of panels) tint(panel.top, panel.height);
+      tint(top - RIBBON, RIBBON);
+      if (b - a > 6.5 * band.word.length + 6) this.svg.append(node('text', { x: a + 4, y: top - 5 }, band.word));
     }
     const { at, decimals } = ticks(this.x[0], this.x[1], Math.max(3, (this.right - this.left) / 75));
     for (const value of at) {
       const place = this.px(value);
-      for (const panel of panels) {
-        this.svg.append(node('line', { class: 'rule', x1: place, x2: place, y1: panel.top, y2: panel.bottom }));
-      }
+      for (const panel of panels) this.vertical(place, panel, 'rule');
       this.svg.append(node('text', { x: place, y: bottom + 17, 'text-anchor': 'middle' }, minus(value.toFixed(decimals))));
     }
+  }
+
+  /// Vertical line through one panel.
+  vertical(x, panel, cls) {
+    const line = node('line', { class: cls, x1: x, x2: x, y1: panel.top, y2: panel.bottom });
+    this.svg.append(line);
+    return line;
+  }
+
+  /// Labelled moments or depths, the label on the side that has room.
+  drawMarks() {
+    const { marks = [], panels } = this.options;
     for (const mark of marks) {
       const place = this.px(mark.x);
-      this.svg.append(node('line', { class: 'mark', x1: place, x2: place, y1: top, y2: bottom }));
+      for (const panel of panels) this.vertical(place, panel, 'mark');
       const flip = place + 8 * mark.text.length > this.right;
-      this.svg.append(node('text', { x: place + (flip ? -5 : 5), y: top + 13, 'text-anchor': flip ? 'end' : 'start' }, mark.text));
+      const y = mark.low ? panels[0].bottom - 8 : panels[0].top + 15;
+      this.svg.append(node('text', { class: 'over', x: place + (flip ? -5 : 5), y, 'text-anchor': flip ? 'end' : 'start' }, mark.text));
     }
   }
 
   drawPanel(panel) {
     panel.y = range(panel.limit === undefined ? panel.series : [...panel.series, { values: [panel.limit] }], panel.zero);
-    const { at, decimals } = ticks(panel.y[0], panel.y[1], panel.height / 42);
+    const { at, decimals } = ticks(panel.y[0], panel.y[1], panel.height / 34);
     for (const value of at) {
       const y = this.py(panel, value);
       const cls = Math.abs(value) < 1e-12 ? 'zero' : 'rule';
       this.svg.append(node('line', { class: cls, x1: this.left, x2: this.right, y1: y, y2: y }));
       this.svg.append(node('text', { x: this.left - 6, y: y + 4, 'text-anchor': 'end' }, minus(value.toFixed(decimals))));
     }
-    this.svg.append(node('text', { class: 'title', x: 0, y: panel.top - 9 }, panel.title));
+    const title = panel.top - 9 - (panel === this.options.panels[0] && this.options.bands?.length ? RIBBON : 0);
+    this.svg.append(node('text', { class: 'title', x: 0, y: title }, panel.title));
     if (panel.limit !== undefined) {
       const y = this.py(panel, panel.limit);
       this.svg.append(node('line', { class: 'limit', x1: this.left, x2: this.right, y1: y, y2: y }));
@@ -138,19 +156,22 @@ class Chart {
     for (const series of panel.series) this.svg.append(node('path', { class: `line ${series.cls}`, style: series.style || '', d: this.path(panel, series) }));
   }
 
+  /// A line through the entries that are there; short gaps are bridged, long ones (2% of the time) break it.
   path(panel, { values, mask, from = 0, to = values.length }) {
-    let d = '', down = false;
+    const { x, times } = this.options;
+    const long = 0.02 * (times[times.length - 1] - times[0]);
+    let d = '', last = -Infinity;
     for (let i = from; i < to; i++) {
-      if (mask && !mask[i]) { down = false; continue; }
-      d += `${down ? 'L' : 'M'}${this.px(this.options.x[i]).toFixed(1)} ${this.py(panel, values[i]).toFixed(1)}`;
-      down = true;
+      if (mask && !mask[i]) continue;
+      const bridged = !mask || times[i] - last <= long;
+      d += `${d && bridged ? 'L' : 'M'}${this.px(x[i]).toFixed(1)} ${this.py(panel, values[i]).toFixed(1)}`;
+      last = times[i];
     }
     return d;
   }
 
-  drawCursor(bottom) {
-    this.line = node('line', { class: 'cursor', y1: this.options.panels[0].top, y2: bottom });
-    this.svg.append(this.line);
+  drawCursor() {
+    this.lines = this.options.panels.map((panel) => this.vertical(0, panel, 'cursor'));
     this.dots = [];
     for (const panel of this.options.panels) {
       for (const series of panel.series) {
@@ -202,8 +223,7 @@ class Chart {
     this.index = i;
     if (!this.svg) return;
     const place = this.px(this.options.x[i]);
-    this.line.setAttribute('x1', place);
-    this.line.setAttribute('x2', place);
+    for (const line of this.lines) { line.setAttribute('x1', place); line.setAttribute('x2', place); }
     for (const { dot, panel, series } of this.dots) {
       const shown = !series.mask || series.mask[i];
       dot.style.display = shown ? '' : 'none';

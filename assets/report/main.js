@@ -34,13 +34,16 @@ function phaseAt(time) {
   return band ? band.word : '';
 }
 
+/// Parts of a read-out, none of which breaks in the middle.
+function spans(parts) { return parts.map((part) => `<span>${part}</span>`).join(' · '); }
+
 function readForce(i) {
   const unit = run.force.unit;
   const parts = [`<b>${rows.time[i].toFixed(2)}</b> s`, `depth <b>${minus(depth[i].toFixed(2))}</b> mm`, `predicted <b>${figures(predicted[i], 3)}</b> ${unit}`];
   if (measured && (!mask || mask[i])) {
     parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
   }
-  return [...parts, phaseAt(rows.time[i])].join(' · ');
+  return spans([...parts, phaseAt(rows.time[i])]);
 }
 
 /// A series in its way in and its way back, which is drawn paler.
@@ -68,8 +71,12 @@ function charts() {
   new Chart(document.getElementById('force-depth'), {
     x: depth, times: rows.time, read: readForce,
     label: { x: 'Depth of the tip in mm', about: 'Predicted and measured force over depth' },
-    panels: measured ? [force(true, 250), error(true)] : [force(true, 330)],
-    marks: run.events.map((e) => ({ x: 1e3 * e.depth, text: e.word })),
+    panels: measured ? [force(true, 300), error(true)] : [force(true, 400)],
+    bands: run.depth_phases.map((b) => ({ ...b, from: 1e3 * b.from, to: 1e3 * b.to })),
+    marks: [
+      ...run.events.map((e) => ({ x: 1e3 * e.depth, text: e.word })),
+      ...(run.hold ? [{ x: 1e3 * run.hold.depth, text: `held for ${figures(run.hold.duration, 2)} s`, low: true }] : []),
+    ],
   });
   new Chart(document.getElementById('force-time'), {
     ...overTime, read: readForce, label: { x: 'Time in s', about: 'Force, residual and depth over time' },
@@ -94,15 +101,14 @@ function targets(bands) {
     const at = 3 * (i * names.length + k);
     return 1e3 * Math.hypot(...[0, 1, 2].map((c) => positions[at + c] - positions[3 * k + c]));
   }));
-  const chart = new Chart(document.getElementById('targets'), {
+  new Chart(document.getElementById('targets'), {
     x: time, times: time, bands, label: { x: 'Time in s', about: 'Distance of each target from its place at the start' },
-    read: (i) => [`<b>${time[i].toFixed(2)}</b> s`, ...names.map((_, k) => `<b style="color:${colour(k)}">${figures(moved[k][i], 3)}</b> mm`)].join(' · '),
+    read: (i) => spans([`<b>${time[i].toFixed(2)}</b> s`, ...names.map((_, k) => `<b style="color:${colour(k)}">${figures(moved[k][i], 3)}</b> mm`)]),
     panels: [{
       title: 'Moved from the start by, in mm', height: 160, zero: true,
       series: moved.map((values, k) => ({ values, cls: '', style: `stroke:${colour(k)};stroke-width:2`, colour: colour(k) })),
     }],
   });
-  chart.draw();
 }
 
 if (n) charts();

@@ -1,1 +1,7 @@
-fn main() {}
+//! The simulated rig as a ROS 2 node.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(needle_twin::ros::rig_node::run(std::env::args_os().skip(1)))
+}

@@ -3,7 +3,7 @@
 use super::Run;
 
 /// Part of the largest depth within which the instrument counts as held at it.
-const HOLD_BAND: f64 = 0.01;
+const HOLD_BAND: f64 = 0.002;
 
 /// Where a run's answers fall into insertion, hold and retraction. Any of them may be empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -17,7 +17,7 @@ pub struct Legs {
 }
 
 impl Run {
-    /// Legs of the motion, from depth alone. "At the deepest point" is within 1% of it, so that the noise of a
+    /// Legs of the motion, from depth alone. "At the deepest point" is within 0.2% of it, so that the noise of a
     /// depth sensor makes no legs of its own; a motion with several cycles counts as held between its deepest
     /// answers.
     #[must_use]
@@ -31,6 +31,18 @@ impl Run {
             retraction: depths().rposition(held).map_or(end, |last| last + 1),
             end,
         }
+    }
+
+    /// Depth, m, and duration, s, of the stay at the deepest point; `None` if the run only touches it (no more than
+    /// 2% of its time: a slow turn stays near its deepest point as well).
+    #[must_use]
+    pub fn hold(&self) -> Option<(f64, f64)> {
+        let Legs { hold, retraction, .. } = self.legs();
+        let (first, last) = (self.answers.get(hold)?, self.answers.get(retraction.checked_sub(1)?)?);
+        let whole = self.answers.last()?.time_s - self.answers.first()?.time_s;
+        let duration = last.time_s - first.time_s;
+        let depth = self.answers[hold..retraction].iter().map(|a| a.depth_m).fold(first.depth_m, f64::max);
+        (duration.is_finite() && duration > 0.02 * whole.max(0.0)).then_some((depth, duration))
     }
 }
 
@@ -57,7 +69,30 @@ mod tests {
 
     #[test]
     fn a_noisy_hold_is_one_leg() {
-        assert_eq!(legs(&[-1.0, 0.0, 5.0, 10.0, 9.95, 10.01, 9.96, 6.0, 0.0]), (3, 7, 9));
+        assert_eq!(legs(&[-1.0, 0.0, 5.0, 10.0, 9.97, 10.01, 9.995, 6.0, 0.0]), (3, 7, 9));
+    }
+
+    #[test]
+    fn a_turn_is_no_hold() {
+        let run = |depths: Vec<f64>| {
+            let answer = |(i, depth_m): (usize, f64)| Answer {
+                time_s: i as f64,
+                depth_m,
+                predicted_n: 0.0,
+                measured_n: None,
+                phase: Phase::Indentation,
+                event: None,
+                steps: 0,
+                latency_s: 0.0,
+            };
+            Run { answers: depths.into_iter().enumerate().map(answer).collect(), ..Run::default() }
+        };
+        let ramp = || (0..50).map(f64::from);
+        let turn = run(ramp().chain(ramp().rev()).collect());
+        assert_eq!(turn.hold(), None);
+        let held = run(ramp().chain(vec![49.0; 30]).chain(ramp().rev()).collect());
+        assert_eq!(held.hold(), Some((49.0, 31.0)));
+        assert_eq!(Run::default().hold(), None);
     }
 
     #[test]

@@ -3,8 +3,15 @@
 //! Bounded: curves are thinned, the field is kept in 16-bit steps at as many moments as fit, and a sample that is too
 //! large for a page is left out.
 
-use super::{ReportError, page::FILE, section::Section, thin::thin, unit::Scale};
-use crate::compare::{Answer, Run, Snapshot};
+use super::{
+    ReportError,
+    page::FILE,
+    phases::{self, Stretch},
+    section::Section,
+    thin::thin,
+    unit::Scale,
+};
+use crate::compare::{Answer, Run, Snapshot, TargetRow};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::twin::Event;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -31,7 +38,9 @@ pub(super) fn data(run: &Run) -> Result<Value, ReportError> {
         "force": { "factor": force.factor, "unit": force.unit },
         "rows": rows(&answers),
         "retraction": kept.partition_point(|&i| i < run.legs().retraction),
-        "phases": phases(run),
+        "phases": bands(&phases::over_time(run)),
+        "depth_phases": bands(&phases::over_depth(run)),
+        "hold": hold(run),
         "events": events(run),
         "period_ms": period_ms(run),
         "targets": targets(run),
@@ -83,20 +92,13 @@ fn rows(answers: &[&Answer]) -> Value {
     })
 }
 
-/// Stretches of time of one phase.
-fn phases(run: &Run) -> Value {
-    let mut bands: Vec<(&'static str, f64, f64)> = Vec::new();
-    for a in run.answers.iter().filter(|a| a.time_s.is_finite()) {
-        let word = a.phase.as_str();
-        if let Some((last, _, to)) = bands.last_mut() {
-            *to = a.time_s;
-            if *last == word {
-                continue;
-            }
-        }
-        bands.push((word, a.time_s, a.time_s));
-    }
-    bands.into_iter().map(|(word, from, to)| json!({ "word": word, "from": from, "to": to })).collect()
+fn bands(stretches: &[Stretch]) -> Value {
+    stretches.iter().map(|s| json!({ "word": s.word, "from": s.from, "to": s.to })).collect()
+}
+
+/// Depth and time spent at the deepest point, where the run stays there.
+fn hold(run: &Run) -> Option<Value> {
+    run.hold().map(|(depth_m, duration_s)| json!({ "depth": depth_m, "duration": duration_s }))
 }
 
 fn events(run: &Run) -> Value {
@@ -119,11 +121,11 @@ fn period_ms(run: &Run) -> Option<f64> {
 
 fn targets(run: &Run) -> Option<Value> {
     let names = &run.target_names;
-    let usable = |t: &&crate::compare::TargetRow| {
+    let usable = |t: &&TargetRow| {
         t.time_s.is_finite() && t.positions.len() == names.len() && t.positions.iter().flatten().all(|c| c.is_finite())
     };
     let all: Vec<_> = run.targets.iter().filter(usable).collect();
-    let kept: Vec<_> = all.iter().step_by((all.len() / 1000).max(1)).collect();
+    let kept = evenly(&all, 1000);
     (!names.is_empty() && !kept.is_empty()).then(|| {
         json!({
             "names": names,
@@ -192,13 +194,13 @@ fn fits(field: &'static str, found: usize, expected: usize) -> Result<(), Report
     if found == expected { Ok(()) } else { Err(ReportError::Length { file: FILE, field, found, expected }) }
 }
 
-/// At most `most` of the moments, evenly spread, with the first and the last.
-fn evenly<'a>(moments: &[&'a Snapshot], most: usize) -> Vec<&'a Snapshot> {
-    let (n, most) = (moments.len(), most.min(moments.len()));
+/// At most `most` of the items, evenly spread, with the first and the last.
+fn evenly<'a, T>(items: &[&'a T], most: usize) -> Vec<&'a T> {
+    let (n, most) = (items.len(), most.min(items.len()));
     if most < 2 {
-        return moments.last().copied().into_iter().collect();
+        return items.last().copied().into_iter().collect();
     }
-    (0..most).map(|k| moments[k * (n - 1) / (most - 1)]).collect()
+    (0..most).map(|k| items[k * (n - 1) / (most - 1)]).collect()
 }
 
 /// Displacement in steps of `displacement_unit`, moment by moment.

@@ -1,8 +1,10 @@
 //! `force.png` and `force.svg`: predicted and measured force over depth, residual below.
 
 use super::{
+    phases::over_depth,
     picture::{Anchor, Colour, Pen, Picture, Type},
-    plot::{Axis, BLUE, INK, MUTED, Panel, VERMILION, label, legend},
+    plot::{Axis, BLUE, End, INK, Panel, VERMILION, label, legend},
+    raster::fitted,
     thin::thin,
     unit::{Scale, significant},
 };
@@ -10,7 +12,7 @@ use crate::compare::{Answer, Run};
 use crate::twin::Event;
 
 const WIDTH: u32 = 960;
-const HEIGHT: u32 = 660;
+const HEIGHT: u32 = 692;
 /// Left, right edge of the panels, px.
 const SIDES: [f64; 2] = [84.0, 932.0];
 
@@ -34,9 +36,15 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let x = Axis::holding(answers.iter().map(|a| 1e3 * a.depth_m).chain([0.0]), 10, 0.025);
     let forces = answers.iter().flat_map(|a| [Some(a.predicted_n), a.measured_n]).flatten().map(|f| force.factor * f);
     let y = Axis::holding(forces.chain([0.0]), 6, 0.06);
-    let bottom = if measured { 446.0 } else { 610.0 };
-    let upper = Panel { frame: [SIDES[0], 132.0, SIDES[1], bottom], x: x.clone(), y };
-    upper.grid(&mut picture, &format!("Force against insertion in {}", force.unit), !measured);
+    let bottom = if measured { 470.0 } else { 636.0 };
+    let upper = Panel { frame: [SIDES[0], 172.0, SIDES[1], bottom], x: x.clone(), y };
+    upper.grid(&mut picture, !measured);
+    upper.title(&mut picture, &format!("Force against insertion in {}", force.unit), 26.0);
+    let stretches = over_depth(run);
+    upper.ribbon(&mut picture, stretches.iter().map(|s| (1e3 * s.from, 1e3 * s.to, s.word, tint(s.word))));
+    if let Some((depth_m, duration_s)) = run.hold() {
+        upper.event(&mut picture, 1e3 * depth_m, &format!("held for {} s", significant(duration_s, 2)), End::Lower);
+    }
     for (leg, [m, p]) in legs.iter().zip([[MEASURED[0], PREDICTED[0]], [MEASURED[1], PREDICTED[1]]]) {
         upper.curve(&mut picture, column(leg, |a| a.measured_n, force.factor), m);
         upper.curve(&mut picture, column(leg, |a| Some(a.predicted_n), force.factor), p);
@@ -45,24 +53,37 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     if measured {
         let residuals = answers.iter().filter_map(|a| a.residual_n()).map(|e| force.factor * e);
         let y = Axis::holding(residuals.chain([0.0]), 3, 0.06);
-        let lower = Panel { frame: [SIDES[0], 496.0, SIDES[1], 610.0], x, y };
-        lower.grid(&mut picture, &format!("Predicted − measured in {}", force.unit), true);
+        let lower = Panel { frame: [SIDES[0], 520.0, SIDES[1], 636.0], x, y };
+        lower.grid(&mut picture, true);
+        lower.title(&mut picture, &format!("Predicted − measured in {}", force.unit), 11.0);
         for (leg, pen) in legs.iter().zip(RESIDUAL) {
             lower.curve(&mut picture, column(leg, Answer::residual_n, force.factor), pen);
         }
     }
     let centre = 0.5 * (SIDES[0] + SIDES[1]);
     picture.text(
-        [centre, 648.0],
+        [centre, 676.0],
         "Depth of the tip below the undeformed surface in mm",
         Type { bold: true, colour: INK, ..label(Anchor::Middle) },
     );
-    legend(&mut picture, [SIDES[0], 90.0], &entries(measured, !legs[1].is_empty()));
+    legend(&mut picture, [SIDES[0], 116.0], &entries(measured, !legs[1].is_empty()));
     picture
 }
 
+/// Value pairs of a leg that have both numbers. A load cell slower than the poses leaves gaps that the line bridges;
+/// a long one (2% of the leg's time) breaks it.
 fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> Vec<[f64; 2]> {
-    leg.iter().map(|a| [1e3 * a.depth_m, of(a).map_or(f64::NAN, |f| factor * f)]).collect()
+    let duration = leg.last().map_or(0.0, |last| last.time_s - leg[0].time_s);
+    let mut points = Vec::with_capacity(leg.len());
+    let mut last_s = f64::INFINITY;
+    for (a, force) in leg.iter().filter_map(|a| of(a).filter(|f| f.is_finite()).map(|f| (a, f))) {
+        if a.time_s - last_s > 0.02 * duration {
+            points.push([f64::NAN; 2]);
+        }
+        points.push([1e3 * a.depth_m, factor * force]);
+        last_s = a.time_s;
+    }
+    points
 }
 
 fn entries(measured: bool, retraction: bool) -> Vec<(&'static str, Pen)> {
@@ -77,24 +98,38 @@ fn entries(measured: bool, retraction: bool) -> Vec<(&'static str, Pen)> {
 
 fn heading(picture: &mut Picture, run: &Run) {
     let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };
-    picture.text([SIDES[0], 36.0], format!("{}: force over depth", run.scene), title);
+    let room = SIDES[1] - SIDES[0];
+    picture.text([SIDES[0], 36.0], fitted(&format!("{}: force over depth", run.scene), title, room), title);
     let force = Scale::of_force(run);
     let m = run.force_metrics();
     let mut line = format!("{}, {} nodes", run.method, run.nodes);
     if let (Some(rmse), Some(nrmse), Some(max)) = (m.rmse_n, m.nrmse, m.max_abs_error_n) {
         line += &format!(
-            "; RMSE {} {unit} ({} % of the measured peak), largest error {} {unit}",
+            ". RMSE {} {unit} ({} % of the measured peak), largest error {} {unit}",
             significant(force.factor * rmse, 3),
             significant(100.0 * nrmse, 2),
             significant(force.factor * max, 3),
             unit = force.unit,
         );
     }
-    if !run.measured_source.is_empty() {
-        line += &format!("; measured: {}", run.measured_source);
+    let source = match run.measured_source.as_str() {
+        "" => String::new(),
+        source => format!("Measured force: {source}"),
+    };
+    for (y, text) in [(60.0, line), (80.0, source)] {
+        let typ = label(Anchor::Start);
+        picture.text([SIDES[0], y], fitted(&text, typ, room), typ);
     }
-    let typ = Type { colour: MUTED, ..label(Anchor::Start) };
-    picture.text([SIDES[0], 60.0], line, typ);
+}
+
+/// Ground of a phase's name.
+fn tint(phase: &str) -> Colour {
+    match phase {
+        "indentation" => Colour(0xd9, 0xe7, 0xf8, 1.0),
+        "penetration" => Colour(0xfb, 0xe3, 0xd6, 1.0),
+        "retraction" => Colour(0xe6, 0xe0, 0xf6, 1.0),
+        _ => Colour(0xe8, 0xeb, 0xef, 1.0),
+    }
 }
 
 /// Marks each puncture by a line and by a dot on the predicted curve.
@@ -103,7 +138,7 @@ fn punctures(picture: &mut Picture, panel: &Panel, run: &Run, factor: f64) {
         let Some(Event::Puncture { depth_m }) = a.event else { continue };
         if depth_m.is_finite() && a.predicted_n.is_finite() {
             let depth = 1e3 * depth_m;
-            panel.event(picture, depth, &format!("puncture at {} mm", significant(depth, 3)));
+            panel.event(picture, depth, &format!("puncture at {} mm", significant(depth, 3)), End::Upper);
             picture.dot(panel.at(depth, factor * a.predicted_n), 4.5, BLUE);
         }
     }

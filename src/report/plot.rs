@@ -1,6 +1,9 @@
 //! Drawing helpers that every plot shares: colours, axes with round ticks, panels, legends.
 
-use super::picture::{Anchor, Colour, Pen, Picture, Type, text_width};
+use super::{
+    picture::{Anchor, Colour, Pen, Picture, Type},
+    raster::text_width,
+};
 
 // Told apart by colour-blind eyes and in grey print: lightness differs as well as hue.
 pub(super) const INK: Colour = Colour(0x1c, 0x22, 0x2b, 1.0);
@@ -78,8 +81,8 @@ impl Panel {
         [left + self.x.fraction(x) * (right - left), bottom - self.y.fraction(y) * (bottom - top)]
     }
 
-    /// Rules, tick labels and the axis title over the panel's left corner; x tick labels if `x_labels`.
-    pub fn grid(&self, picture: &mut Picture, title: &str, x_labels: bool) {
+    /// Rules and tick labels, those of x if `x_labels`.
+    pub fn grid(&self, picture: &mut Picture, x_labels: bool) {
         let [left, top, right, bottom] = self.frame;
         for &tick in &self.y.ticks {
             let y = self.at(self.x.min, tick)[1];
@@ -95,8 +98,12 @@ impl Panel {
                 picture.text([x, bottom + 20.0], self.x.tick_label(tick), label(Anchor::Middle));
             }
         }
+    }
+
+    /// Title of the vertical axis, `above` the panel's upper left corner.
+    pub fn title(&self, picture: &mut Picture, text: &str, above: f64) {
         let typ = Type { bold: true, colour: INK, ..label(Anchor::Start) };
-        picture.text([left, top - 11.0], title, typ);
+        picture.text([self.frame[0], self.frame[1] - above], text, typ);
     }
 
     /// A line through value pairs.
@@ -104,15 +111,37 @@ impl Panel {
         picture.line(points.into_iter().map(|[x, y]| self.at(x, y)), pen);
     }
 
-    /// A labelled vertical line; the label flips to the side that has room.
-    pub fn event(&self, picture: &mut Picture, x: f64, text: &str) {
+    /// A labelled vertical line, the label at its upper or lower end, on the side that has room.
+    pub fn event(&self, picture: &mut Picture, x: f64, text: &str, end: End) {
         let [_, top, right, bottom] = self.frame;
         let at = self.at(x, self.y.min)[0];
         picture.line([[at, top], [at, bottom]], Pen::new(MUTED, 1.2).dashed([2.0, 3.0]));
         let width = text_width(text, 13.0, false);
-        let (x, anchor) = if at + 8.0 + width < right { (at + 6.0, Anchor::Start) } else { (at - 6.0, Anchor::End) };
-        picture.text([x, top + 14.0], text, label(anchor));
+        let y = if end == End::Upper { top + 17.0 } else { bottom - 9.0 };
+        let (x, anchor) = if at + 8.0 + width < right { (at + 7.0, Anchor::Start) } else { (at - 7.0, Anchor::End) };
+        let left = if anchor == Anchor::Start { x } else { x - width };
+        picture.rectangle([left - 3.0, y - 12.0], [left + width + 3.0, y + 4.0], Colour(255, 255, 255, 0.85));
+        picture.text([x, y], text, label(anchor));
     }
+
+    /// A ribbon of named stretches along the panel's upper edge; names that don't fit are left out.
+    pub fn ribbon(&self, picture: &mut Picture, stretches: impl IntoIterator<Item = (f64, f64, &'static str, Colour)>) {
+        let [left, top, right, _] = self.frame;
+        for (from, to, word, colour) in stretches {
+            let [x0, x1] = [from, to].map(|x| self.at(x, self.y.min)[0].clamp(left, right));
+            picture.rectangle([x0, top - 17.0], [x1, top - 1.0], colour);
+            if x1 - x0 > text_width(word, 12.0, false) + 8.0 {
+                picture.text([x0 + 5.0, top - 5.0], word, Type { size: 12.0, ..label(Anchor::Start) });
+            }
+        }
+    }
+}
+
+/// End of a vertical line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum End {
+    Upper,
+    Lower,
 }
 
 /// A row of pens with their names, starting at `at`; stands outside the panels, so that it covers no data.

@@ -1,6 +1,6 @@
 //! The scene's settings as a reader wants them: words, numbers with units.
 
-use super::picture::escaped;
+use super::svg::escaped;
 use std::fmt::Write as _;
 
 /// Endings of keys that name a unit, longest first where one ends in another.
@@ -70,6 +70,8 @@ fn text(value: &toml::Value) -> String {
         toml::Value::Table(t) => {
             t.iter().map(|(k, v)| format!("{} {}", words(k), text(v))).collect::<Vec<_>>().join(", ")
         }
+        // 1e-6 and not 0.000001; 970 and not 970.0.
+        toml::Value::Float(number) => format!("{number:?}").trim_end_matches(".0").to_owned(),
         other => other.to_string(),
     }
 }

@@ -1,7 +1,7 @@
 //! Figures and tables of the page.
 
 use super::{
-    picture::escaped,
+    svg::escaped,
     unit::{Scale, count, significant},
 };
 use crate::compare::Run;
@@ -62,7 +62,8 @@ pub(super) fn verdict(html: &mut String, run: &Run) {
     let mut reasons: Vec<String> = run.losses.clone();
     if !run.answers.is_empty() {
         let off = guides(run).into_iter().filter(|g| !g.good);
-        reasons.extend(off.map(|g| format!("{}: {} (should be {})", g.name, g.shown, g.bound)));
+        let value = |g: &Guide| if g.value.is_finite() { g.shown.clone() } else { "not a finite number".to_owned() };
+        reasons.extend(off.map(|g| format!("{}: {} (should be {})", g.name, value(&g), g.bound)));
     }
     if run.missed_deadlines > 0 {
         reasons.push(format!("{} poses were answered after the next one had come", count(run.missed_deadlines)));
@@ -92,29 +93,29 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     let with_unit = |f: Option<f64>| newton(f).map(|f| format!("{f} {}", force.unit)).unwrap_or_default();
     html.push_str("<div class=\"cards\">\n");
     let measured = m.peak_measured_n.map(|_| format!("measured {}", with_unit(m.peak_measured_n)));
-    card(html, "Peak force, predicted", newton(m.peak_predicted_n), force.unit, measured);
+    card(html, "Predicted peak", newton(m.peak_predicted_n), force.unit, measured);
     if let Some(nrmse) = m.nrmse {
-        let largest = format!("RMSE {}, largest {}", with_unit(m.rmse_n), with_unit(m.max_abs_error_n));
-        card(html, "Error, RMSE over measured peak", Some(significant(100.0 * nrmse, 2)), "%", Some(largest));
+        let largest = format!("{}; at most {}", with_unit(m.rmse_n), with_unit(m.max_abs_error_n));
+        card(html, "Relative RMSE", Some(significant(100.0 * nrmse, 2)), "%", Some(largest));
     }
-    let seconds = format!("{} s of stepping for {} s", significant(run.wall_s, 3), significant(run.simulated_s, 3));
-    card(html, "Speed", run.real_time_factor().map(|f| significant(f, 3)), "× real time", Some(seconds));
+    let seconds = format!("{} s for {} s of motion", significant(run.wall_s, 3), significant(run.simulated_s, 3));
+    card(html, "Times real time", run.real_time_factor().map(|f| significant(f, 3)), "×", Some(seconds));
     if let Some(latency) = run.latency_ms() {
-        let rest = format!("median {}, longest {} ms", significant(latency.p50, 2), significant(latency.max, 2));
-        card(html, "Latency, 99 % of poses under", Some(significant(latency.p99, 2)), "ms", Some(rest));
+        let rest = format!("median {}, most {} ms", significant(latency.p50, 2), significant(latency.max, 2));
+        card(html, "Latency (p99)", Some(significant(latency.p99, 2)), "ms", Some(rest));
     }
     if !run.answers.is_empty() {
         let mean = run.steps as f64 / run.answers.len() as f64;
         let step = run.step_us().map(|us| format!(", {} µs each", significant(us, 3))).unwrap_or_default();
         let rest = format!("{} in all{step}", count(run.steps));
-        card(html, "Explicit steps per pose", Some(significant(mean, 3)), "", Some(rest));
+        card(html, "Steps per pose", Some(significant(mean, 3)), "", Some(rest));
     }
     let points = format!("{}, {} integration points", run.method, count(run.integration_points as u64));
     card(html, "Nodes", Some(count(run.nodes as u64)), "", Some(points));
     let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
     if let Some((depth_m, time_s)) = puncture {
         let when = format!("after {} s", significant(time_s, 3));
-        card(html, "Puncture at", Some(significant(1e3 * depth_m, 3)), "mm", Some(when));
+        card(html, "Puncture", Some(significant(1e3 * depth_m, 3)), "mm", Some(when));
     }
     html.push_str("</div>\n");
 }
@@ -131,7 +132,7 @@ fn card(html: &mut String, name: &str, figure: Option<String>, unit: &str, below
 /// How stable the run was, each figure with its bound.
 pub(super) fn stability(html: &mut String, run: &Run) {
     html.push_str(
-        "<section id=\"stability\">\n<h2>Stability</h2>\n<div class=\"wide\"><table>\n<thead><tr><th>Figure</th>\
+        "<section id=\"stability\">\n<h2>Stability</h2>\n<div class=\"wide\"><table class=\"stack\">\n<thead><tr><th>Figure</th>\
          <th class=\"number\">Value</th><th>Should be</th><th></th><th>What it says</th></tr></thead>\n<tbody>\n",
     );
     for g in guides(run) {
@@ -158,25 +159,28 @@ pub(super) fn target_legend(run: &Run) -> String {
     format!("<ul class=\"legend\">{}</ul>", run.target_names.iter().enumerate().map(entry).collect::<String>())
 }
 
-/// Where each target started, how far it went, and where it ended, mm.
+/// Where each target started, where it was at the deepest point, and how far it went, mm.
 pub(super) fn targets(run: &Run) -> String {
-    let mut html = String::from(
-        "<div class=\"wide\"><table>\n<thead><tr><th>Target</th><th class=\"number\">Start x, y, z in mm</th>\
-         <th class=\"number\">End x, y, z in mm</th><th class=\"number\">Farthest in mm</th></tr></thead>\n<tbody>\n",
+    let deepest = run.targets.iter().filter(|t| t.depth_m.is_finite()).max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
+    let depth = deepest.map_or_else(String::new, |t| format!("At {} mm deep", significant(1e3 * t.depth_m, 3)));
+    let mut html = format!(
+        "<div class=\"wide\"><table class=\"scroll\">\n<thead><tr><th>x, y, z in mm</th><th class=\"number\">At the start</th>\
+         <th class=\"number\">{depth}</th><th class=\"number\">Farthest by</th></tr></thead>\n<tbody>\n"
     );
     let place = |p: [f64; 3]| p.map(|c| format!("{:.2}", 1e3 * c + 0.0).replace('-', "−")).join(", ");
     for (k, name) in run.target_names.iter().enumerate() {
-        let mut path = run.targets.iter().filter_map(|row| row.positions.get(k).copied());
-        let Some(start) = path.next() else { continue };
+        let finite = |p: &[f64; 3]| p.iter().all(|c| c.is_finite());
+        let path = || run.targets.iter().filter_map(|row| row.positions.get(k).copied().filter(finite));
+        let Some(start) = path().next() else { continue };
         let moved = |p: [f64; 3]| (0..3).map(|c| (p[c] - start[c]).powi(2)).sum::<f64>().sqrt();
-        let farthest = path.clone().map(moved).fold(0.0, f64::max);
+        let there = deepest.and_then(|row| row.positions.get(k).copied()).filter(finite);
         let _ = writeln!(
             html,
-            "<tr><th>{}</th><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td></tr>",
+            "<tr><th>{}</th><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{} mm</td></tr>",
             escaped(name),
             place(start),
-            place(path.last().unwrap_or(start)),
-            significant(1e3 * farthest, 3)
+            there.map_or_else(|| "–".to_owned(), place),
+            significant(1e3 * path().map(moved).fold(0.0, f64::max), 3)
         );
     }
     html + "</tbody></table></div>"

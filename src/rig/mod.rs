@@ -1,3 +1,10 @@
-//! The simulated rig.
+//! The simulated rig: a player of recordings, a needle driver, and the models of its sensors.
 
+mod clock;
+mod driver;
+mod player;
 pub mod sensors;
+
+pub use clock::PlaybackClock;
+pub use driver::{Driver, DriverLimits};
+pub use player::{PlayOptions, Player, Step};

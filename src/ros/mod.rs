@@ -1,3 +1,28 @@
-//! ROS 2: messages, arguments, environment, nodes.
+//! ROS 2: the twin and the rig as nodes, over a DDS of our own (no ROS installation needed).
+//!
+//! `arguments`, `environment`, `names`, `parameters`, `qos`, `clock` and `logging` are what every ROS 2 program does;
+//! `participant` and `graph` are the network; `twin_node` and `rig_node` are the two programs.
 
+pub mod arguments;
+pub mod clock;
+pub mod environment;
+mod graph;
+pub mod logging;
 pub mod messages;
+pub mod names;
+mod parameter_file;
+mod parameter_services;
+pub mod parameters;
+pub mod participant;
+pub mod qos;
+mod raw;
+pub mod rig_node;
+mod rosout;
+mod scene_parameters;
+pub mod signals;
+pub mod start;
+mod threads;
+pub mod twin_node;
+
+pub use graph::Graph;
+pub use parameter_file::YamlError;

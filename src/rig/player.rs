@@ -1,0 +1,328 @@
+//! Plays a bag: which message comes next, and when. No sockets, no threads, no sleeping.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use super::clock::PlaybackClock;
+use crate::bag::{BagReader, Loss, Message, Messages};
+
+/// How a bag is played; the same as the options of `ros2 bag play`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlayOptions {
+    /// Bag seconds per wall second.
+    pub rate: f64,
+    /// Start again at the end.
+    pub looping: bool,
+    /// Where to start, from the start of the bag.
+    pub start_offset: Duration,
+    /// Wait for `resume`.
+    pub start_paused: bool,
+    /// Topics to play; empty: all.
+    pub topics: Vec<String>,
+}
+
+impl Default for PlayOptions {
+    fn default() -> Self {
+        Self { rate: 1.0, looping: false, start_offset: Duration::ZERO, start_paused: false, topics: Vec::new() }
+    }
+}
+
+/// What to do next.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Publish this now.
+    Publish(Message),
+    /// Nothing is due before this.
+    WaitUntil(Instant),
+    /// Time stands still.
+    Paused,
+    /// The bag has started anew: time has jumped back.
+    Looped,
+    /// That was all.
+    Ended,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Player {
+    bag: BagReader,
+    wanted: Vec<bool>,
+    latched: Vec<bool>,
+    messages: Messages,
+    /// Latched messages from before the start, then the next message in time.
+    pending: Vec<Message>,
+    clock: PlaybackClock,
+    looping: bool,
+    start_ns: i64,
+    end_ns: i64,
+    played: u64,
+    losses: Vec<Loss>,
+}
+
+impl Player {
+    /// Prepares to play; `None` if the bag has no message on any of the wanted topics.
+    #[must_use]
+    pub fn new(bag: BagReader, options: &PlayOptions, wall: Instant) -> Option<Self> {
+        let wanted: Vec<bool> = bag
+            .topics()
+            .iter()
+            .map(|t| t.messages > 0 && (options.topics.is_empty() || options.topics.contains(&t.name)))
+            .collect();
+        if !wanted.contains(&true) {
+            return None;
+        }
+        let (first, last) = bag.span_ns()?;
+        let (first, last) = (signed(first), signed(last));
+        let offset = i64::try_from(options.start_offset.as_nanos()).unwrap_or(i64::MAX);
+        let latched = bag.topics().iter().map(|t| t.qos.iter().any(crate::bag::Qos::is_transient_local)).collect();
+        let messages = select(&bag, &wanted);
+        let mut player = Self {
+            wanted,
+            latched,
+            messages,
+            pending: Vec::new(),
+            clock: PlaybackClock::new(wall, first, options.rate, options.start_paused),
+            looping: options.looping,
+            start_ns: first.saturating_add(offset).min(last),
+            end_ns: last,
+            played: 0,
+            losses: Vec::new(),
+            bag,
+        };
+        player.go_to(wall, player.start_ns);
+        Some(player)
+    }
+
+    /// The bag.
+    #[must_use]
+    pub fn bag(&self) -> &BagReader {
+        &self.bag
+    }
+
+    /// Whether a topic (index into the bag's) is played.
+    #[must_use]
+    pub fn plays(&self, topic: usize) -> bool {
+        self.wanted.get(topic).copied().unwrap_or(false)
+    }
+
+    /// First and last bag time, ns since 1970.
+    #[must_use]
+    pub const fn span_ns(&self) -> (i64, i64) {
+        (self.start_ns, self.end_ns)
+    }
+
+    /// Messages that were handed out.
+    #[must_use]
+    pub const fn played(&self) -> u64 {
+        self.played
+    }
+
+    /// What could not be read of the bag, so far.
+    #[must_use]
+    pub fn losses(&self) -> Vec<Loss> {
+        let mut all = self.bag.losses().to_vec();
+        all.extend(self.losses.iter().chain(self.messages.losses()).cloned());
+        all
+    }
+
+    /// Bag time; it does not run past the end.
+    #[must_use]
+    pub fn now_ns(&self, wall: Instant) -> i64 {
+        self.clock.now_ns(wall).min(self.end_ns)
+    }
+
+    /// The clock.
+    #[must_use]
+    pub const fn clock(&self) -> &PlaybackClock {
+        &self.clock
+    }
+
+    /// What to do at a wall time. After [`Step::Publish`] and [`Step::Looped`] ask again at once.
+    pub fn step(&mut self, wall: Instant) -> Step {
+        let Some(next) = self.peek() else {
+            if self.looping && self.played > 0 {
+                self.go_to(wall, self.start_ns);
+                return Step::Looped;
+            }
+            return Step::Ended;
+        };
+        match self.clock.due(signed(next)) {
+            None => Step::Paused,
+            Some(due) if due > wall => Step::WaitUntil(due),
+            Some(_) => self.take().map_or(Step::Ended, Step::Publish),
+        }
+    }
+
+    /// The next message, now, and the clock goes to its time; for `play_next` while paused.
+    pub fn play_next(&mut self, wall: Instant) -> Option<Message> {
+        if !self.clock.is_paused() {
+            return None;
+        }
+        let message = self.take()?;
+        self.clock.jump(wall, signed(message.log_ns));
+        Some(message)
+    }
+
+    /// Stops or starts time.
+    pub fn set_paused(&mut self, wall: Instant, paused: bool) {
+        self.clock.set_paused(wall, paused);
+    }
+
+    /// Changes the rate; false unless it is a positive number.
+    pub fn set_rate(&mut self, wall: Instant, rate: f64) -> bool {
+        self.clock.set_rate(wall, rate)
+    }
+
+    /// Goes to a bag time; false if the bag does not reach there. Latched messages from before it come first.
+    pub fn seek(&mut self, wall: Instant, bag_ns: i64) -> bool {
+        let inside = (self.bag.span_ns().map_or(0, |(first, _)| signed(first))..=self.end_ns).contains(&bag_ns);
+        if inside {
+            self.go_to(wall, bag_ns);
+        }
+        inside
+    }
+
+    fn go_to(&mut self, wall: Instant, bag_ns: i64) {
+        self.losses.extend_from_slice(self.messages.losses());
+        self.losses.dedup();
+        self.messages = select(&self.bag, &self.wanted);
+        self.clock.jump(wall, bag_ns);
+        let mut latched: BTreeMap<usize, Message> = BTreeMap::new();
+        self.pending.clear();
+        for message in self.messages.by_ref() {
+            if signed(message.log_ns) >= bag_ns {
+                self.pending.push(message);
+                break;
+            }
+            if self.latched.get(message.topic).copied().unwrap_or(false) {
+                latched.insert(message.topic, message);
+            }
+        }
+        // A stack: what is due first lies on top.
+        self.pending.extend(latched.into_values().rev());
+    }
+
+    fn peek(&mut self) -> Option<u64> {
+        if self.pending.is_empty() {
+            self.pending.extend(self.messages.next());
+        }
+        self.pending.last().map(|m| m.log_ns)
+    }
+
+    fn take(&mut self) -> Option<Message> {
+        self.peek()?;
+        let message = self.pending.pop()?;
+        self.played += 1;
+        Some(message)
+    }
+}
+
+fn select(bag: &BagReader, wanted: &[bool]) -> Messages {
+    let names: Vec<(&str, &str)> = bag
+        .topics()
+        .iter()
+        .zip(wanted)
+        .filter(|(_, wanted)| **wanted)
+        .map(|(t, _)| (t.name.as_str(), t.type_name.as_str()))
+        .collect();
+    bag.select(|t| names.contains(&(t.name.as_str(), t.type_name.as_str())))
+}
+
+fn signed(ns: u64) -> i64 {
+    i64::try_from(ns).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::bag::{BagWriter, Qos, WriterOptions};
+    use crate::ros::messages::std_msgs::Float64;
+
+    const START: u64 = 1_700_000_000_000_000_000;
+    const MS: u64 = 1_000_000;
+
+    /// `/a` every 10 ms with its number, `/latched` once at the start.
+    fn bag() -> (tempfile::TempDir, BagReader) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = BagWriter::create(folder.path().join("b"), WriterOptions::default()).unwrap();
+        let a = writer.add_topic::<Float64>("/a", &Qos::reliable(10)).unwrap();
+        let latched = writer.add_topic::<Float64>("/latched", &Qos::transient_local(1)).unwrap();
+        writer.write(latched, START, START, &Float64 { data: -1.0 }).unwrap();
+        for i in 0..100_u32 {
+            let t = START + u64::from(i) * 10 * MS;
+            writer.write(a, t, t, &Float64 { data: f64::from(i) }).unwrap();
+        }
+        let written = writer.finish().unwrap();
+        let reader = BagReader::open(written.folder).unwrap();
+        (folder, reader)
+    }
+
+    fn value(player: &Player, step: &Step) -> Option<f64> {
+        let Step::Publish(message) = step else { return None };
+        Some(player.bag().decode::<Float64>(message).unwrap().data)
+    }
+
+    #[test]
+    fn relative_times_are_exact_at_any_rate() {
+        let (_folder, bag) = bag();
+        let t0 = Instant::now();
+        let mut player =
+            Player::new(bag, &PlayOptions { rate: 2.0, topics: vec!["/a".into()], ..Default::default() }, t0).unwrap();
+        for i in 0..100_u32 {
+            let due = t0 + Duration::from_millis(5) * i;
+            if i > 0 {
+                assert_eq!(player.step(due - Duration::from_nanos(1)), Step::WaitUntil(due));
+            }
+            let step = player.step(due);
+            assert_eq!(value(&player, &step), Some(f64::from(i)));
+        }
+        assert_eq!(player.step(t0), Step::Ended);
+        assert_eq!(player.played(), 100);
+    }
+
+    #[test]
+    fn offset_keeps_latched_messages_and_loop_starts_anew() {
+        let (_folder, bag) = bag();
+        let t0 = Instant::now();
+        let options = PlayOptions { start_offset: Duration::from_millis(905), looping: true, ..PlayOptions::default() };
+        let mut player = Player::new(bag, &options, t0).unwrap();
+        let late = t0 + Duration::from_secs(10);
+        let values: Vec<Option<f64>> = (0..12)
+            .map(|_| {
+                let step = player.step(late);
+                value(&player, &step)
+            })
+            .collect();
+        let expected = [-1.0, 91.0, 92.0, 93.0, 94.0, 95.0, 96.0, 97.0, 98.0, 99.0].map(Some);
+        assert_eq!(values[..10], expected);
+        assert_eq!(values[10], None, "looped");
+        assert_eq!(values[11], Some(-1.0));
+    }
+
+    #[test]
+    fn pause_play_next_and_seek() {
+        let (_folder, bag) = bag();
+        let t0 = Instant::now();
+        let options = PlayOptions { start_paused: true, topics: vec!["/a".into()], ..PlayOptions::default() };
+        let mut player = Player::new(bag, &options, t0).unwrap();
+        assert_eq!(player.step(t0 + Duration::from_secs(5)), Step::Paused);
+        assert!(player.play_next(t0).is_some());
+        assert_eq!(player.played(), 1);
+        assert!(player.seek(t0, signed(START + 500 * MS)));
+        assert!(!player.seek(t0, signed(START + 5_000 * MS)));
+        assert_eq!(player.now_ns(t0), signed(START + 500 * MS));
+        player.set_paused(t0, false);
+        assert!(player.play_next(t0).is_none(), "only while paused");
+        let step = player.step(t0);
+        assert_eq!(value(&player, &step), Some(50.0));
+        assert_eq!(player.step(t0), Step::WaitUntil(t0 + Duration::from_millis(10)));
+    }
+
+    #[test]
+    fn a_bag_without_the_wanted_topics_is_none() {
+        let (_folder, bag) = bag();
+        let options = PlayOptions { topics: vec!["/nothing".into()], ..PlayOptions::default() };
+        assert!(Player::new(bag, &options, Instant::now()).is_none());
+    }
+}

@@ -1,0 +1,177 @@
+//! Environment variables that a ROS 2 program honours. The only place of the crate that reads them.
+//!
+//! Without a word from the user the programs speak on the loopback only: a prediction of a force is nobody
+//! else's business, and DDS has no login. `ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` opens the network.
+
+use ros2_client::ServiceMapping;
+
+/// Why the environment can't be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{variable}={value}: {reason}")]
+pub struct EnvironmentError {
+    /// Name of the variable.
+    pub variable: &'static str,
+    /// Its value.
+    pub value: String,
+    /// What is wrong, and what would be right.
+    pub reason: &'static str,
+}
+
+/// Who may hear and be heard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// This machine only.
+    Localhost,
+    /// Every network that the machine is on.
+    Subnet,
+}
+
+/// What the environment says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Environment {
+    /// `ROS_DOMAIN_ID`.
+    pub domain: u16,
+    /// `ROS_LOCALHOST_ONLY`, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
+    pub reach: Reach,
+    /// How services are mapped to DDS, from `RMW_IMPLEMENTATION` (the middleware of the peers).
+    pub mapping: ServiceMapping,
+    /// What can't be honoured or is doubtful; to be printed once.
+    pub warnings: Vec<String>,
+}
+
+impl Environment {
+    /// Reads the process's environment.
+    ///
+    /// # Errors
+    /// [`EnvironmentError`] naming the variable whose value can't be used.
+    pub fn read() -> Result<Self, EnvironmentError> {
+        Self::from_lookup(|name| std::env::var(name).ok().filter(|value| !value.is_empty()))
+    }
+
+    /// Reads any set of variables.
+    ///
+    /// # Errors
+    /// [`EnvironmentError`] naming the variable whose value can't be used.
+    pub fn from_lookup(lookup: impl Fn(&'static str) -> Option<String>) -> Result<Self, EnvironmentError> {
+        let mut warnings = Vec::new();
+        let domain = domain(&lookup, &mut warnings)?;
+        let reach = reach(&lookup, &mut warnings);
+        let mapping = mapping(&lookup, &mut warnings);
+        if lookup("ROS_SECURITY_ENABLE").is_some_and(|v| v == "true") {
+            return Err(EnvironmentError {
+                variable: "ROS_SECURITY_ENABLE",
+                value: "true".to_owned(),
+                reason: "DDS security is not built into these programs; unset it, or keep the traffic on a trusted network",
+            });
+        }
+        for variable in
+            ["ROS_STATIC_PEERS", "CYCLONEDDS_URI", "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"]
+        {
+            if lookup(variable).is_some() {
+                warnings.push(format!("{variable} has no effect here: the programs bring their own DDS"));
+            }
+        }
+        Ok(Self { domain, reach, mapping, warnings })
+    }
+}
+
+fn domain(
+    lookup: &impl Fn(&'static str) -> Option<String>,
+    warnings: &mut Vec<String>,
+) -> Result<u16, EnvironmentError> {
+    let Some(text) = lookup("ROS_DOMAIN_ID") else { return Ok(0) };
+    let domain = text.trim().parse::<u16>().ok().filter(|d| *d <= 232).ok_or(EnvironmentError {
+        variable: "ROS_DOMAIN_ID",
+        value: text,
+        reason: "a domain is a whole number from 0 to 232 (0 to 101 is safe everywhere)",
+    })?;
+    if domain > 101 && !(215..=232).contains(&domain) {
+        warnings.push(format!(
+            "ROS_DOMAIN_ID={domain}: above 101 the ports overlap those that Linux hands out to other programs"
+        ));
+    }
+    Ok(domain)
+}
+
+fn reach(lookup: &impl Fn(&'static str) -> Option<String>, warnings: &mut Vec<String>) -> Reach {
+    if let Some(text) = lookup("ROS_LOCALHOST_ONLY") {
+        // Deprecated since Iron, and yet it prevails if it is 1.
+        if text == "1" {
+            return Reach::Localhost;
+        }
+        if text != "0" {
+            warnings.push(format!("ROS_LOCALHOST_ONLY={text} is neither 0 nor 1: taken as not set"));
+        }
+    }
+    match lookup("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
+        None | Some("LOCALHOST") => Reach::Localhost,
+        Some("SUBNET" | "SYSTEM_DEFAULT") => Reach::Subnet,
+        Some("OFF") => {
+            warnings.push(
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF can't be honoured (there are no static peers here): taken as LOCALHOST"
+                    .to_owned(),
+            );
+            Reach::Localhost
+        }
+        Some(other) => {
+            warnings.push(format!(
+                "ROS_AUTOMATIC_DISCOVERY_RANGE={other} is unknown (SUBNET, LOCALHOST, OFF, SYSTEM_DEFAULT): taken as LOCALHOST"
+            ));
+            Reach::Localhost
+        }
+    }
+}
+
+fn mapping(lookup: &impl Fn(&'static str) -> Option<String>, warnings: &mut Vec<String>) -> ServiceMapping {
+    match lookup("RMW_IMPLEMENTATION").as_deref() {
+        Some("rmw_cyclonedds_cpp") => ServiceMapping::Cyclone,
+        None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => ServiceMapping::Enhanced,
+        Some(other) => {
+            warnings.push(format!(
+                "RMW_IMPLEMENTATION={other}: topics and services are offered over DDS as for rmw_fastrtps_cpp; peers on another middleware won't hear them"
+            ));
+            ServiceMapping::Enhanced
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn with(pairs: &'static [(&'static str, &'static str)]) -> Result<Environment, EnvironmentError> {
+        Environment::from_lookup(|name| pairs.iter().find(|(k, _)| *k == name).map(|(_, v)| (*v).to_owned()))
+    }
+
+    #[test]
+    fn localhost_unless_told_otherwise() {
+        assert_eq!(with(&[]).unwrap().reach, Reach::Localhost);
+        assert_eq!(with(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")]).unwrap().reach, Reach::Subnet);
+        let both = with(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"), ("ROS_LOCALHOST_ONLY", "1")]).unwrap();
+        assert_eq!(both.reach, Reach::Localhost);
+        let odd = with(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "PLANET")]).unwrap();
+        assert_eq!(odd.reach, Reach::Localhost);
+        assert_eq!(odd.warnings.len(), 1);
+    }
+
+    #[test]
+    fn domains() {
+        assert_eq!(with(&[("ROS_DOMAIN_ID", "42")]).unwrap().domain, 42);
+        for bad in [&[("ROS_DOMAIN_ID", "233")], &[("ROS_DOMAIN_ID", "-1")], &[("ROS_DOMAIN_ID", "x")]] {
+            assert_eq!(with(bad).unwrap_err().variable, "ROS_DOMAIN_ID");
+        }
+    }
+
+    #[test]
+    fn mapping_follows_the_peers_middleware() {
+        assert_eq!(with(&[]).unwrap().mapping, ServiceMapping::Enhanced);
+        assert_eq!(with(&[("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")]).unwrap().mapping, ServiceMapping::Cyclone);
+        assert_eq!(with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap().warnings.len(), 1);
+    }
+
+    #[test]
+    fn security_is_refused_not_ignored() {
+        assert!(with(&[("ROS_SECURITY_ENABLE", "true")]).is_err());
+    }
+}

@@ -1,0 +1,186 @@
+//! Who is matched with whom, and why somebody is not: a QoS or a type that doesn't fit is said loudly, with the remedy.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use ros2_client::QosProfile;
+use ros2_client::dds::rustdds::dds::statusevents::{
+    DomainParticipantStatusEvent as Status, EndpointDescription, StatusEvented,
+};
+use ros2_client::dds::rustdds::{DomainParticipant, GUID, RTPSEntity};
+use ros2_client::qos::{Durability, Reliability};
+
+use super::qos::{self, Side};
+
+/// Topics that every node publishes.
+const SHARED: [&str; 3] = ["/diagnostics", "/rosout", "/parameter_events"];
+
+/// One own endpoint.
+pub(super) struct EndpointRecord {
+    side: Side,
+    guid: GUID,
+    topic: String,
+    dds_topic: String,
+    dds_type: String,
+    profile: QosProfile,
+    remotes: BTreeSet<GUID>,
+    matched: Arc<AtomicUsize>,
+}
+
+impl EndpointRecord {
+    pub(super) fn new(
+        side: Side,
+        guid: GUID,
+        topic: &str,
+        dds_type: &str,
+        profile: QosProfile,
+        matched: Arc<AtomicUsize>,
+    ) -> Self {
+        Self {
+            side,
+            guid,
+            topic: topic.to_owned(),
+            dds_topic: format!("rt{topic}"),
+            dds_type: dds_type.to_owned(),
+            profile,
+            remotes: BTreeSet::new(),
+            matched,
+        }
+    }
+
+    fn update(&mut self, change: impl FnOnce(&mut BTreeSet<GUID>)) {
+        change(&mut self.remotes);
+        self.matched.store(self.remotes.len(), Ordering::Relaxed);
+    }
+}
+
+/// Watches discovery. [`Graph::poll`] it some times per second from one thread.
+pub struct Graph {
+    participant: DomainParticipant,
+    records: Vec<EndpointRecord>,
+    warned: BTreeSet<(GUID, GUID)>,
+}
+
+impl Graph {
+    pub(super) fn new(participant: &DomainParticipant, records: Vec<EndpointRecord>) -> Self {
+        Self { participant: participant.clone(), records, warned: BTreeSet::new() }
+    }
+
+    /// Takes what discovery has to say; updates the counts of every endpoint and warns about what can't match.
+    pub fn poll(&mut self) {
+        let listener = self.participant.status_listener();
+        while let Some(event) = listener.try_recv_status() {
+            self.take(event);
+        }
+    }
+
+    fn take(&mut self, event: Status) {
+        match event {
+            Status::RemoteReaderMatched { local_writer: own, remote_reader: remote }
+            | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote } => {
+                if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
+                    record.update(|remotes| {
+                        remotes.insert(remote);
+                    });
+                }
+            }
+            Status::ReaderLost { guid, .. } | Status::WriterLost { guid, .. } => {
+                for record in &mut self.records {
+                    record.update(|remotes| {
+                        remotes.remove(&guid);
+                    });
+                }
+            }
+            Status::ParticipantLost { id, .. } => {
+                for record in &mut self.records {
+                    record.update(|remotes| remotes.retain(|guid| guid.prefix != id));
+                }
+            }
+            Status::RemoteReaderQosIncompatible { local_writer: own, remote_reader: remote, requested_qos, .. } => {
+                self.warn_qos(own, remote, &QosProfile::from(&*requested_qos));
+            }
+            Status::RemoteWriterQosIncompatible { local_reader: own, remote_writer: remote, offered_qos, .. } => {
+                self.warn_qos(own, remote, &QosProfile::from(&*offered_qos));
+            }
+            Status::ReaderDetected { reader } => self.check_type(&reader, Side::Subscription),
+            Status::WriterDetected { writer } => self.check_type(&writer, Side::Publisher),
+            _ => {}
+        }
+    }
+
+    fn warn_qos(&mut self, own: GUID, remote: GUID, theirs: &QosProfile) {
+        let Some(record) = self.records.iter().find(|r| r.guid == own) else { return };
+        if self.warned.insert((own, remote)) {
+            tracing::warn!("{}", qos_remedy(record.side, &record.topic, &record.profile, theirs));
+        }
+    }
+
+    /// RustDDS matches by topic name alone, so a foreign type would be decoded as ours.
+    fn check_type(&mut self, remote: &EndpointDescription, side: Side) {
+        if remote.guid.prefix == self.participant.guid().prefix {
+            return;
+        }
+        for record in self.records.iter().filter(|r| r.dds_topic == remote.topic_name) {
+            if record.dds_type != remote.type_name {
+                // ros2-client nodes subscribe /clock under a second name.
+                let known = record.topic == "/clock" && remote.type_name.contains("builtin_interfaces");
+                if !known && self.warned.insert((record.guid, remote.guid)) {
+                    tracing::warn!(
+                        "`{}`: a {} of type {} is on this topic; this node speaks {}. Remap one of them (-r {0}:=/other)",
+                        record.topic,
+                        side.word(),
+                        remote.type_name,
+                        record.dds_type,
+                    );
+                }
+            } else if side == Side::Publisher
+                && record.side == Side::Publisher
+                && !SHARED.contains(&record.topic.as_str())
+                && self.warned.insert((record.guid, remote.guid))
+            {
+                tracing::warn!(
+                    "`{}` is published by somebody else too: readers get both. Give one of the nodes a namespace \
+                     (--ros-args -r __ns:=/name)",
+                    record.topic
+                );
+            }
+        }
+    }
+}
+
+fn qos_remedy(side: Side, topic: &str, ours: &QosProfile, theirs: &QosProfile) -> String {
+    let (offered, requested) = if side == Side::Publisher { (ours, theirs) } else { (theirs, ours) };
+    let reliability =
+        offered.reliability == Reliability::BestEffort && matches!(requested.reliability, Reliability::Reliable { .. });
+    let durability = offered.durability == Durability::Volatile && requested.durability == Durability::TransientLocal;
+    let (policy, value) = match (side, reliability, durability) {
+        (Side::Publisher, true, _) => ("reliability", "reliable"),
+        (Side::Subscription, true, _) => ("reliability", "best_effort"),
+        (Side::Publisher, _, true) => ("durability", "transient_local"),
+        (Side::Subscription, _, true) => ("durability", "volatile"),
+        _ => ("deadline", "0"),
+    };
+    let peer = if side == Side::Publisher { "subscription" } else { "publisher" };
+    format!(
+        "`{topic}`: the QoS of a {peer} ({}) does not fit this node's {} ({}): nothing will arrive. \
+         Remedy: start this node with --ros-args -p qos_overrides.{topic}.{}.{policy}:={value}, or change the {peer}",
+        qos::describe(theirs),
+        side.word(),
+        qos::describe(ours),
+        side.word(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_warning_holds_the_remedy() {
+        let text = qos_remedy(Side::Subscription, "/measured_js", &qos::reliable(5), &qos::sensor(5));
+        assert!(text.contains("-p qos_overrides./measured_js.subscription.reliability:=best_effort"), "{text}");
+        let text = qos_remedy(Side::Publisher, "/tissue_model", &qos::reliable(1), &qos::latched());
+        assert!(text.contains("-p qos_overrides./tissue_model.publisher.durability:=transient_local"), "{text}");
+    }
+}

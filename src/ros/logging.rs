@@ -1,0 +1,280 @@
+//! The node's log: console lines in ROS 2's format, and `/rosout`.
+//!
+//! Library code logs with `tracing`; the layer here formats, filters by `--log-level`, and hands own messages to the
+//! thread that publishes `/rosout` over a bounded channel, so that no log line can hold up a step.
+
+use std::fmt::Write as _;
+use std::io::{IsTerminal, Write as _};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use crossbeam_channel::{Receiver, Sender};
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Metadata, Subscriber};
+use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
+
+use super::arguments::LogArguments;
+
+/// Severity as ROS 2 numbers it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// 10.
+    Debug = 10,
+    /// 20.
+    Info = 20,
+    /// 30.
+    Warn = 30,
+    /// 40.
+    Error = 40,
+    /// 50.
+    Fatal = 50,
+}
+
+impl Severity {
+    /// Reads `debug`, `INFO`, ...
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        Some(match text.to_ascii_lowercase().as_str() {
+            "debug" => Self::Debug,
+            "info" => Self::Info,
+            "warn" => Self::Warn,
+            "error" => Self::Error,
+            "fatal" => Self::Fatal,
+            _ => return None,
+        })
+    }
+
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Debug => "DEBUG",
+            Self::Info => "INFO",
+            Self::Warn => "WARN",
+            Self::Error => "ERROR",
+            Self::Fatal => "FATAL",
+        }
+    }
+
+    fn of(level: Level) -> Self {
+        match level {
+            Level::ERROR => Self::Error,
+            Level::WARN => Self::Warn,
+            Level::INFO => Self::Info,
+            _ => Self::Debug,
+        }
+    }
+}
+
+/// One line for `/rosout`.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Wall time, ns since 1970.
+    pub wall_nanos: i64,
+    /// Severity.
+    pub severity: Severity,
+    /// The text.
+    pub message: String,
+    /// Source file.
+    pub file: &'static str,
+    /// Source line.
+    pub line: u32,
+}
+
+/// Lines that `/rosout` lost because the publishing thread was behind.
+pub static ROSOUT_DROPPED: AtomicU64 = AtomicU64::new(0);
+
+struct RosLayer {
+    name: String,
+    level: Severity,
+    loggers: Vec<(String, Severity)>,
+    console: Option<Console>,
+    rosout: Option<Sender<Record>>,
+}
+
+struct Console {
+    format: String,
+    colour: bool,
+    stdout: bool,
+}
+
+/// Installs the process's log for a node and returns the lines meant for `/rosout`. Only the first call of a process
+/// has an effect on the console.
+#[must_use]
+pub fn install(node: &str, arguments: &LogArguments) -> Receiver<Record> {
+    static INSTALLED: OnceLock<()> = OnceLock::new();
+    let (sender, receiver) = crossbeam_channel::bounded(256);
+    if INSTALLED.set(()).is_ok() {
+        let layer = RosLayer {
+            name: node.trim_start_matches('/').replace('/', "."),
+            level: arguments.level.unwrap_or(Severity::Info),
+            loggers: arguments.loggers.clone(),
+            console: arguments.stdout.unwrap_or(true).then(Console::from_environment),
+            rosout: arguments.rosout.unwrap_or(true).then_some(sender),
+        };
+        // Fails only if somebody else installed a subscriber first: then his stands.
+        let _ = tracing_subscriber::registry().with(layer).try_init();
+    }
+    receiver
+}
+
+impl Console {
+    fn from_environment() -> Self {
+        let variable = |name| std::env::var(name).ok().filter(|v: &String| !v.is_empty());
+        let stdout = variable("RCUTILS_LOGGING_USE_STDOUT").is_some_and(|v| v == "1");
+        let terminal = if stdout { std::io::stdout().is_terminal() } else { std::io::stderr().is_terminal() };
+        Self {
+            format: variable("RCUTILS_CONSOLE_OUTPUT_FORMAT")
+                .unwrap_or_else(|| "[{severity}] [{time}] [{name}]: {message}".to_owned()),
+            colour: variable("RCUTILS_COLORIZED_OUTPUT").map_or(terminal, |v| v == "1"),
+            stdout,
+        }
+    }
+
+    fn print(&self, name: &str, record: &Record) {
+        let line = self.line(name, record);
+        // A closed pipe must not end a node.
+        if self.stdout {
+            let _ = writeln!(std::io::stdout().lock(), "{line}");
+        } else {
+            let _ = writeln!(std::io::stderr().lock(), "{line}");
+        }
+    }
+
+    fn line(&self, name: &str, record: &Record) -> String {
+        let text = self
+            .format
+            .replace("{severity}", record.severity.word())
+            .replace(
+                "{time}",
+                &format!("{}.{:09}", record.wall_nanos / 1_000_000_000, record.wall_nanos % 1_000_000_000),
+            )
+            .replace("{time_as_nanoseconds}", &record.wall_nanos.to_string())
+            .replace("{name}", name)
+            .replace("{file_name}", record.file)
+            .replace("{line_number}", &record.line.to_string())
+            .replace("{function_name}", "")
+            .replace("{message}", &record.message);
+        let colour = match record.severity {
+            Severity::Debug => "\x1b[32m",
+            Severity::Info => "\x1b[0m",
+            Severity::Warn => "\x1b[33m",
+            Severity::Error | Severity::Fatal => "\x1b[31m",
+        };
+        if self.colour { format!("{colour}{text}\x1b[0m") } else { text }
+    }
+}
+
+impl RosLayer {
+    /// Lowest severity that a target may speak with.
+    fn threshold(&self, target: &str) -> Severity {
+        if let Some((_, level)) = self.loggers.iter().rev().find(|(l, _)| target.starts_with(l) || *l == self.name) {
+            return *level;
+        }
+        if target.starts_with(env!("CARGO_CRATE_NAME")) {
+            return self.level;
+        }
+        // RustDDS speaks of itself at length: a loopback without multicast alone gives 30 errors per second
+        // ("No locators for RtpsReaderProxy"), and leaving gives two. Neither is anything that a user can act on.
+        const NOISE: [&str; 3] = ["rustdds::rtps::writer", "rustdds::network", "rustdds::discovery"];
+        if NOISE.iter().any(|n| target.starts_with(n)) { Severity::Fatal } else { Severity::Error }
+    }
+}
+
+#[derive(Default)]
+struct Text(String);
+
+impl Visit for Text {
+    fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+        // Events of the `log` crate carry their place as fields.
+        if field.name() == "message" {
+            let _ = write!(self.0, "{value:?}");
+        } else if !field.name().starts_with("log.") {
+            let _ = write!(self.0, " {}={value:?}", field.name());
+        }
+    }
+}
+
+impl<S: Subscriber> Layer<S> for RosLayer {
+    fn enabled(&self, metadata: &Metadata<'_>, _: Context<'_, S>) -> bool {
+        Severity::of(*metadata.level()) >= self.threshold(metadata.target())
+    }
+
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let metadata = event.metadata();
+        let mut text = Text::default();
+        event.record(&mut text);
+        let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let record = Record {
+            wall_nanos: i64::try_from(wall.as_nanos()).unwrap_or(i64::MAX),
+            severity: Severity::of(*metadata.level()),
+            message: text.0,
+            file: metadata.file().unwrap_or(""),
+            line: metadata.line().unwrap_or(0),
+        };
+        if let Some(console) = &self.console {
+            console.print(&self.name, &record);
+        }
+        // Only own lines: publishing makes the middleware log, which would publish again.
+        if metadata.target().starts_with(env!("CARGO_CRATE_NAME"))
+            && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err())
+        {
+            ROSOUT_DROPPED.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Lets a message through at most once per interval, and counts what it held back.
+#[derive(Debug)]
+pub struct Throttle {
+    interval: Duration,
+    last: Option<Instant>,
+    held: u64,
+}
+
+impl Throttle {
+    /// One message per `interval`.
+    #[must_use]
+    pub const fn new(interval: Duration) -> Self {
+        Self { interval, last: None, held: 0 }
+    }
+
+    /// `Some(held back since the last one)` if a message may go out now.
+    pub fn pass(&mut self) -> Option<u64> {
+        let now = Instant::now();
+        if self.last.is_some_and(|last| now.duration_since(last) < self.interval) {
+            self.held += 1;
+            return None;
+        }
+        self.last = Some(now);
+        Some(std::mem::take(&mut self.held))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn format_of_ros_2() {
+        let console =
+            Console { format: "[{severity}] [{time}] [{name}]: {message}".to_owned(), colour: false, stdout: false };
+        let record = Record {
+            wall_nanos: 1_700_000_000_000_000_007,
+            severity: Severity::Warn,
+            message: "x".into(),
+            file: "f",
+            line: 1,
+        };
+        assert_eq!(console.line("or1.twin", &record), "[WARN] [1700000000.000000007] [or1.twin]: x");
+    }
+
+    #[test]
+    fn throttle_counts_what_it_holds_back() {
+        let mut throttle = Throttle::new(Duration::from_secs(60));
+        assert_eq!(throttle.pass(), Some(0));
+        assert_eq!(throttle.pass(), None);
+        throttle.last = None;
+        assert_eq!(throttle.pass(), Some(1));
+    }
+}

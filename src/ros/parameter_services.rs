@@ -1,0 +1,153 @@
+//! The six parameter services of every ROS 2 node, over [`Parameters`], and `/parameter_events`.
+//!
+//! All six or none: with rmw_cyclonedds `ros2 param` waits for ever if one is missing.
+
+use ros2_client::parameters::{ParameterDescriptor, ParameterValue, raw};
+use ros2_client::rcl_interfaces as rcl;
+use ros2_client::{Message, Publisher, Server, builtin_interfaces};
+
+use super::clock::NodeClock;
+use super::parameters::Parameters;
+use super::participant::{Participant, ParticipantError};
+
+type ServerOf<Q, R> = Server<Q, R>;
+
+/// The servers. [`ParameterServices::poll`] them some times per second.
+pub struct ParameterServices {
+    get: ServerOf<rcl::GetParametersRequest, rcl::GetParametersResponse>,
+    types: ServerOf<rcl::GetParameterTypesRequest, rcl::GetParameterTypesResponse>,
+    list: ServerOf<rcl::ListParametersRequest, rcl::ListParametersResponse>,
+    describe: ServerOf<rcl::DescribeParametersRequest, rcl::DescribeParametersResponse>,
+    set: ServerOf<rcl::SetParametersRequest, rcl::SetParametersResponse>,
+    set_atomically: ServerOf<rcl::SetParametersRequest, rcl::SetParametersAtomicallyResponse>,
+    events: Publisher<raw::ParameterEvent>,
+    node: String,
+}
+
+impl ParameterServices {
+    /// Makes the six servers of a node.
+    ///
+    /// # Errors
+    /// [`ParticipantError`].
+    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+        Ok(Self {
+            get: participant.server("~/get_parameters", "rcl_interfaces", "GetParameters")?,
+            types: participant.server("~/get_parameter_types", "rcl_interfaces", "GetParameterTypes")?,
+            list: participant.server("~/list_parameters", "rcl_interfaces", "ListParameters")?,
+            describe: participant.server("~/describe_parameters", "rcl_interfaces", "DescribeParameters")?,
+            set: participant.server("~/set_parameters", "rcl_interfaces", "SetParameters")?,
+            set_atomically: participant.server(
+                "~/set_parameters_atomically",
+                "rcl_interfaces",
+                "SetParametersAtomically",
+            )?,
+            events: participant.parameter_events()?,
+            node: participant.names().fully_qualified(),
+        })
+    }
+
+    /// Answers what has been asked; `changed` is called with every parameter that was set.
+    pub fn poll(&self, parameters: &Parameters, clock: &NodeClock, changed: &mut dyn FnMut(&str, &ParameterValue)) {
+        answer(&self.get, |q| rcl::GetParametersResponse {
+            values: q.names.iter().map(|n| raw_value(parameters, n)).collect(),
+        });
+        answer(&self.types, |q| rcl::GetParameterTypesResponse {
+            values: q.names.iter().map(|n| raw_value(parameters, n).ptype).collect(),
+        });
+        answer(&self.list, |q| rcl::ListParametersResponse { result: list(parameters, &q.prefixes, q.depth) });
+        answer(&self.describe, |q| rcl::DescribeParametersResponse {
+            values: q
+                .names
+                .iter()
+                .map(|n| parameters.describe(n).unwrap_or_else(|| ParameterDescriptor::unknown(n)).into())
+                .collect(),
+        });
+        answer(&self.set, |q| rcl::SetParametersResponse {
+            results: q.parameter.into_iter().map(|p| self.apply(parameters, clock, vec![p], changed)).collect(),
+        });
+        answer(&self.set_atomically, |q| rcl::SetParametersAtomicallyResponse {
+            result: self.apply(parameters, clock, q.parameter, changed),
+        });
+    }
+
+    fn apply(
+        &self,
+        parameters: &Parameters,
+        clock: &NodeClock,
+        wanted: Vec<raw::Parameter>,
+        changed: &mut dyn FnMut(&str, &ParameterValue),
+    ) -> raw::SetParametersResult {
+        let wanted: Vec<(String, ParameterValue)> =
+            wanted.into_iter().map(|p| (p.name, ParameterValue::from(p.value))).collect();
+        match parameters.set(&wanted) {
+            Ok(now) => {
+                for (name, value) in &now {
+                    changed(name, value);
+                }
+                self.publish(clock, now);
+                raw::SetParametersResult { successful: true, reason: String::new() }
+            }
+            Err((name, reason)) => {
+                raw::SetParametersResult { successful: false, reason: format!("parameter `{name}` {reason}") }
+            }
+        }
+    }
+
+    fn publish(&self, clock: &NodeClock, changed: Vec<(String, ParameterValue)>) {
+        let event = raw::ParameterEvent {
+            stamp: builtin_interfaces::Time::from_nanos(clock.now_nanos().unwrap_or(0)),
+            node: self.node.clone(),
+            new_parameters: Vec::new(),
+            changed_parameters: changed
+                .into_iter()
+                .map(|(name, value)| raw::Parameter { name, value: value.into() })
+                .collect(),
+            deleted_parameters: Vec::new(),
+        };
+        if self.events.publish(event).is_err() {
+            tracing::debug!("a parameter event could not be published");
+        }
+    }
+}
+
+fn raw_value(parameters: &Parameters, name: &str) -> raw::ParameterValue {
+    parameters.get(name).unwrap_or(ParameterValue::NotSet).into()
+}
+
+/// Answers every request that has come.
+pub fn answer<Q: Message + 'static, R: Message + 'static>(server: &Server<Q, R>, mut respond: impl FnMut(Q) -> R) {
+    loop {
+        match server.receive_request() {
+            Ok(Some((id, request))) => {
+                if let Err(error) = server.send_response(id, respond(request)) {
+                    tracing::warn!("an answer to a service call could not be sent: {error:?}");
+                }
+            }
+            Ok(None) => return,
+            // A request in another mapping (RMW_IMPLEMENTATION of the caller) can't be read.
+            Err(error) => tracing::warn!(
+                "a service call can't be read: {error}. If the caller uses rmw_cyclonedds_cpp, start this node with \
+                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp or -p service_mapping:=cyclone"
+            ),
+        }
+    }
+}
+
+/// Semantics of rclcpp: with no prefixes, names of fewer than `depth` dots (0: all); else names at or below a prefix.
+fn list(parameters: &Parameters, prefixes: &[String], depth: u64) -> rcl::ListParametersResult {
+    let shallow = |name: &str| depth == 0 || (name.matches('.').count() as u64) < depth;
+    let wanted = |name: &str| {
+        if prefixes.is_empty() {
+            return shallow(name);
+        }
+        prefixes.iter().any(|prefix| {
+            name == prefix
+                || name.strip_prefix(prefix.as_str()).and_then(|rest| rest.strip_prefix('.')).is_some_and(shallow)
+        })
+    };
+    let names: Vec<String> = parameters.names().into_iter().filter(|name| wanted(name)).collect();
+    let mut prefixes: Vec<String> =
+        names.iter().filter_map(|name| name.rsplit_once('.')).map(|(prefix, _)| prefix.to_owned()).collect();
+    prefixes.dedup();
+    rcl::ListParametersResult { names, prefixes }
+}

@@ -1,0 +1,168 @@
+//! Quality of service: what each topic asks for, and the overrides that rclcpp defines
+//! (`qos_overrides./measured_js.subscription.reliability`).
+
+use std::time::Duration;
+
+use ros2_client::ParameterValue;
+use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
+
+/// Sensor data: best effort (which hears reliable publishers too), a short queue.
+#[must_use]
+pub const fn sensor(depth: usize) -> QosProfile {
+    QosProfile::subscription_default().history(History::KeepLast { depth })
+}
+
+/// Small outputs: reliable, and never waiting for a slow reader.
+#[must_use]
+pub const fn reliable(depth: usize) -> QosProfile {
+    QosProfile::subscription_default().history(History::KeepLast { depth }).reliability_reliable(WhenFull::Fail)
+}
+
+/// What is published once and must reach those who come later.
+#[must_use]
+pub const fn latched() -> QosProfile {
+    reliable(1).durability(Durability::TransientLocal)
+}
+
+/// Services: reliable both ways.
+#[must_use]
+pub const fn service() -> QosProfile {
+    QosProfile::publisher_default().history(History::KeepLast { depth: 10 })
+}
+
+/// Publisher or subscription, as the overrides' names tell them apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Writes.
+    Publisher,
+    /// Reads.
+    Subscription,
+}
+
+impl Side {
+    /// `publisher` or `subscription`.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Publisher => "publisher",
+            Self::Subscription => "subscription",
+        }
+    }
+}
+
+/// Splits `qos_overrides./topic.publisher.depth` into topic, side and policy.
+#[must_use]
+pub fn parse_override_name(name: &str) -> Option<(&str, Side, &str)> {
+    let rest = name.strip_prefix("qos_overrides.")?;
+    let (rest, policy) = rest.rsplit_once('.')?;
+    let (topic, side) = rest.rsplit_once('.')?;
+    let side = match side.split('_').next()? {
+        "publisher" => Side::Publisher,
+        "subscription" => Side::Subscription,
+        _ => return None,
+    };
+    topic.starts_with('/').then_some((topic, side, policy))
+}
+
+/// Applies one override.
+///
+/// # Errors
+/// What would be right, in words.
+pub fn apply(profile: &mut QosProfile, policy: &str, value: &ParameterValue) -> Result<(), String> {
+    use ParameterValue as P;
+    match (policy, value) {
+        ("reliability", P::String(v)) => {
+            profile.reliability = match v.as_str() {
+                "reliable" => Reliability::Reliable { when_full: WhenFull::Fail },
+                "best_effort" => Reliability::BestEffort,
+                "system_default" => profile.reliability,
+                _ => return Err("reliability is reliable, best_effort or system_default".to_owned()),
+            };
+        }
+        ("durability", P::String(v)) => {
+            profile.durability = match v.as_str() {
+                "volatile" => Durability::Volatile,
+                "transient_local" => Durability::TransientLocal,
+                "system_default" => profile.durability,
+                _ => return Err("durability is volatile, transient_local or system_default".to_owned()),
+            };
+        }
+        ("history", P::String(v)) => {
+            profile.history = match (v.as_str(), profile.history) {
+                ("keep_all", _) => History::KeepAll,
+                ("keep_last" | "system_default", History::KeepAll) => History::KeepLast { depth: 10 },
+                ("keep_last" | "system_default", kept) => kept,
+                _ => return Err("history is keep_last, keep_all or system_default".to_owned()),
+            };
+        }
+        ("depth", P::Integer(v)) => {
+            let depth = usize::try_from(*v).ok().filter(|d| (1..=100_000).contains(d));
+            profile.history = History::KeepLast { depth: depth.ok_or_else(|| "depth is 1 to 100000".to_owned())? };
+        }
+        ("deadline", P::Integer(v)) => profile.deadline = nanoseconds(*v)?,
+        ("lifespan", P::Integer(v)) => profile.lifespan = nanoseconds(*v)?,
+        ("liveliness_lease_duration", P::Integer(v)) => profile.liveliness_lease = nanoseconds(*v)?,
+        ("liveliness", P::String(v)) if v == "automatic" || v == "system_default" => {}
+        ("reliability" | "durability" | "history" | "liveliness", _) => return Err(format!("{policy} is a word")),
+        ("depth" | "deadline" | "lifespan" | "liveliness_lease_duration", _) => {
+            return Err(format!("{policy} is a whole number"));
+        }
+        _ => {
+            return Err("the policy is reliability, durability, history, depth, deadline, lifespan, liveliness or \
+                        liveliness_lease_duration"
+                .to_owned());
+        }
+    }
+    Ok(())
+}
+
+fn nanoseconds(value: i64) -> Result<Option<Duration>, String> {
+    match u64::try_from(value) {
+        Ok(0) => Ok(None),
+        Ok(nanos) => Ok(Some(Duration::from_nanos(nanos))),
+        Err(_) => Err("a duration is a number of nanoseconds, 0 for none".to_owned()),
+    }
+}
+
+/// One line for people: `best_effort, volatile, depth 5`.
+#[must_use]
+pub fn describe(profile: &QosProfile) -> String {
+    let reliability = match profile.reliability {
+        Reliability::BestEffort => "best_effort",
+        Reliability::Reliable { .. } => "reliable",
+    };
+    let durability = match profile.durability {
+        Durability::Volatile => "volatile",
+        Durability::TransientLocal => "transient_local",
+    };
+    match profile.history {
+        History::KeepLast { depth } => format!("{reliability}, {durability}, depth {depth}"),
+        History::KeepAll => format!("{reliability}, {durability}, keep_all"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn overrides() {
+        let (topic, side, policy) = parse_override_name("qos_overrides./or1/measured_js.subscription.depth").unwrap();
+        assert_eq!((topic, side, policy), ("/or1/measured_js", Side::Subscription, "depth"));
+        assert!(parse_override_name("qos_overrides.measured_js.subscription.depth").is_none());
+        let mut profile = sensor(5);
+        apply(&mut profile, "depth", &ParameterValue::Integer(7)).unwrap();
+        apply(&mut profile, "reliability", &ParameterValue::String("reliable".into())).unwrap();
+        apply(&mut profile, "durability", &ParameterValue::String("transient_local".into())).unwrap();
+        assert_eq!(describe(&profile), "reliable, transient_local, depth 7");
+        for (policy, value) in [
+            ("depth", ParameterValue::Integer(0)),
+            ("depth", ParameterValue::String("x".into())),
+            ("reliability", ParameterValue::String("x".into())),
+            ("speed", ParameterValue::Integer(1)),
+        ] {
+            assert!(apply(&mut profile, policy, &value).is_err());
+        }
+    }
+}

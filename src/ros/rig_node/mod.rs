@@ -1,0 +1,260 @@
+//! The simulated rig as a ROS 2 node: plays a recording, or moves a needle.
+
+mod declared;
+mod driver;
+mod housekeeping;
+mod playback;
+
+use std::ffi::OsString;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use crossbeam_channel::Sender;
+use ros2_client::ParameterValue;
+
+use self::housekeeping::Housekeeping;
+use self::playback::{Command, Outputs, Report};
+use super::arguments::ParameterOverride;
+use super::clock::NodeClock;
+use super::parameters::Parameters;
+use super::participant::Participant;
+use super::signals::Signals;
+use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
+use super::threads::{join, spawn};
+use crate::bag::BagReader;
+use crate::rig::{Driver, Player};
+
+/// What reliable readers may still be missing is sent again for so long after the end of the bag.
+const LINGER: Duration = Duration::from_millis(500);
+
+#[derive(Parser, Debug)]
+#[command(
+    name = "rig_node",
+    version,
+    about = "The simulated rig as a ROS 2 node: plays a rosbag2 recording, or moves a needle (-p mode:=driver)",
+    after_help = "ROS arguments: --ros-args [-r from:=to] [-r __ns:=/ns] [-r __node:=name] [-p name:=value]\n    \
+                  [--params-file FILE] [--log-level LEVEL] [--]\n\
+                  Parameters as in `ros2 bag play`: rate, loop, start_offset, start_paused, delay, clock_hz, topics.\n\
+                  Exit codes: 0 stopped or played, 1 failure, 2 wrong usage, 3 played, but the bag has losses."
+)]
+struct Cli {
+    /// rosbag2 folder or .mcap to play (also the parameter `bag`).
+    bag: Option<String>,
+}
+
+/// Runs the node until it has played, or until SIGINT or SIGTERM, and returns the program's exit code. `arguments` has
+/// no program name.
+#[must_use]
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    // Before anything starts a thread: they inherit the mask.
+    let signals = match Signals::block() {
+        Ok(signals) => signals,
+        Err(error) => {
+            eprintln!("rig_node: signals can't be blocked: {error}");
+            return FAILURE;
+        }
+    };
+    match start::start("rig", arguments).and_then(|start| rig(start, &signals)) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("rig_node: {error}");
+            error.exit_code()
+        }
+    }
+}
+
+fn rig(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
+    let cli = match Cli::try_parse_from(std::iter::once("rig_node".to_owned()).chain(start.own.drain(..))) {
+        Ok(cli) => cli,
+        Err(help) => {
+            let code = if help.use_stderr() { start::USAGE } else { SUCCESS };
+            let _ = help.print();
+            return Ok(code);
+        }
+    };
+    if let Some(bag) = cli.bag {
+        start.ros.parameters.push(ParameterOverride {
+            node_pattern: "/**".to_owned(),
+            name: "bag".to_owned(),
+            value: ParameterValue::String(bag),
+            origin: "argument BAG".to_owned(),
+        });
+    }
+    let node = start.names.fully_qualified();
+    let (parameters, warnings) = Parameters::declare(declared::declarations(), &start.ros.parameters, &node)?;
+    for warning in warnings {
+        tracing::warn!("{warning}");
+    }
+    let parameters = Arc::new(parameters);
+    if parameters.boolean("use_sim_time") {
+        tracing::warn!("use_sim_time has no effect on the rig: it makes the time");
+    }
+    if parameters.string("mode") == "driver" {
+        drive(start, &parameters, signals)
+    } else {
+        let player = open(&parameters)?;
+        play(start, &parameters, player, signals)
+    }
+}
+
+/// Opens the bag and says what is odd about it.
+fn open(parameters: &Parameters) -> Result<Player, NodeError> {
+    let path = parameters.string("bag");
+    if path.is_empty() {
+        return Err(NodeError::Usage(
+            "there is no bag to play: give its path (rig_node BAG, or --ros-args -p bag:=BAG), or -p mode:=driver"
+                .to_owned(),
+        ));
+    }
+    let bag = BagReader::open(&path).map_err(|e| NodeError::Other(e.to_string()))?;
+    for warning in bag.warnings() {
+        tracing::warn!("{warning}");
+    }
+    for loss in bag.losses() {
+        tracing::warn!("{loss}");
+    }
+    let options = declared::play_options(parameters);
+    let described = bag.describe_topics();
+    Player::new(bag, &options, Instant::now()).ok_or_else(|| {
+        let wanted = if options.topics.is_empty() { String::new() } else { format!(" on {:?}", options.topics) };
+        NodeError::Other(format!("{path}: no messages{wanted} to play; it has {described}"))
+    })
+}
+
+struct Common {
+    participant: Participant,
+    clock: Arc<NodeClock>,
+    stop: Sender<()>,
+    thread: JoinHandle<()>,
+}
+
+/// Everything of a rig that is not its purpose; the last endpoints of the node are made here.
+fn common(
+    mut participant: Participant,
+    start: Start,
+    parameters: &Arc<Parameters>,
+    commands: Option<Sender<Command>>,
+) -> Result<Common, NodeError> {
+    let housekeeping = Housekeeping::new(&mut participant, parameters, commands.is_some())?;
+    for unused in participant.unused_qos_overrides() {
+        tracing::warn!("`{unused}` names no topic of this node");
+    }
+    start.announce(start::mapping(&parameters.string("service_mapping"), &start.environment));
+    let clock = Arc::new(NodeClock::new(false));
+    let (stop, stopped) = crossbeam_channel::bounded(0);
+    let commands = commands.unwrap_or_else(|| crossbeam_channel::bounded(0).0);
+    let logger = participant.node().logging_handle();
+    let of_thread = Arc::clone(&clock);
+    let thread =
+        spawn("housekeeping", move || housekeeping.run(&of_thread, &commands, &logger, &start.rosout, &stopped))?;
+    Ok(Common { participant, clock, stop, thread })
+}
+
+fn participant(start: &Start, parameters: &Parameters) -> Result<Participant, NodeError> {
+    let rosout = start.ros.log.rosout.unwrap_or(true);
+    let mut participant = Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
+    participant.set_mapping(start::mapping(&parameters.string("service_mapping"), &start.environment));
+    Ok(participant)
+}
+
+fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Signals) -> Result<u8, NodeError> {
+    let mut participant = participant(&start, parameters)?;
+    let outputs = Arc::new(Outputs::new(&mut participant, &player, parameters.double("clock_hz"))?);
+    let (commands, received) = crossbeam_channel::bounded(16);
+    let common = common(participant, start, parameters, Some(commands.clone()))?;
+    let (from, to) = player.span_ns();
+    tracing::info!(
+        "{}: {} messages, {:.3} s{}",
+        player.bag().name(),
+        player.bag().message_count(),
+        Duration::from_nanos(u64::try_from(to - from).unwrap_or(0)).as_secs_f64(),
+        if player.clock().is_paused() { ", paused until ~/resume" } else { "" }
+    );
+    let delay = Duration::try_from_secs_f64(parameters.double("delay")).unwrap_or_default();
+    let (done, finished) = crossbeam_channel::bounded(1);
+    let thread = {
+        let outputs = Arc::clone(&outputs);
+        spawn("playback", move || {
+            // Fails only if the node has given up.
+            let _ = done.send(playback::run(player, &outputs, &received, delay));
+        })?
+    };
+    let report = loop {
+        if let Some(signal) = signals.wait(Duration::from_millis(20)) {
+            tracing::info!("stopping ({signal:?})");
+            let _ = commands.send(Command::Stop);
+            break finished.recv().ok();
+        }
+        if let Ok(report) = finished.try_recv() {
+            let until = Instant::now() + LINGER;
+            while (!parameters.boolean("exit_at_end") || Instant::now() < until)
+                && signals.wait(Duration::from_millis(20)).is_none()
+            {}
+            break Some(report);
+        }
+        if thread.is_finished() && finished.is_empty() {
+            break None;
+        }
+    };
+    drop(commands);
+    join(thread);
+    drop(common.stop);
+    join(common.thread);
+    drop(outputs);
+    drop(common.participant);
+    let report = report.ok_or_else(|| NodeError::Other("the playback thread has ended unexpectedly".to_owned()))?;
+    Ok(conclude(&report))
+}
+
+fn conclude(report: &Report) -> u8 {
+    #[allow(clippy::cast_precision_loss)] // microseconds for people
+    let micros = |q: f64| report.late.value_at_quantile(q) as f64 * 1e-3;
+    tracing::info!(
+        "played {} messages; behind their time by {:.0} us (median), {:.0} us (99%), {:.0} us (largest)",
+        report.played,
+        micros(0.5),
+        micros(0.99),
+        micros(1.0)
+    );
+    for loss in &report.losses {
+        tracing::warn!("lost: {loss}");
+    }
+    if report.losses.is_empty() { SUCCESS } else { LOSSES }
+}
+
+fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
+    let limits = declared::driver_limits(parameters).map_err(NodeError::Usage)?;
+    let mut participant = participant(&start, parameters)?;
+    let endpoints = driver::Endpoints::new(&mut participant)?;
+    let common = common(participant, start, parameters, None)?;
+    let (stop, stopped) = crossbeam_channel::bounded(0);
+    let thread = {
+        let driver = Driver::new(limits, parameters.double("start_position_m"));
+        let (joint, rate_hz) = (parameters.string("joint_name"), parameters.double("driver_rate_hz"));
+        let clock = Arc::clone(&common.clock);
+        spawn("driver", move || {
+            let published = driver::run(driver, &endpoints, &joint, rate_hz, &clock, &stopped);
+            tracing::info!("published {published} positions");
+        })?
+    };
+    let failed = loop {
+        if let Some(signal) = signals.wait(Duration::from_millis(50)) {
+            tracing::info!("stopping ({signal:?})");
+            break false;
+        }
+        if thread.is_finished() {
+            break true;
+        }
+    };
+    drop(stop);
+    join(thread);
+    drop(common.stop);
+    join(common.thread);
+    drop(common.participant);
+    if failed {
+        return Err(NodeError::Other("the driver thread has ended unexpectedly".to_owned()));
+    }
+    Ok(SUCCESS)
+}

@@ -1,0 +1,96 @@
+//! The scene's keys as parameters of the node, by their dotted path, straight from the registry of keys.
+
+use ros2_client::ParameterValue;
+
+use super::arguments::ParameterOverride;
+use super::names;
+use super::parameters::{self, Declaration, Range};
+use super::start::NodeError;
+use crate::scene::{Kind, Override, Preset, Scene, SceneError, Value, keys};
+
+/// A scene by the name of a preset or by a path.
+///
+/// # Errors
+/// [`NodeError`] if it is neither, or the file has a mistake.
+pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
+    match Preset::find(name_or_path) {
+        Ok(preset) => Ok(preset.scene()?),
+        Err(unknown @ SceneError::UnknownPreset { .. }) => {
+            if !name_or_path.contains(['/', '.']) {
+                return Err(unknown.into());
+            }
+            let text = std::fs::read_to_string(name_or_path)
+                .map_err(|e| NodeError::Other(format!("scene file {name_or_path}: {e}")))?;
+            Ok(Scene::from_toml(&text, name_or_path)?)
+        }
+        Err(other) => Err(other.into()),
+    }
+}
+
+/// One declaration per key that applies to the scene; the scene's own value is the default.
+#[must_use]
+pub fn declarations(scene: &Scene) -> Vec<Declaration> {
+    scene
+        .paths()
+        .into_iter()
+        .filter_map(|path| {
+            let key = keys::find(&path)?;
+            let default = to_parameter(&scene.get(&path)?);
+            let range = match key.kind {
+                // The closed interval; ends that are not allowed are refused by the scene itself.
+                Kind::Real(range) => Range::Double(range.low, range.high),
+                Kind::Integer(low, high) => Range::Integer(low, high),
+                _ => Range::Any,
+            };
+            let unit = if key.unit.is_empty() { String::new() } else { format!(" Unit: {}.", key.unit) };
+            let mut declaration =
+                Declaration::new(&path, default, range, &format!("{}{unit}", key.description)).fixed();
+            declaration.constraints = key.allowed();
+            Some(declaration)
+        })
+        .collect()
+}
+
+/// The scene with the keys that the command line changes for this node.
+///
+/// # Errors
+/// [`NodeError::Scene`] for what the scene refuses.
+pub fn apply(scene: &Scene, overrides: &[ParameterOverride], node: &str) -> Result<Scene, NodeError> {
+    let changes: Vec<Override> = overrides
+        .iter()
+        .filter(|o| names::pattern_matches(&o.node_pattern, node) && keys::find(&o.name).is_some())
+        .map(|o| match to_value(&o.value) {
+            Some(value) => {
+                Override { path: o.name.clone(), value: crate::scene::NewValue::Typed(value), place: o.origin.clone() }
+            }
+            None => Override::text(&o.name, &parameters::show(&o.value), &o.origin),
+        })
+        .collect();
+    Ok(scene.with(&changes)?)
+}
+
+fn to_parameter(value: &Value) -> ParameterValue {
+    match value {
+        Value::Text(v) => ParameterValue::String(v.clone()),
+        Value::Real(v) => ParameterValue::Double(*v),
+        Value::Integer(v) => ParameterValue::Integer(*v),
+        Value::Boolean(v) => ParameterValue::Boolean(*v),
+        Value::Point(v) => ParameterValue::DoubleArray(v.to_vec()),
+    }
+}
+
+#[allow(clippy::cast_precision_loss)] // coordinates in metres
+fn to_value(value: &ParameterValue) -> Option<Value> {
+    Some(match value {
+        ParameterValue::Boolean(v) => Value::Boolean(*v),
+        ParameterValue::Integer(v) => Value::Integer(*v),
+        ParameterValue::Double(v) => Value::Real(*v),
+        ParameterValue::String(v) => Value::Text(v.clone()),
+        ParameterValue::DoubleArray(v) => Value::Point(<[f64; 3]>::try_from(v.as_slice()).ok()?),
+        ParameterValue::IntegerArray(v) => {
+            let v: Vec<f64> = v.iter().map(|v| *v as f64).collect();
+            Value::Point(<[f64; 3]>::try_from(v.as_slice()).ok()?)
+        }
+        _ => return None,
+    })
+}

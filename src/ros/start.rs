@@ -1,0 +1,155 @@
+//! What both nodes do before they differ: arguments, environment, names, log.
+
+use std::ffi::OsString;
+
+use crossbeam_channel::Receiver;
+use ros2_client::ServiceMapping;
+
+use super::arguments::{self, ArgumentError, ParameterOverride, RosArguments};
+use super::environment::{Environment, EnvironmentError, Reach};
+use super::logging::{self, Record};
+use super::names::{NameError, Names};
+use super::parameters::{Declaration, ParameterError, Range};
+use super::participant::ParticipantError;
+use ros2_client::ParameterValue;
+
+/// Exit code of a success.
+pub const SUCCESS: u8 = 0;
+/// Exit code of a failure.
+pub const FAILURE: u8 = 1;
+/// Exit code of a wrong command line or environment.
+pub const USAGE: u8 = 2;
+/// Exit code of a run that ended, but lost data or diverged.
+pub const LOSSES: u8 = 3;
+
+/// Why a node can't start or go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NodeError {
+    /// Wrong command line.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
+    /// Wrong environment.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// Wrong name.
+    #[error(transparent)]
+    Name(#[from] NameError),
+    /// Wrong parameter.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The network.
+    #[error(transparent)]
+    Participant(#[from] ParticipantError),
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] crate::scene::SceneError),
+    /// Anything else, said in full.
+    #[error("{0}")]
+    Other(String),
+    /// Wrong usage, said in full.
+    #[error("{0}")]
+    Usage(String),
+}
+
+impl NodeError {
+    /// Exit code of the program.
+    #[must_use]
+    pub const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Argument(_) | Self::Environment(_) | Self::Name(_) | Self::Parameter(_) | Self::Usage(_) => USAGE,
+            Self::Participant(ParticipantError::Name(_) | ParticipantError::Qos { .. }) => USAGE,
+            Self::Participant(_) | Self::Scene(_) | Self::Other(_) => FAILURE,
+        }
+    }
+}
+
+/// What a node knows before it joins the network.
+#[derive(Debug)]
+pub struct Start {
+    /// The program's own arguments.
+    pub own: Vec<String>,
+    /// The ROS ones.
+    pub ros: RosArguments,
+    /// Domain, reach, service mapping.
+    pub environment: Environment,
+    /// Name, namespace and remapping.
+    pub names: Names,
+    /// Lines for `/rosout`.
+    pub rosout: Receiver<Record>,
+}
+
+/// Reads command line and environment, starts the log.
+///
+/// # Errors
+/// [`NodeError`] naming the culprit.
+pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) -> Result<Start, NodeError> {
+    let (own, ros) = arguments::split(arguments)?;
+    let environment = Environment::read()?;
+    let names = Names::new(default_name, &ros)?;
+    let rosout = logging::install(&names.fully_qualified(), &ros.log);
+    for warning in &environment.warnings {
+        tracing::warn!("{warning}");
+    }
+    for ignored in &ros.ignored {
+        tracing::warn!("`{ignored}` has no effect here");
+    }
+    Ok(Start { own, ros, environment, names, rosout })
+}
+
+impl Start {
+    /// Says once what is exposed to whom.
+    pub fn announce(&self, mapping: ServiceMapping) {
+        let reach = match self.environment.reach {
+            Reach::Localhost => "this machine only",
+            Reach::Subnet => "every network of this machine",
+        };
+        tracing::info!(
+            "{} on domain {}, heard by {reach}, services as {} has them",
+            self.names.fully_qualified(),
+            self.environment.domain,
+            if mapping == ServiceMapping::Cyclone { "rmw_cyclonedds_cpp" } else { "rmw_fastrtps_cpp" },
+        );
+    }
+}
+
+/// Parameters that every node has.
+#[must_use]
+pub fn common_declarations() -> Vec<Declaration> {
+    vec![
+        Declaration::new(
+            "use_sim_time",
+            ParameterValue::Boolean(false),
+            Range::Any,
+            "Take the time from /clock instead of the wall clock.",
+        ),
+        Declaration::new(
+            "service_mapping",
+            ParameterValue::String("auto".to_owned()),
+            Range::Any,
+            "How services are mapped to DDS: auto follows RMW_IMPLEMENTATION, enhanced is rmw_fastrtps_cpp, cyclone \
+             is rmw_cyclonedds_cpp.",
+        )
+        .checked("one of auto, enhanced, cyclone", |value| match value {
+            ParameterValue::String(v) if ["auto", "enhanced", "cyclone"].contains(&v.as_str()) => Ok(()),
+            _ => Err("is one of auto, enhanced, cyclone".to_owned()),
+        })
+        .fixed(),
+    ]
+}
+
+/// The mapping that the parameter asks for.
+#[must_use]
+pub fn mapping(word: &str, environment: &Environment) -> ServiceMapping {
+    match word {
+        "enhanced" => ServiceMapping::Enhanced,
+        "cyclone" => ServiceMapping::Cyclone,
+        _ => environment.mapping,
+    }
+}
+
+/// The last value that the command line gives a parameter of this node.
+#[must_use]
+pub fn last_override<'a>(overrides: &'a [ParameterOverride], node: &str, name: &str) -> Option<&'a ParameterOverride> {
+    overrides.iter().rev().find(|o| o.name == name && super::names::pattern_matches(&o.node_pattern, node))
+}

@@ -1,0 +1,86 @@
+//! Parameters of the twin node.
+
+use ros2_client::ParameterValue as P;
+
+use crate::ros::parameters::{Declaration, Parameters, Range};
+use crate::ros::start::common_declarations;
+
+/// Everything but the scene's keys.
+pub(super) fn declarations() -> Vec<Declaration> {
+    let double =
+        |name, default, low, high, text| Declaration::new(name, P::Double(default), Range::Double(low, high), text);
+    let string = |name, default: &str, text| Declaration::new(name, P::String(default.to_owned()), Range::Any, text);
+    let mut all = common_declarations();
+    all.extend([
+        string("scene", "needle_insertion", "Scene: the name of a preset, or a path to a scene file.").fixed(),
+        string("joint_name", "insertion", "Joint of measured_js whose position is the depth, m."),
+        string("frame_id", "sample", "Frame of the outputs, and the one that measured_cp must be in.").fixed(),
+        double(
+            "tissue_rate_hz",
+            20.0,
+            0.0,
+            1000.0,
+            "Rate of tissue_state, tissue_points, tissue_surface and targets; 0: never.",
+        ),
+        double("status_rate_hz", 10.0, 0.1, 1000.0, "Rate of status."),
+        double(
+            "input_timeout_s",
+            0.5,
+            0.01,
+            3600.0,
+            "Without a pose for so long the input counts as lost; an answer later than this is withheld.",
+        ),
+        double(
+            "max_pose_age_s",
+            0.0,
+            0.0,
+            3600.0,
+            "Poses whose stamp is older than this are refused; 0: not checked (stamps of a recorded bag are old).",
+        ),
+        double(
+            "tolerance",
+            0.0,
+            0.0,
+            0.999,
+            "Tolerated relative error of the force from too few steps (stepping.tolerance); 0: the scene's own.",
+        )
+        .fixed(),
+        Declaration::new("threads", P::Integer(0), Range::Integer(0, 1024), "Threads of the solver; 0: one per core.")
+            .fixed(),
+        double(
+            "load_cell_range_n",
+            0.0,
+            0.0,
+            1e6,
+            "Readings of measured_cf at or beyond this count as saturated, N; 0: not checked.",
+        ),
+        string("hardware_id", "needle_twin", "hardware_id of the diagnostics."),
+    ]);
+    all
+}
+
+/// What the threads need of the parameters, read once per change.
+#[derive(Clone, Debug)]
+pub(super) struct Settings {
+    pub joint_name: String,
+    pub tissue_rate_hz: f64,
+    pub status_rate_hz: f64,
+    pub input_timeout_s: f64,
+    pub max_pose_age_s: f64,
+    pub load_cell_range_n: f64,
+    pub hardware_id: String,
+}
+
+impl Settings {
+    pub fn of(parameters: &Parameters) -> Self {
+        Self {
+            joint_name: parameters.string("joint_name"),
+            tissue_rate_hz: parameters.double("tissue_rate_hz"),
+            status_rate_hz: parameters.double("status_rate_hz"),
+            input_timeout_s: parameters.double("input_timeout_s"),
+            max_pose_age_s: parameters.double("max_pose_age_s"),
+            load_cell_range_n: parameters.double("load_cell_range_n"),
+            hardware_id: parameters.string("hardware_id"),
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! The force thread: the one place through which a prediction leaves.
+
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, RecvTimeoutError};
+
+use super::comparison::Comparator;
+use super::shared::{Reject, Shared};
+use super::solver::{Answer, Event};
+use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
+use crate::ros::messages::needle_twin::ForceComparison;
+use crate::ros::messages::std_msgs::Header;
+use crate::ros::participant::{Output, Participant, ParticipantError};
+use crate::ros::qos;
+use crate::twin::Prediction;
+
+/// The publishers.
+pub(super) struct ForceOutputs {
+    pub force: Output<WrenchStamped>,
+    pub comparison: Output<ForceComparison>,
+}
+
+impl ForceOutputs {
+    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+        Ok(Self {
+            force: participant.publisher("predicted_cf", qos::reliable(10))?,
+            comparison: participant.publisher("comparison", qos::reliable(10))?,
+        })
+    }
+
+    pub fn failed(&self) -> u64 {
+        self.force.failed() + self.comparison.failed()
+    }
+}
+
+/// Runs until the solver has ended.
+pub(super) fn run(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, events: &Receiver<Event>) {
+    let mut comparator = Comparator::default();
+    loop {
+        match events.recv_timeout(Duration::from_millis(50)) {
+            Ok(Event::Answer(answer)) => answered(outputs, frame_id, shared, &mut comparator, &answer),
+            Ok(Event::Measured { stamp_nanos, force_n }) => {
+                shared.lock().measured += 1;
+                comparator.measured(stamp_nanos, force_n);
+            }
+            Ok(Event::Refused { depth_m, reason }) => refused(shared, depth_m, reason),
+            Ok(Event::Halted(reason)) => halted(shared, reason),
+            Ok(Event::Reset(reason)) => {
+                comparator.reset();
+                shared.lock().reset();
+                tracing::info!("back in the undeformed state ({reason})");
+            }
+            Ok(Event::Tare(reply)) => {
+                // Fails only if the caller has given up.
+                let _ = reply.send(comparator.tare());
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => return,
+        }
+        compare(outputs, frame_id, shared, &mut comparator);
+    }
+}
+
+/// Nothing that is not finite leaves: every number of a prediction passes here.
+fn is_finite(prediction: &Prediction) -> bool {
+    let health = &prediction.health;
+    let forces = prediction.force_n.iter().chain(&prediction.base_force_n);
+    let figures = [
+        prediction.depth_m,
+        health.min_jacobian,
+        health.kinetic_to_strain_energy,
+        health.force_imbalance,
+        health.constraint_error_m,
+    ];
+    forces.chain(&figures).all(|v| v.is_finite())
+}
+
+fn answered(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: &mut Comparator, answer: &Answer) {
+    if !is_finite(&answer.prediction) {
+        shared.lock().not_finite += 1;
+        halted(shared, format!("the prediction at depth {:.6} m is not finite", answer.prediction.depth_m));
+        return;
+    }
+    let timeout = shared.settings().input_timeout_s;
+    let late = (answer.done - answer.received).as_secs_f64() > timeout;
+    let withheld = {
+        let mut live = shared.lock();
+        live.answer(answer);
+        // After a divergence nothing goes out until the reset.
+        let withheld = late || live.halted.is_some();
+        live.withheld += u64::from(withheld);
+        live.window.withheld += u64::from(withheld);
+        withheld
+    };
+    if withheld {
+        return;
+    }
+    outputs.force.send(WrenchStamped {
+        header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
+        wrench: Wrench { force: answer.prediction.force_n.into(), ..Wrench::default() },
+    });
+    shared.lock().total.record(Instant::now() - answer.received);
+    comparator.predicted(*answer);
+}
+
+fn refused(shared: &Shared, depth_m: f64, reason: String) {
+    let mut live = shared.lock();
+    if reason.is_empty() {
+        live.reject(Reject::Diverged);
+        return;
+    }
+    live.reject(Reject::ByTwin);
+    if live.refused.as_ref() != Some(&reason) {
+        tracing::warn!("pose at depth {depth_m:.6} m refused by the twin: {reason}");
+        live.refused = Some(reason);
+    }
+}
+
+fn halted(shared: &Shared, reason: String) {
+    tracing::error!("predicted_cf stops: {reason}. Retract the instrument and call ~/reset");
+    shared.lock().halted = Some(reason);
+}
+
+fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: &mut Comparator) {
+    let range_n = shared.settings().load_cell_range_n;
+    while let Some(message) = comparator.next(frame_id, range_n) {
+        {
+            let mut live = shared.lock();
+            live.load_cell = Some(message.load_cell);
+            live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
+        }
+        if outputs.comparison.is_wanted() {
+            outputs.comparison.send(message);
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! The housekeeping thread: services, discovery, status, diagnostics and `/rosout`. Nothing in it is urgent, and
+//! nothing that a peer does to it reaches the solver.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
+use ros2_client::{NodeLoggingHandle, Server};
+
+use super::declared::Settings;
+use super::force::ForceOutputs;
+use super::inbox::Inbox;
+use super::shared::Shared;
+use super::solver::Event;
+use super::status;
+use super::tissue::{Model, TissueOutputs};
+use crate::ros::Graph;
+use crate::ros::logging::Record;
+use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
+use crate::ros::messages::needle_twin::TwinStatus;
+use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
+use crate::ros::parameter_services::{ParameterServices, answer};
+use crate::ros::parameters::Parameters;
+use crate::ros::participant::{Output, Participant, ParticipantError, Wish};
+use crate::ros::qos;
+use crate::ros::rosout;
+
+/// Longest time between two looks at the services.
+const TICK: Duration = Duration::from_millis(20);
+/// Time between two lines about what the node waits for.
+const WAITING: Duration = Duration::from_secs(5);
+
+type Trigger = Server<TriggerRequest, TriggerResponse>;
+
+/// Endpoints of the thread.
+pub(super) struct Housekeeping {
+    parameters: Arc<Parameters>,
+    parameter_services: ParameterServices,
+    reset: Trigger,
+    tare: Trigger,
+    status: Output<TwinStatus>,
+    diagnostics: Output<DiagnosticArray>,
+    graph: Graph,
+    shared: Arc<Shared>,
+    wishes: [Wish; 4],
+    node: String,
+}
+
+/// What it reaches of the other threads.
+pub(super) struct Context {
+    pub frame_id: String,
+    pub inbox: Arc<Inbox>,
+    pub events: Sender<Event>,
+    pub force: Arc<ForceOutputs>,
+    pub tissue: Arc<TissueOutputs>,
+    pub models: Receiver<Arc<Model>>,
+    pub rosout: Receiver<Record>,
+    pub logger: NodeLoggingHandle,
+}
+
+impl Housekeeping {
+    /// Makes the endpoints; the last ones of the node, since the graph must know them all.
+    pub fn new(
+        participant: &mut Participant,
+        parameters: &Arc<Parameters>,
+        shared: &Arc<Shared>,
+        wishes: [Wish; 4],
+    ) -> Result<Self, ParticipantError> {
+        Ok(Self {
+            parameters: Arc::clone(parameters),
+            parameter_services: ParameterServices::new(participant)?,
+            reset: participant.server("~/reset", "std_srvs", "Trigger")?,
+            tare: participant.server("~/tare", "std_srvs", "Trigger")?,
+            status: participant.publisher("status", qos::reliable(10))?,
+            diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
+            graph: participant.graph(),
+            shared: Arc::clone(shared),
+            wishes,
+            node: participant.names().fully_qualified(),
+        })
+    }
+
+    /// Runs until `stop` is closed.
+    pub fn run(mut self, context: &Context, stop: &Receiver<()>) {
+        let begun = Instant::now();
+        let (mut status_due, mut diagnostics_due, mut waiting_due) = (begun, begun, begun + WAITING);
+        let mut model: Option<Arc<Model>> = None;
+        loop {
+            self.graph.poll();
+            self.serve(context);
+            rosout::publish(&context.logger, &context.rosout);
+            if let Ok(built) = context.models.try_recv() {
+                model = Some(built);
+            }
+            let now = Instant::now();
+            self.shared.lock().roll(now);
+            if now >= status_due {
+                status_due = now + Duration::from_secs_f64(1.0 / self.shared.settings().status_rate_hz);
+                self.publish_status(context, model.as_deref());
+            }
+            if now >= diagnostics_due {
+                diagnostics_due = now + Duration::from_secs(1);
+                self.publish_diagnostics(context, model.as_deref());
+            }
+            if now >= waiting_due {
+                waiting_due = now + WAITING;
+                let line = status::waiting(&self.shared.lock(), &self.shared.clock, &self.wishes, begun);
+                if let Some(line) = line {
+                    tracing::info!("{line}");
+                }
+            }
+            let next = status_due.min(diagnostics_due).min(Instant::now() + TICK);
+            match stop.recv_deadline(next) {
+                Err(RecvTimeoutError::Timeout) => {}
+                _ => break,
+            }
+        }
+        rosout::publish(&context.logger, &context.rosout);
+    }
+
+    fn serve(&self, context: &Context) {
+        let mut changed = false;
+        self.parameter_services.poll(&self.parameters, &self.shared.clock, &mut |name, value| {
+            tracing::info!("parameter {name} is now {}", crate::ros::parameters::show(value));
+            changed = true;
+        });
+        if changed {
+            self.shared.set_settings(Settings::of(&self.parameters));
+            self.shared.clock.set_simulated(self.parameters.boolean("use_sim_time"));
+        }
+        answer(&self.reset, |_| {
+            context.inbox.reset("~/reset");
+            TriggerResponse { success: true, message: "the twin starts anew from the undeformed state".to_owned() }
+        });
+        answer(&self.tare, |_| tare(&context.events));
+    }
+
+    fn failed(context: &Context) -> u64 {
+        context.force.failed() + context.tissue.failed()
+    }
+
+    fn publish_status(&self, context: &Context, model: Option<&Model>) {
+        if !self.status.is_wanted() {
+            return;
+        }
+        let settings = self.shared.settings();
+        let message = {
+            let live = self.shared.lock();
+            let judgement = status::judge(&live, &settings, &self.shared.clock, Self::failed(context));
+            status::status(&live, &judgement, model, &context.frame_id)
+        };
+        self.status.send(message);
+    }
+
+    fn publish_diagnostics(&self, context: &Context, model: Option<&Model>) {
+        let settings = self.shared.settings();
+        let judgement = status::judge(&self.shared.lock(), &settings, &self.shared.clock, Self::failed(context));
+        self.diagnostics.send(status::diagnostics(&self.shared, &judgement, model, &self.node, &self.wishes));
+    }
+}
+
+fn tare(events: &Sender<Event>) -> TriggerResponse {
+    let (reply, answer) = crossbeam_channel::bounded(1);
+    let asked = events.try_send(Event::Tare(reply)).is_ok();
+    let outcome = if asked { answer.recv_timeout(Duration::from_millis(500)).ok() } else { None };
+    match outcome {
+        Some(Ok([x, y, z])) => {
+            let message = format!("zero is now ({x:.6}, {y:.6}, {z:.6}) N");
+            tracing::info!("load cell: {message}");
+            TriggerResponse { success: true, message }
+        }
+        Some(Err(reason)) => TriggerResponse { success: false, message: reason },
+        None => TriggerResponse { success: false, message: "the node is too busy, try again".to_owned() },
+    }
+}

@@ -1,0 +1,173 @@
+//! The newest pose, handed from the input thread to the solver thread.
+//!
+//! There is one place for a pose: a newer one replaces one that has not been begun, so the twin can never fall further
+//! behind than one pose. What was replaced is counted, never lost silently.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use super::tissue::Snapshot;
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::twin::Pose;
+
+/// Where the instrument is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Where {
+    /// Depth along the scene's own axis, m.
+    Depth(f64),
+    /// Pose in frame `sample`.
+    Pose(Pose),
+}
+
+/// A pose as it came in.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PoseInput {
+    /// Stamp of the message.
+    pub stamp: Time,
+    /// When it arrived.
+    pub received: Instant,
+    /// The pose.
+    pub place: Where,
+}
+
+/// What the solver has to do next.
+pub(super) enum Work {
+    Pose(PoseInput),
+    Snapshot(Box<Snapshot>),
+    Reset(&'static str),
+    Stop,
+}
+
+/// What became of earlier poses when a new one came.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Handoff {
+    /// A pose that had not been begun was replaced.
+    pub coalesced: bool,
+    /// The pose being answered is late: its successor is here.
+    pub missed: bool,
+}
+
+#[derive(Default)]
+struct State {
+    pose: Option<PoseInput>,
+    snapshot: Option<Box<Snapshot>>,
+    reset: Option<&'static str>,
+    stop: bool,
+    answering: bool,
+    missed: bool,
+    snapshot_turn: bool,
+}
+
+/// See the module.
+#[derive(Default)]
+pub(super) struct Inbox {
+    state: Mutex<State>,
+    wake: Condvar,
+}
+
+impl Inbox {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub fn put_pose(&self, pose: PoseInput) -> Handoff {
+        let mut state = self.lock();
+        let coalesced = state.pose.replace(pose).is_some();
+        let missed = state.answering && !state.missed;
+        state.missed |= missed;
+        drop(state);
+        self.wake.notify_one();
+        Handoff { coalesced, missed }
+    }
+
+    /// Asks for the tissue's present state; false while an earlier wish is still open.
+    pub fn put_snapshot(&self, snapshot: Box<Snapshot>) {
+        self.lock().snapshot = Some(snapshot);
+        self.wake.notify_one();
+    }
+
+    /// Asks for the undeformed state; a pose from before is forgotten.
+    pub fn reset(&self, reason: &'static str) {
+        let mut state = self.lock();
+        state.reset = Some(reason);
+        state.pose = None;
+        drop(state);
+        self.wake.notify_one();
+    }
+
+    pub fn stop(&self) {
+        self.lock().stop = true;
+        self.wake.notify_one();
+    }
+
+    /// Waits for work. A wish for a snapshot waits for one pose at most.
+    pub fn next(&self) -> Work {
+        let mut state = self.lock();
+        state.answering = false;
+        state.missed = false;
+        loop {
+            if state.stop {
+                return Work::Stop;
+            }
+            if let Some(reason) = state.reset.take() {
+                return Work::Reset(reason);
+            }
+            let snapshot_first = state.snapshot_turn;
+            state.snapshot_turn = false;
+            if (snapshot_first || state.pose.is_none())
+                && let Some(snapshot) = state.snapshot.take()
+            {
+                return Work::Snapshot(snapshot);
+            }
+            if let Some(pose) = state.pose.take() {
+                state.answering = true;
+                state.snapshot_turn = true;
+                return Work::Pose(pose);
+            }
+            state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose(depth: f64) -> PoseInput {
+        PoseInput { stamp: Time::default(), received: Instant::now(), place: Where::Depth(depth) }
+    }
+
+    #[test]
+    fn the_newest_pose_wins_and_the_others_are_counted() {
+        let inbox = Inbox::default();
+        assert_eq!(inbox.put_pose(pose(1.0)), Handoff::default());
+        assert_eq!(inbox.put_pose(pose(2.0)), Handoff { coalesced: true, missed: false });
+        let Work::Pose(first) = inbox.next() else { panic!("a pose was put") };
+        assert_eq!(first.place, Where::Depth(2.0));
+        assert_eq!(inbox.put_pose(pose(3.0)), Handoff { coalesced: false, missed: true });
+        assert_eq!(inbox.put_pose(pose(4.0)), Handoff { coalesced: true, missed: false });
+        let Work::Pose(second) = inbox.next() else { panic!("a pose was put") };
+        assert_eq!(second.place, Where::Depth(4.0));
+    }
+
+    #[test]
+    fn a_reset_forgets_the_pose_before_it() {
+        let inbox = Inbox::default();
+        inbox.put_pose(pose(1.0));
+        inbox.reset("test");
+        assert!(matches!(inbox.next(), Work::Reset("test")));
+        inbox.stop();
+        assert!(matches!(inbox.next(), Work::Stop));
+    }
+
+    #[test]
+    fn a_snapshot_waits_for_one_pose_at_most() {
+        let inbox = Inbox::default();
+        inbox.put_snapshot(Box::default());
+        inbox.put_pose(pose(1.0));
+        assert!(matches!(inbox.next(), Work::Pose(_)));
+        inbox.put_pose(pose(2.0));
+        assert!(matches!(inbox.next(), Work::Snapshot(_)));
+        assert!(matches!(inbox.next(), Work::Pose(_)));
+    }
+}

@@ -1,0 +1,333 @@
+//! The input thread: takes what DDS delivers, refuses what can't be a pose, hands the newest pose to the solver.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::Sender;
+
+use super::inbox::{Inbox, PoseInput, Where};
+use super::shared::{Reject, Shared};
+use super::solver::Event;
+use crate::ros::clock::Tick;
+use crate::ros::logging::Throttle;
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::ros::messages::geometry_msgs::{PoseStamped, Quaternion, WrenchStamped};
+use crate::ros::messages::rosgraph_msgs::Clock;
+use crate::ros::messages::sensor_msgs::JointState;
+use crate::ros::participant::{Input, Participant, ParticipantError, Wish};
+use crate::ros::qos;
+use crate::twin::Pose;
+
+/// A stamp so far ahead of the node's clock is refused.
+const FUTURE_S: f64 = 10.0;
+
+/// The subscriptions.
+pub(super) struct Inputs {
+    joint: Input<JointState>,
+    pose: Input<PoseStamped>,
+    wrench: Input<WrenchStamped>,
+    clock: Input<Clock>,
+}
+
+impl Inputs {
+    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+        Ok(Self {
+            joint: participant.subscription("measured_js", qos::sensor(10))?,
+            pose: participant.subscription("measured_cp", qos::sensor(10))?,
+            wrench: participant.subscription("measured_cf", qos::sensor(50))?,
+            clock: participant.subscription("/clock", qos::sensor(1))?,
+        })
+    }
+
+    /// What the node waits for: poses, load cell, clock.
+    pub fn wishes(&self) -> [Wish; 4] {
+        [self.joint.wish(), self.pose.wish(), self.wrench.wish(), self.clock.wish()]
+    }
+}
+
+/// Runs until `stop` is closed.
+pub(super) fn run(
+    inputs: &Inputs,
+    frame_id: &str,
+    shared: &Shared,
+    inbox: &Inbox,
+    events: &Sender<Event>,
+    stop: &smol::channel::Receiver<()>,
+) {
+    let intake = std::cell::RefCell::new(Intake::new(frame_id, shared, inbox));
+    let executor = smol::LocalExecutor::new();
+    let joint = executor.spawn(async {
+        loop {
+            let message = inputs.joint.next().await;
+            intake.borrow_mut().joint_state(&message);
+        }
+    });
+    let pose = executor.spawn(async {
+        loop {
+            let message = inputs.pose.next().await;
+            intake.borrow_mut().pose_stamped(&message);
+        }
+    });
+    let wrench = executor.spawn(async {
+        loop {
+            let message = inputs.wrench.next().await;
+            let event = Event::Measured {
+                stamp_nanos: stamp_or_now(shared, message.header.stamp),
+                force_n: message.wrench.force.into(),
+            };
+            // A full channel means that the force thread is thousands behind: a lost reading shows as missing.
+            let _ = events.try_send(event);
+        }
+    });
+    let clock = executor.spawn(async {
+        loop {
+            let message = inputs.clock.next().await;
+            intake.borrow_mut().clock(message.clock);
+        }
+    });
+    // The channel is closed, never written to.
+    let _ = smol::block_on(executor.run(stop.recv()));
+    drop((joint, pose, wrench, clock));
+}
+
+fn stamp_or_now(shared: &Shared, stamp: Time) -> i64 {
+    if stamp.is_zero() { shared.clock.now_nanos().unwrap_or(0) } else { stamp.nanos() }
+}
+
+/// Judges poses.
+struct Intake<'a> {
+    frame_id: String,
+    shared: &'a Shared,
+    inbox: &'a Inbox,
+    last_stamp: Option<i64>,
+    /// Topic that poses are taken from; the other one is ignored until this one is silent.
+    source: Option<(&'static str, Instant)>,
+    warnings: BTreeMap<Reject, Throttle>,
+    unstamped: Throttle,
+}
+
+impl<'a> Intake<'a> {
+    fn new(frame_id: &str, shared: &'a Shared, inbox: &'a Inbox) -> Self {
+        Self {
+            frame_id: frame_id.to_owned(),
+            shared,
+            inbox,
+            last_stamp: None,
+            source: None,
+            warnings: BTreeMap::new(),
+            unstamped: Throttle::new(Duration::from_secs(60)),
+        }
+    }
+
+    /// Counts a refused pose and says why, at most twice a minute per reason.
+    fn reject(&mut self, why: Reject, remedy: impl FnOnce() -> String) {
+        self.shared.lock().reject(why);
+        let throttle = self.warnings.entry(why).or_insert_with(|| Throttle::new(Duration::from_secs(30)));
+        if let Some(held) = throttle.pass() {
+            let more = if held > 0 { format!(" ({held} more since the last such message)") } else { String::new() };
+            tracing::warn!("pose refused, {}: {}{more}", why.word(), remedy());
+        }
+    }
+
+    fn joint_state(&mut self, message: &JointState) {
+        let settings = self.shared.settings();
+        let index = match message.name.iter().position(|name| *name == settings.joint_name) {
+            // A driver with a single joint and no names.
+            None if message.name.is_empty() && message.position.len() == 1 => 0,
+            Some(index) => index,
+            None => {
+                return self.reject(Reject::NoSuchJoint, || {
+                    format!(
+                        "measured_js has the joints {:?}; set -p joint_name:=... to the one whose position is the \
+                         depth in m (now `{}`)",
+                        message.name, settings.joint_name
+                    )
+                });
+            }
+        };
+        let Some(depth) = message.position.get(index).copied() else {
+            return self
+                .reject(Reject::NoSuchJoint, || "measured_js names the joint but has no position for it".to_owned());
+        };
+        if !depth.is_finite() {
+            return self
+                .reject(Reject::NotFinite, || format!("the position in measured_js is {depth}; check the sensor"));
+        }
+        self.accept("measured_js", message.header.stamp, Where::Depth(depth));
+    }
+
+    fn pose_stamped(&mut self, message: &PoseStamped) {
+        if message.header.frame_id != self.frame_id {
+            let frame_id = self.frame_id.clone();
+            return self.reject(Reject::WrongFrame, || {
+                format!(
+                    "measured_cp is in frame `{}`, the twin needs `{}` (origin at the centre of the sample's bottom \
+                     face, z up): transform it, or set -p frame_id:=...",
+                    message.header.frame_id, frame_id
+                )
+            });
+        }
+        let tip: [f64; 3] = message.pose.position.into();
+        let axis = forward(message.pose.orientation);
+        match axis.filter(|_| tip.iter().all(|x| x.is_finite())) {
+            Some(axis) => self.accept("measured_cp", message.header.stamp, Where::Pose(Pose { tip, axis })),
+            None => self.reject(Reject::NotFinite, || {
+                "measured_cp has a number that is not finite or a quaternion that is not a rotation".to_owned()
+            }),
+        }
+    }
+
+    #[allow(clippy::cast_precision_loss)] // an age, shown to people
+    fn accept(&mut self, source: &'static str, stamp: Time, place: Where) {
+        let received = Instant::now();
+        let settings = self.shared.settings();
+        if !self.owns(source, received, settings.input_timeout_s) {
+            return;
+        }
+        let nanos = self.stamp(source, stamp);
+        let age_s = self.shared.clock.now_nanos().map_or(0.0, |now| (now - nanos) as f64 * 1e-9);
+        if age_s < -FUTURE_S {
+            return self.reject(Reject::Future, || {
+                format!(
+                    "its stamp is {:.1} s ahead of this node's clock: synchronise the clocks, or use_sim_time",
+                    -age_s
+                )
+            });
+        }
+        if settings.max_pose_age_s > 0.0 && age_s > settings.max_pose_age_s {
+            return self.reject(Reject::TooOld, || {
+                format!("its stamp is {age_s:.3} s old, max_pose_age_s is {}", settings.max_pose_age_s)
+            });
+        }
+        if let Some(last) = self.last_stamp
+            && nanos <= last
+        {
+            let back = (last - nanos) as f64 * 1e-9;
+            if back <= settings.input_timeout_s {
+                return self.reject(Reject::OutOfOrder, || {
+                    format!("its stamp is {back:.6} s before that of the pose before it; is {source} published twice?")
+                });
+            }
+            self.jump_back(back);
+        }
+        self.last_stamp = Some(nanos);
+        let pose = PoseInput { stamp: Time::from_nanos(nanos), received, place };
+        let handoff = self.inbox.put_pose(pose);
+        self.shared.lock().pose(handoff, age_s);
+    }
+
+    /// One topic at a time: two sensors of the same needle would make it jump.
+    fn owns(&mut self, source: &'static str, now: Instant, timeout_s: f64) -> bool {
+        match self.source {
+            Some((other, seen)) if other != source && (now - seen).as_secs_f64() < timeout_s => {
+                self.reject(Reject::SecondSource, || {
+                    format!("poses come on {other} already; remap {source} away if it is not meant for this twin")
+                });
+                false
+            }
+            _ => {
+                self.source = Some((source, now));
+                true
+            }
+        }
+    }
+
+    fn stamp(&mut self, source: &'static str, stamp: Time) -> i64 {
+        if stamp.is_zero() && self.unstamped.pass().is_some() {
+            tracing::warn!("{source} has no stamps: the time of arrival is taken, and predicted_cf carries that");
+        }
+        stamp_or_now(self.shared, stamp)
+    }
+
+    /// A bag was looped or a simulator reset.
+    fn jump_back(&mut self, seconds: f64) {
+        tracing::info!("time went back by {seconds:.3} s: the twin starts anew from the undeformed state");
+        self.last_stamp = None;
+        self.inbox.reset("time went back");
+    }
+
+    #[allow(clippy::cast_precision_loss)] // a time, shown to people
+    fn clock(&mut self, time: Time) {
+        let clock = &self.shared.clock;
+        let tick = clock.tick(time);
+        self.shared.lock().last_clock = Some(Instant::now());
+        match tick {
+            Tick::Back(nanos) if clock.is_simulated() => self.jump_back(nanos as f64 * 1e-9),
+            Tick::Started if clock.is_simulated() => tracing::info!("simulated time has started"),
+            _ => {}
+        }
+    }
+}
+
+/// The needle points along +z of its own frame (CRTK's tool frame); `None` if the quaternion is not a rotation.
+fn forward(q: Quaternion) -> Option<[f64; 3]> {
+    let norm = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
+    if !(0.9..=1.1).contains(&norm) {
+        return None;
+    }
+    let (x, y, z, w) = (q.x / norm, q.y / norm, q.z / norm, q.w / norm);
+    Some([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::ros::clock::NodeClock;
+    use crate::ros::messages::std_msgs::Header;
+    use crate::ros::parameters::Parameters;
+    use crate::ros::twin_node::declared::{Settings, declarations};
+    use crate::ros::twin_node::inbox::Work;
+
+    fn shared() -> Shared {
+        let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
+        Shared::new(Settings::of(&parameters), NodeClock::new(false))
+    }
+
+    fn joint(sec: i32, nanosec: u32, names: &[&str], positions: &[f64]) -> JointState {
+        JointState {
+            header: Header { stamp: Time { sec, nanosec }, frame_id: String::new() },
+            name: names.iter().map(|n| (*n).to_owned()).collect(),
+            position: positions.to_vec(),
+            ..JointState::default()
+        }
+    }
+
+    #[test]
+    fn straight_down_is_half_a_turn_about_x() {
+        let axis = forward(Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 }).unwrap();
+        assert!((axis[2] + 1.0).abs() < 1e-12);
+        assert_eq!(forward(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 0.0 }), None);
+        assert_eq!(forward(Quaternion { x: f64::NAN, y: 0.0, z: 0.0, w: 1.0 }), None);
+    }
+
+    #[test]
+    fn what_is_no_pose_is_refused_and_counted() {
+        let (shared, inbox) = (shared(), Inbox::default());
+        let mut intake = Intake::new("sample", &shared, &inbox);
+        intake.joint_state(&joint(10, 0, &["insertion"], &[f64::NAN]));
+        intake.joint_state(&joint(10, 0, &["elbow"], &[0.1]));
+        intake.joint_state(&joint(10, 0, &["insertion"], &[]));
+        intake.pose_stamped(&PoseStamped::default());
+        intake.joint_state(&joint(i32::MAX, 0, &["insertion"], &[0.001]));
+        let live = shared.lock();
+        assert_eq!((live.rejected, live.received), (5, 0));
+        assert_eq!(live.rejects[&Reject::NoSuchJoint], 2);
+        assert_eq!(live.rejects[&Reject::WrongFrame], 1);
+        assert_eq!(live.rejects[&Reject::Future], 1);
+    }
+
+    #[test]
+    fn order_is_kept_and_a_jump_back_resets() {
+        let (shared, inbox) = (shared(), Inbox::default());
+        let mut intake = Intake::new("sample", &shared, &inbox);
+        intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]));
+        intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]));
+        intake.joint_state(&joint(99, 900_000_000, &["insertion"], &[0.001]));
+        assert_eq!(shared.lock().rejects[&Reject::OutOfOrder], 2);
+        intake.joint_state(&joint(50, 0, &["x", "insertion"], &[0.0, 0.002]));
+        assert_eq!(shared.lock().received, 2);
+        assert!(matches!(inbox.next(), Work::Reset(_)));
+        assert!(matches!(inbox.next(), Work::Pose(p) if p.place == Where::Depth(0.002)));
+    }
+}

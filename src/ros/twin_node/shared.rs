@@ -1,0 +1,206 @@
+//! Counters and figures that the threads of the node share. The solver thread never takes this lock.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::time::{Duration, Instant};
+
+use hdrhistogram::Histogram;
+
+use super::declared::Settings;
+use super::inbox::Handoff;
+use super::solver::Answer;
+use crate::ros::clock::NodeClock;
+use crate::twin::Event;
+
+/// Why a pose was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Reject {
+    NotFinite,
+    NoSuchJoint,
+    WrongFrame,
+    OutOfOrder,
+    TooOld,
+    Future,
+    SecondSource,
+    ByTwin,
+    Diverged,
+}
+
+impl Reject {
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::NotFinite => "not finite",
+            Self::NoSuchJoint => "no such joint",
+            Self::WrongFrame => "wrong frame",
+            Self::OutOfOrder => "out of order or repeated",
+            Self::TooOld => "too old",
+            Self::Future => "from the future",
+            Self::SecondSource => "second source",
+            Self::ByTwin => "refused by the twin",
+            Self::Diverged => "the twin has diverged",
+        }
+    }
+}
+
+/// Latencies in ns with two significant digits.
+#[derive(Clone, Debug)]
+pub(super) struct Latency(Histogram<u64>);
+
+impl Default for Latency {
+    fn default() -> Self {
+        // 1 us to 1000 s: bounds that the library accepts.
+        #[allow(clippy::expect_used)]
+        Self(Histogram::new_with_bounds(1_000, 1_000_000_000_000, 2).expect("constant bounds"))
+    }
+}
+
+impl Latency {
+    pub fn record(&mut self, elapsed: Duration) {
+        self.0.saturating_record(u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX));
+    }
+
+    /// Quantile in s; 0 if nothing was recorded.
+    #[allow(clippy::cast_precision_loss)]
+    pub fn quantile(&self, q: f64) -> f64 {
+        if self.0.is_empty() { 0.0 } else { self.0.value_at_quantile(q) as f64 * 1e-9 }
+    }
+
+    #[allow(clippy::cast_precision_loss)]
+    pub fn max(&self) -> f64 {
+        if self.0.is_empty() { 0.0 } else { self.0.max() as f64 * 1e-9 }
+    }
+}
+
+/// Sums over about one second.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Window {
+    pub seconds: f64,
+    pub received: u64,
+    pub answered: u64,
+    pub coalesced: u64,
+    pub rejected: u64,
+    pub withheld: u64,
+    pub steps: u64,
+    pub stepping_s: f64,
+    pub input_s: f64,
+}
+
+/// See the module. Counts are since the last reset.
+#[derive(Debug, Default)]
+pub(super) struct Live {
+    pub built: bool,
+    pub received: u64,
+    pub answered: u64,
+    pub rejected: u64,
+    pub rejects: BTreeMap<Reject, u64>,
+    pub coalesced: u64,
+    pub missed: u64,
+    pub withheld: u64,
+    pub not_finite: u64,
+    pub steps: u64,
+    pub last: Option<Answer>,
+    pub puncture_depth_m: Option<f64>,
+    pub halted: Option<String>,
+    pub refused: Option<String>,
+    pub last_pose: Option<Instant>,
+    pub last_clock: Option<Instant>,
+    pub input_age: Latency,
+    pub queue: Latency,
+    pub stepping: Latency,
+    pub total: Latency,
+    pub load_cell: Option<u8>,
+    pub residual: Option<(f64, f64, f64)>,
+    pub measured: u64,
+    pub window: Window,
+    pub last_window: Window,
+    window_begun: Option<Instant>,
+    last_stamp_nanos: Option<i64>,
+}
+
+impl Live {
+    pub fn pose(&mut self, handoff: Handoff, age_s: f64) {
+        self.received += 1;
+        self.window.received += 1;
+        self.coalesced += u64::from(handoff.coalesced);
+        self.window.coalesced += u64::from(handoff.coalesced);
+        self.missed += u64::from(handoff.missed);
+        self.last_pose = Some(Instant::now());
+        if age_s >= 0.0 {
+            self.input_age.record(Duration::try_from_secs_f64(age_s).unwrap_or(Duration::MAX));
+        }
+    }
+
+    pub fn reject(&mut self, why: Reject) {
+        self.rejected += 1;
+        self.window.rejected += 1;
+        *self.rejects.entry(why).or_default() += 1;
+    }
+
+    #[allow(clippy::cast_precision_loss)] // seconds between two poses
+    pub fn answer(&mut self, answer: &Answer) {
+        self.answered += 1;
+        self.steps += u64::from(answer.prediction.steps);
+        if let Some(Event::Puncture { depth_m }) = answer.prediction.event {
+            self.puncture_depth_m = Some(depth_m);
+        }
+        self.queue.record(answer.begun - answer.received);
+        self.stepping.record(answer.done - answer.begun);
+        self.window.answered += 1;
+        self.window.steps += u64::from(answer.prediction.steps);
+        self.window.stepping_s += (answer.done - answer.begun).as_secs_f64();
+        let stamp = answer.stamp.nanos();
+        if let Some(before) = self.last_stamp_nanos.replace(stamp) {
+            self.window.input_s += (stamp - before).max(0) as f64 * 1e-9;
+        }
+        self.last = Some(*answer);
+    }
+
+    /// Everything from zero, but for what belongs to the node and not to the run.
+    pub fn reset(&mut self) {
+        *self = Self {
+            built: self.built,
+            last_pose: self.last_pose,
+            last_clock: self.last_clock,
+            load_cell: self.load_cell,
+            ..Self::default()
+        };
+    }
+
+    /// Closes the window if a second has gone by.
+    pub fn roll(&mut self, now: Instant) {
+        let begun = *self.window_begun.get_or_insert(now);
+        let seconds = (now - begun).as_secs_f64();
+        if seconds >= 1.0 {
+            self.last_window = Window { seconds, ..self.window };
+            self.window = Window::default();
+            self.window_begun = Some(now);
+        }
+    }
+}
+
+/// What the threads share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    live: Mutex<Live>,
+    settings: RwLock<Arc<Settings>>,
+    pub clock: NodeClock,
+}
+
+impl Shared {
+    pub fn new(settings: Settings, clock: NodeClock) -> Self {
+        Self { live: Mutex::default(), settings: RwLock::new(Arc::new(settings)), clock }
+    }
+
+    pub fn lock(&self) -> MutexGuard<'_, Live> {
+        // Counters have no state that a panic elsewhere could leave half done.
+        self.live.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub fn settings(&self) -> Arc<Settings> {
+        Arc::clone(&self.settings.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    pub fn set_settings(&self, settings: Settings) {
+        *self.settings.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(settings);
+    }
+}

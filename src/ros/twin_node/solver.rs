@@ -1,0 +1,166 @@
+//! The solver thread: it owns the twin, answers poses, and touches no socket.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use crossbeam_channel::{Sender, TrySendError};
+
+use super::inbox::{Inbox, PoseInput, Where, Work};
+use super::tissue::{Model, Snapshot};
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::scene::Scene;
+use crate::twin::{Halt, Prediction, StampedPose, Twin};
+
+/// An answered pose.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Answer {
+    pub stamp: Time,
+    pub received: Instant,
+    pub begun: Instant,
+    pub done: Instant,
+    /// Axis of the instrument into the sample.
+    pub axis: [f64; 3],
+    pub prediction: Prediction,
+}
+
+/// What the force thread hears: from the solver, and from the input thread.
+pub(super) enum Event {
+    /// A pose was answered.
+    Answer(Answer),
+    /// A pose was refused by the twin.
+    Refused { depth_m: f64, reason: String },
+    /// The solution is lost until the next reset.
+    Halted(String),
+    /// The twin is undeformed again.
+    Reset(&'static str),
+    /// The load cell spoke.
+    Measured { stamp_nanos: i64, force_n: [f64; 3] },
+    /// Take the present reading as zero; answers with it, or with the reason why not.
+    Tare(Sender<Result<[f64; 3], String>>),
+    /// Nothing more will come.
+    Stop,
+}
+
+/// Answers that the force thread could not take because it was thousands behind.
+pub(super) static LOST_ANSWERS: AtomicU64 = AtomicU64::new(0);
+
+/// The model is ready, or can't be built.
+pub(super) type Built = Result<Box<Model>, String>;
+
+/// Builds the twin and answers until told to stop.
+pub(super) fn run(
+    scene: &Scene,
+    inbox: &Inbox,
+    built: &Sender<Built>,
+    events: &Sender<Event>,
+    snapshots: &Sender<Box<Snapshot>>,
+) {
+    let begun = Instant::now();
+    let twin = match Twin::new(scene) {
+        Ok(twin) => twin,
+        Err(error) => {
+            let _ = built.send(Err(error.to_string()));
+            return;
+        }
+    };
+    let model = Model::of(&twin, begun.elapsed());
+    if built.send(Ok(Box::new(model))).is_err() {
+        return;
+    }
+    Solver { twin, origin_nanos: None, stamp: Time::default(), depth_m: 0.0, halted: false }
+        .answer_all(inbox, events, snapshots);
+}
+
+struct Solver {
+    twin: Twin,
+    /// Stamp of the first pose since the last reset: the twin counts time from there.
+    origin_nanos: Option<i64>,
+    stamp: Time,
+    depth_m: f64,
+    halted: bool,
+}
+
+impl Solver {
+    fn answer_all(mut self, inbox: &Inbox, events: &Sender<Event>, snapshots: &Sender<Box<Snapshot>>) {
+        loop {
+            match inbox.next() {
+                Work::Pose(pose) if self.halted => {
+                    // Counted by the force thread as refused; the status already says why.
+                    let depth_m = self.depth(&pose);
+                    send(events, Event::Refused { depth_m, reason: String::new() });
+                }
+                Work::Pose(pose) => {
+                    let event = self.answer(&pose);
+                    send(events, event);
+                }
+                Work::Snapshot(mut snapshot) => {
+                    snapshot.take(&self.twin, self.stamp, self.depth_m);
+                    // Fails only when the tissue thread has ended.
+                    let _ = snapshots.send(snapshot);
+                }
+                Work::Reset(reason) => {
+                    self.twin.reset();
+                    self.origin_nanos = None;
+                    self.halted = false;
+                    self.depth_m = 0.0;
+                    send(events, Event::Reset(reason));
+                }
+                Work::Stop => {
+                    send(events, Event::Stop);
+                    return;
+                }
+            }
+        }
+    }
+
+    fn depth(&self, input: &PoseInput) -> f64 {
+        match input.place {
+            Where::Depth(depth) => depth,
+            Where::Pose(pose) => self.twin.depth_of(&pose),
+        }
+    }
+
+    #[allow(clippy::cast_precision_loss)] // seconds of one run
+    fn answer(&mut self, input: &PoseInput) -> Event {
+        let nanos = input.stamp.nanos();
+        let origin = *self.origin_nanos.get_or_insert(nanos);
+        let pose = match input.place {
+            Where::Depth(depth) => self.twin.pose_at_depth(depth),
+            Where::Pose(pose) => pose,
+        };
+        let begun = Instant::now();
+        let outcome = self.twin.step(StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose });
+        let done = Instant::now();
+        match outcome {
+            Ok(prediction) => {
+                self.stamp = input.stamp;
+                self.depth_m = prediction.depth_m;
+                Event::Answer(Answer {
+                    stamp: input.stamp,
+                    received: input.received,
+                    begun,
+                    done,
+                    axis: pose.axis,
+                    prediction,
+                })
+            }
+            Err(Halt::Pose { reason }) => Event::Refused { depth_m: self.depth(input), reason },
+            Err(halt) => {
+                self.halted = true;
+                Event::Halted(halt.to_string())
+            }
+        }
+    }
+}
+
+/// An answer never waits for the force thread; what it can't take is counted. The rare other events must get through.
+fn send(events: &Sender<Event>, event: Event) {
+    if matches!(event, Event::Answer(_) | Event::Refused { .. }) {
+        if let Err(TrySendError::Full(_)) = events.try_send(event) {
+            LOST_ANSWERS.fetch_add(1, Ordering::Relaxed);
+        }
+    } else {
+        // Fails only when the force thread has ended.
+        let _ = events.send(event);
+    }
+}

@@ -1,0 +1,301 @@
+//! What the node says about itself: `status`, `/diagnostics`, and the lines about what it waits for.
+
+use std::time::Instant;
+
+use super::declared::Settings;
+use super::shared::{Live, Shared};
+use super::solver::LOST_ANSWERS;
+use super::tissue::Model;
+use crate::ros::clock::NodeClock;
+use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
+use crate::ros::messages::std_msgs::Header;
+use crate::ros::participant::Wish;
+use crate::twin::Phase;
+
+/// Health and the reasons for it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Judgement {
+    pub health: u8,
+    pub reasons: Vec<String>,
+}
+
+impl Judgement {
+    fn add(&mut self, health: u8, reason: String) {
+        self.health = worse(self.health, health);
+        self.reasons.push(reason);
+    }
+
+    /// The twin answers and vouches for what it says.
+    pub fn vouches(&self) -> bool {
+        self.health <= TwinStatus::HEALTH_WARN
+    }
+}
+
+/// ERROR is worse than STALE, which is worse than WARN.
+fn worse(a: u8, b: u8) -> u8 {
+    let rank = |h| match h {
+        TwinStatus::HEALTH_ERROR => 3,
+        TwinStatus::HEALTH_STALE => 2,
+        other => u8::from(other == TwinStatus::HEALTH_WARN),
+    };
+    if rank(a) >= rank(b) { a } else { b }
+}
+
+#[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
+pub(super) fn judge(live: &Live, settings: &Settings, clock: &NodeClock, failed_outputs: u64) -> Judgement {
+    let mut judgement = Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new() };
+    if !live.built {
+        judgement.add(TwinStatus::HEALTH_STALE, "the model is being built".to_owned());
+    }
+    if let Some(reason) = &live.halted {
+        judgement.add(TwinStatus::HEALTH_ERROR, format!("{reason}: retract the instrument and call ~/reset"));
+    }
+    let silent = live.last_pose.map(|at| at.elapsed().as_secs_f64());
+    if silent.is_none_or(|s| s > settings.input_timeout_s) {
+        judgement.add(TwinStatus::HEALTH_STALE, silence(silent, live, settings, clock));
+    }
+    let window = &live.last_window;
+    if window.withheld > 0 {
+        judgement.add(
+            TwinStatus::HEALTH_ERROR,
+            format!(
+                "{} answers of the last second came later than input_timeout_s after their pose and were withheld: \
+                 choose a coarser discretisation or fewer steps",
+                window.withheld
+            ),
+        );
+    } else if window.coalesced * 10 > window.received {
+        let share = 100.0 * window.coalesced as f64 / window.received.max(1) as f64;
+        judgement.add(
+            TwinStatus::HEALTH_WARN,
+            format!("{share:.0}% of the poses are skipped: the twin is slower than they come"),
+        );
+    }
+    if window.rejected > 0 {
+        let most = live.rejects.iter().max_by_key(|(_, n)| **n).map_or("", |(why, _)| why.word());
+        judgement
+            .add(TwinStatus::HEALTH_WARN, format!("{} poses refused in the last second ({most})", window.rejected));
+    }
+    if let Some(reason) = load_cell_problem(live) {
+        judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());
+    }
+    if failed_outputs > 0 {
+        judgement
+            .add(TwinStatus::HEALTH_WARN, format!("{failed_outputs} messages not taken: a reliable reader is behind"));
+    }
+    judgement
+}
+
+fn silence(silent: Option<f64>, live: &Live, settings: &Settings, clock: &NodeClock) -> String {
+    if clock.is_simulated() && clock.now_nanos().is_none() {
+        return "use_sim_time is set and /clock has not said anything".to_owned();
+    }
+    let clock_stands = live.last_clock.is_none_or(|at| at.elapsed().as_secs_f64() > settings.input_timeout_s);
+    match silent {
+        None => "no pose has come yet".to_owned(),
+        Some(s) if clock.is_simulated() && clock_stands => format!("no pose for {s:.1} s, and /clock stands still"),
+        Some(s) => format!("input lost: no pose for {s:.1} s"),
+    }
+}
+
+fn load_cell_problem(live: &Live) -> Option<&'static str> {
+    match live.load_cell? {
+        // It is optional: only one that has spoken before can be missed.
+        ForceComparison::LOAD_CELL_MISSING if live.measured > 0 => Some("load cell: no reading near the pose's stamp"),
+        ForceComparison::LOAD_CELL_NOT_FINITE => Some("load cell: the reading is not a number"),
+        ForceComparison::LOAD_CELL_STUCK => Some("load cell: the reading does not change"),
+        ForceComparison::LOAD_CELL_SATURATED => Some("load cell: the reading is at the end of its range"),
+        _ => None,
+    }
+}
+
+fn phase(phase: Phase) -> u8 {
+    match phase {
+        Phase::Approach => TwinStatus::PHASE_APPROACH,
+        Phase::Indentation => TwinStatus::PHASE_INDENTATION,
+        Phase::Penetration => TwinStatus::PHASE_PENETRATION,
+        Phase::Retraction => TwinStatus::PHASE_RETRACTION,
+    }
+}
+
+fn ratio(a: f64, b: f64) -> f64 {
+    if b > 0.0 { a / b } else { 0.0 }
+}
+
+#[allow(clippy::cast_precision_loss)] // counts of one second
+pub(super) fn status(live: &Live, judgement: &Judgement, model: Option<&Model>, frame_id: &str) -> TwinStatus {
+    let window = &live.last_window;
+    let mut message = TwinStatus {
+        header: Header { stamp: live.last.map(|a| a.stamp).unwrap_or_default(), frame_id: frame_id.to_owned() },
+        scene: model.map(|m| m.scene.clone()).unwrap_or_default(),
+        model_id: model.map_or(0, |m| m.id),
+        prediction_valid: judgement.vouches(),
+        health: judgement.health,
+        reasons: judgement.reasons.clone(),
+        punctured: live.puncture_depth_m.is_some(),
+        puncture_depth_m: live.puncture_depth_m.unwrap_or(0.0),
+        poses_received: live.received,
+        poses_answered: live.answered,
+        poses_rejected: live.rejected,
+        poses_coalesced: live.coalesced,
+        missed_deadlines: live.missed,
+        steps: live.steps,
+        steps_per_pose: ratio(window.steps as f64, window.answered as f64),
+        step_s: ratio(window.stepping_s, window.steps as f64),
+        pose_rate_hz: ratio(window.received as f64, window.seconds),
+        real_time_factor: ratio(window.input_s, window.stepping_s),
+        latency_p50_s: live.total.quantile(0.5),
+        latency_p99_s: live.total.quantile(0.99),
+        latency_max_s: live.total.max(),
+        ..TwinStatus::default()
+    };
+    if let Some(answer) = &live.last {
+        let p = &answer.prediction;
+        message.phase = phase(p.phase);
+        message.depth_m = p.depth_m;
+        message.predicted_n = -(0..3).map(|k| p.force_n[k] * answer.axis[k]).sum::<f64>();
+        message.min_jacobian = p.health.min_jacobian;
+        message.kinetic_to_strain_energy = p.health.kinetic_to_strain_energy;
+        message.force_imbalance = p.health.force_imbalance;
+        message.constraint_error_m = p.health.constraint_error_m;
+    }
+    message
+}
+
+pub(super) fn diagnostics(
+    shared: &Shared,
+    judgement: &Judgement,
+    model: Option<&Model>,
+    node: &str,
+    wishes: &[Wish],
+) -> DiagnosticArray {
+    let settings = shared.settings();
+    let live = shared.lock();
+    let level = match judgement.health {
+        TwinStatus::HEALTH_OK => DiagnosticStatus::OK,
+        TwinStatus::HEALTH_WARN => DiagnosticStatus::WARN,
+        TwinStatus::HEALTH_STALE => DiagnosticStatus::STALE,
+        _ => DiagnosticStatus::ERROR,
+    };
+    let name = node.trim_start_matches('/');
+    let one = |what: &str, level, message: String, values: Vec<KeyValue>| DiagnosticStatus {
+        level,
+        name: format!("{name}: {what}"),
+        message,
+        hardware_id: settings.hardware_id.clone(),
+        values,
+    };
+    let message = if judgement.reasons.is_empty() { "OK".to_owned() } else { judgement.reasons.join("; ") };
+    let cell = load_cell_problem(&live);
+    let status = vec![
+        one("prediction", level, message, prediction_values(&live, model)),
+        one("input", input_level(&live, &settings), input_message(&live, wishes), input_values(&live)),
+        one(
+            "load cell",
+            if cell.is_some() { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+            cell.unwrap_or(if live.measured == 0 { "none heard (it is optional)" } else { "OK" }).to_owned(),
+            load_cell_values(&live),
+        ),
+    ];
+    drop(live);
+    DiagnosticArray { header: Header { stamp: shared.clock.stamp(), frame_id: String::new() }, status }
+}
+
+fn value(key: &str, value: impl std::fmt::Display) -> KeyValue {
+    KeyValue { key: key.to_owned(), value: value.to_string() }
+}
+
+fn milliseconds(key: &str, seconds: f64) -> KeyValue {
+    value(key, format!("{:.3}", seconds * 1e3))
+}
+
+fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
+    let mut values = vec![
+        value("answered", live.answered),
+        value("missed deadlines", live.missed),
+        value("coalesced poses", live.coalesced),
+        value("withheld", live.withheld),
+        value("not finite", live.not_finite),
+        value("lost answers", LOST_ANSWERS.load(std::sync::atomic::Ordering::Relaxed)),
+        milliseconds("latency p50 (ms)", live.total.quantile(0.5)),
+        milliseconds("latency p95 (ms)", live.total.quantile(0.95)),
+        milliseconds("latency p99 (ms)", live.total.quantile(0.99)),
+        milliseconds("latency max (ms)", live.total.max()),
+        milliseconds("queue p99 (ms)", live.queue.quantile(0.99)),
+        milliseconds("stepping p50 (ms)", live.stepping.quantile(0.5)),
+        milliseconds("stepping p99 (ms)", live.stepping.quantile(0.99)),
+    ];
+    if let Some(model) = model {
+        values.push(value("scene", &model.scene));
+        values.push(value("nodes", model.nodes));
+        values.push(value("integration points", model.integration_points));
+        values.push(value("build (s)", format!("{:.3}", model.build.as_secs_f64())));
+    }
+    values
+}
+
+fn input_level(live: &Live, settings: &Settings) -> u8 {
+    match live.last_pose {
+        Some(at) if at.elapsed().as_secs_f64() <= settings.input_timeout_s => {
+            if live.last_window.rejected > 0 {
+                DiagnosticStatus::WARN
+            } else {
+                DiagnosticStatus::OK
+            }
+        }
+        _ => DiagnosticStatus::STALE,
+    }
+}
+
+#[allow(clippy::cast_precision_loss)]
+fn input_message(live: &Live, wishes: &[Wish]) -> String {
+    let window = &live.last_window;
+    if live.last_pose.is_none() {
+        return format!(
+            "waiting for {}",
+            wishes.iter().take(2).map(|w| w.topic.as_str()).collect::<Vec<_>>().join(" or ")
+        );
+    }
+    format!("{:.1} poses per second", ratio(window.received as f64, window.seconds))
+}
+
+fn input_values(live: &Live) -> Vec<KeyValue> {
+    let mut values = vec![
+        value("received", live.received),
+        value("rejected", live.rejected),
+        milliseconds("input age p50 (ms)", live.input_age.quantile(0.5)),
+        milliseconds("input age p99 (ms)", live.input_age.quantile(0.99)),
+    ];
+    values.extend(live.rejects.iter().map(|(why, n)| value(&format!("rejected: {}", why.word()), n)));
+    values
+}
+
+fn load_cell_values(live: &Live) -> Vec<KeyValue> {
+    let mut values = vec![value("readings", live.measured)];
+    if let Some((residual, rmse, max)) = live.residual {
+        values.push(value("residual (N)", format!("{residual:.6}")));
+        values.push(value("rmse (N)", format!("{rmse:.6}")));
+        values.push(value("largest error (N)", format!("{max:.6}")));
+    }
+    values
+}
+
+/// What the node waits for, if it waits: topics, types, QoS and how many publish there.
+pub(super) fn waiting(live: &Live, clock: &NodeClock, wishes: &[Wish; 4], since: Instant) -> Option<String> {
+    let [joint, pose, _, time] = wishes;
+    let describe = |w: &Wish| {
+        let who = match w.publishers() {
+            0 => "nobody publishes it".to_owned(),
+            1 => "1 publisher".to_owned(),
+            n => format!("{n} publishers"),
+        };
+        format!("{} ({}, {}; {who})", w.topic, w.type_name, w.qos)
+    };
+    if clock.is_simulated() && clock.now_nanos().is_none() {
+        return Some(format!("use_sim_time is set: waiting for {}", describe(time)));
+    }
+    let silent = live.last_pose.is_none_or(|at| at.elapsed().as_secs_f64() > 5.0);
+    (silent && since.elapsed().as_secs_f64() > 1.0)
+        .then(|| format!("waiting for a pose on {} or {}", describe(joint), describe(pose)))
+}

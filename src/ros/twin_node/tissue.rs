@@ -1,0 +1,298 @@
+//! The deformation outputs: each at the node's own rate, each only while somebody subscribes.
+
+use std::time::Duration;
+
+use crossbeam_channel::{Receiver, RecvTimeoutError};
+
+use super::inbox::Inbox;
+use super::shared::Shared;
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::ros::messages::geometry_msgs::{self, PoseArray};
+use crate::ros::messages::needle_twin::{TissueModel, TissueState};
+use crate::ros::messages::sensor_msgs::{PointCloud2, PointField};
+use crate::ros::messages::std_msgs::{ColorRGBA, Header};
+use crate::ros::messages::visualization_msgs::Marker;
+use crate::ros::participant::{Output, Participant, ParticipantError};
+use crate::ros::qos;
+use crate::twin::Twin;
+
+/// What never changes of a twin, copied out of it once.
+#[derive(Clone, Debug)]
+pub(super) struct Model {
+    pub id: u64,
+    pub scene: String,
+    pub method: String,
+    pub nodes: usize,
+    pub integration_points: usize,
+    pub build: Duration,
+    pub points: Vec<[f64; 3]>,
+    pub surface: Vec<[u32; 3]>,
+    pub cells: Vec<[u32; 4]>,
+    pub target_names: Vec<String>,
+    pub target_references: Vec<[f64; 3]>,
+}
+
+impl Model {
+    pub fn of(twin: &Twin, build: Duration) -> Self {
+        let scene = twin.scene();
+        let points = twin.reference_points().to_vec();
+        Self {
+            id: model_id(&scene.to_toml(), &points),
+            scene: scene.name.clone(),
+            method: scene.get("discretisation.method").and_then(|v| v.as_text().map(str::to_owned)).unwrap_or_default(),
+            nodes: twin.nodes(),
+            integration_points: twin.integration_points(),
+            build,
+            points,
+            surface: twin.surface().to_vec(),
+            cells: twin.cells().to_vec(),
+            target_names: scene.targets.iter().map(|t| t.name.clone()).collect(),
+            target_references: scene.targets.iter().map(|t| t.position).collect(),
+        }
+    }
+
+    pub fn message(&self, stamp: Time, frame_id: &str) -> TissueModel {
+        TissueModel {
+            header: Header { stamp, frame_id: frame_id.to_owned() },
+            model_id: self.id,
+            scene: self.scene.clone(),
+            method: self.method.clone(),
+            integration_points: u32::try_from(self.integration_points).unwrap_or(u32::MAX),
+            reference_points: self.points.iter().map(|p| (*p).into()).collect(),
+            surface_triangles: self.surface.iter().flatten().copied().collect(),
+            cells: self.cells.iter().flatten().copied().collect(),
+            target_names: self.target_names.clone(),
+            target_references: self.target_references.iter().map(|p| (*p).into()).collect(),
+        }
+    }
+}
+
+/// The same scene and points give the same number; never 0.
+fn model_id(scene: &str, points: &[[f64; 3]]) -> u64 {
+    let mut hash = xxhash_rust::xxh3::Xxh3::new();
+    hash.update(scene.as_bytes());
+    for coordinate in points.iter().flatten() {
+        hash.update(&coordinate.to_le_bytes());
+    }
+    hash.digest().max(1)
+}
+
+/// The deformation at one time. The vectors travel back and forth and are never allocated anew.
+#[derive(Debug, Default)]
+pub(super) struct Snapshot {
+    pub stamp: Time,
+    pub depth_m: f64,
+    pub displacements: Vec<[f64; 3]>,
+    pub jacobian: Vec<f64>,
+    pub von_mises_pa: Vec<f64>,
+    pub targets: Vec<[f64; 3]>,
+    /// Whether Jacobian and stress are wanted: they cost more than the displacement.
+    pub with_stress: bool,
+}
+
+impl Snapshot {
+    /// Copies the present state. Runs in the solver thread.
+    pub fn take(&mut self, twin: &Twin, stamp: Time, depth_m: f64) {
+        self.stamp = stamp;
+        self.depth_m = depth_m;
+        twin.displacements(&mut self.displacements);
+        twin.target_positions(&mut self.targets);
+        if self.with_stress {
+            twin.jacobian_and_stress(&mut self.jacobian, &mut self.von_mises_pa);
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        let vectors = self.displacements.iter().chain(&self.targets).flatten();
+        let scalars = self.jacobian.iter().chain(&self.von_mises_pa);
+        vectors.chain(scalars).all(|v| v.is_finite())
+    }
+}
+
+/// The publishers.
+pub(super) struct TissueOutputs {
+    pub state: Output<TissueState>,
+    pub points: Output<PointCloud2>,
+    pub surface: Output<Marker>,
+    pub targets: Output<PoseArray>,
+}
+
+impl TissueOutputs {
+    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+        // Best effort for what is big: a frozen reliable reader would make RustDDS keep every sample.
+        Ok(Self {
+            state: participant.publisher("tissue_state", qos::sensor(5))?,
+            points: participant.publisher("tissue_points", qos::sensor(5))?,
+            surface: participant.publisher("tissue_surface", qos::sensor(5))?,
+            targets: participant.publisher("targets", qos::reliable(10))?,
+        })
+    }
+
+    pub fn failed(&self) -> u64 {
+        self.state.failed() + self.points.failed() + self.surface.failed() + self.targets.failed()
+    }
+
+    fn wanted(&self) -> bool {
+        self.state.is_wanted() || self.points.is_wanted() || self.surface.is_wanted() || self.targets.is_wanted()
+    }
+
+    fn publish(&self, model: &Model, snapshot: &Snapshot, frame_id: &str) {
+        let header = Header { stamp: snapshot.stamp, frame_id: frame_id.to_owned() };
+        if self.state.is_wanted() {
+            self.state.send(TissueState {
+                header: header.clone(),
+                model_id: model.id,
+                depth_m: snapshot.depth_m,
+                displacements: snapshot.displacements.iter().map(|u| (*u).into()).collect(),
+            });
+        }
+        if self.points.is_wanted() {
+            self.points.send(cloud(header.clone(), model, snapshot));
+        }
+        if self.surface.is_wanted() {
+            self.surface.send(marker(header.clone(), model, snapshot));
+        }
+        if self.targets.is_wanted() && !model.target_names.is_empty() {
+            let pose = |p: &[f64; 3]| geometry_msgs::Pose { position: (*p).into(), ..Default::default() };
+            self.targets.send(PoseArray { header, poses: snapshot.targets.iter().map(pose).collect() });
+        }
+    }
+}
+
+/// The tissue thread: asks for a snapshot at the rate, publishes it, ends when the solver has.
+pub(super) fn run(
+    outputs: &TissueOutputs,
+    model: &Model,
+    frame_id: &str,
+    shared: &Shared,
+    inbox: &Inbox,
+    snapshots: &Receiver<Box<Snapshot>>,
+) {
+    let mut spare = Some(Box::<Snapshot>::default());
+    let mut due = std::time::Instant::now();
+    loop {
+        let rate = shared.settings().tissue_rate_hz;
+        let period = if rate > 0.0 { Duration::from_secs_f64(1.0 / rate) } else { Duration::from_millis(200) };
+        let now = std::time::Instant::now();
+        if now >= due {
+            // Absolute deadlines; what was missed is skipped, not caught up.
+            due = if now - due > period { now + period } else { due + period };
+            if rate > 0.0
+                && outputs.wanted()
+                && let Some(mut snapshot) = spare.take()
+            {
+                snapshot.with_stress = outputs.points.is_wanted() || outputs.surface.is_wanted();
+                inbox.put_snapshot(snapshot);
+            }
+        }
+        match snapshots.recv_deadline(due) {
+            Ok(snapshot) => {
+                if snapshot.is_finite() {
+                    outputs.publish(model, &snapshot, frame_id);
+                } else {
+                    shared.lock().not_finite += 1;
+                }
+                spare = Some(snapshot);
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+fn deformed(model: &Model, snapshot: &Snapshot) -> impl Iterator<Item = [f64; 3]> {
+    model.points.iter().zip(&snapshot.displacements).map(|(x, u)| [x[0] + u[0], x[1] + u[1], x[2] + u[2]])
+}
+
+/// x, y, z, `displacement` (m) and `jacobian` as 32-bit floats.
+#[allow(clippy::cast_possible_truncation)] // for display
+fn cloud(header: Header, model: &Model, snapshot: &Snapshot) -> PointCloud2 {
+    const FIELDS: [&str; 5] = ["x", "y", "z", "displacement", "jacobian"];
+    const STEP: u32 = 4 * FIELDS.len() as u32;
+    let mut data = Vec::with_capacity(model.points.len() * STEP as usize);
+    for (i, point) in deformed(model, snapshot).enumerate() {
+        let [x, y, z] = snapshot.displacements[i];
+        let magnitude = (x * x + y * y + z * z).sqrt();
+        let jacobian = snapshot.jacobian.get(i).copied().unwrap_or(1.0);
+        for value in point.into_iter().chain([magnitude, jacobian]) {
+            data.extend_from_slice(&(value as f32).to_le_bytes());
+        }
+    }
+    let width = (data.len() / STEP as usize) as u32;
+    let field = |(i, name): (usize, &str)| PointField {
+        name: name.to_owned(),
+        offset: 4 * i as u32,
+        datatype: PointField::FLOAT32,
+        count: 1,
+    };
+    PointCloud2 {
+        header,
+        height: 1,
+        width,
+        fields: FIELDS.into_iter().enumerate().map(field).collect(),
+        is_bigendian: false,
+        point_step: STEP,
+        row_step: data.len() as u32,
+        data,
+        is_dense: true,
+    }
+}
+
+/// The deformed surface as one triangle list, coloured by displacement.
+fn marker(header: Header, model: &Model, snapshot: &Snapshot) -> Marker {
+    let points: Vec<[f64; 3]> = deformed(model, snapshot).collect();
+    let largest = snapshot.displacements.iter().map(|u| norm(*u)).fold(1e-9, f64::max);
+    let corners =
+        || model.surface.iter().flatten().filter_map(|i| usize::try_from(*i).ok()).filter(|i| *i < points.len());
+    Marker {
+        header,
+        ns: "tissue".to_owned(),
+        id: 0,
+        r#type: Marker::TRIANGLE_LIST,
+        action: Marker::ADD,
+        scale: [1.0; 3].into(),
+        color: ColorRGBA { r: 1.0, g: 1.0, b: 1.0, a: 1.0 },
+        points: corners().map(|i| points[i].into()).collect(),
+        colors: corners().map(|i| colour(norm(snapshot.displacements[i]) / largest)).collect(),
+        ..Marker::default()
+    }
+}
+
+fn norm([x, y, z]: [f64; 3]) -> f64 {
+    (x * x + y * y + z * z).sqrt()
+}
+
+/// From a pale skin tone at rest to deep red.
+#[allow(clippy::cast_possible_truncation)] // a colour
+fn colour(fraction: f64) -> ColorRGBA {
+    let t = fraction.clamp(0.0, 1.0) as f32;
+    ColorRGBA { r: 0.95 - 0.35 * t, g: 0.85 - 0.80 * t, b: 0.78 - 0.70 * t, a: 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cloud_has_the_fields_that_it_names() {
+        let model = Model {
+            id: 1,
+            scene: String::new(),
+            method: String::new(),
+            nodes: 1,
+            integration_points: 1,
+            build: Duration::ZERO,
+            points: vec![[1.0, 2.0, 3.0]],
+            surface: vec![],
+            cells: vec![],
+            target_names: vec![],
+            target_references: vec![],
+        };
+        let snapshot = Snapshot { displacements: vec![[0.0, 3.0, 4.0]], jacobian: vec![0.5], ..Snapshot::default() };
+        let cloud = cloud(Header::default(), &model, &snapshot);
+        assert_eq!((cloud.width, cloud.point_step, cloud.row_step), (1, 20, 20));
+        let floats: Vec<f32> =
+            cloud.data.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        assert_eq!(floats, [1.0, 5.0, 7.0, 5.0, 0.5]);
+    }
+}

@@ -1,0 +1,149 @@
+//! Nodes started as a user starts them, and the independent peer that talks to them.
+#![allow(dead_code, clippy::unwrap_used, clippy::panic)]
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::UdpSocket;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+#[path = "python.rs"]
+pub mod python;
+
+/// Loopback only and no multicast, so that nothing leaks to a real network.
+pub const CYCLONE: &str = r#"<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface address="127.0.0.1" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>20</MaxAutoParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"#;
+
+/// A domain that nobody on this machine uses at present, another one for every call of this process.
+pub fn free_domain() -> u16 {
+    static NEXT: AtomicU16 = AtomicU16::new(0);
+    let start = std::process::id() as u16;
+    loop {
+        let domain = 1 + start.wrapping_mul(37).wrapping_add(NEXT.fetch_add(1, Ordering::Relaxed)) % 100;
+        // The first participant of a domain holds this port.
+        if UdpSocket::bind(("0.0.0.0", 7410 + 250 * domain)).is_ok() {
+            return domain;
+        }
+    }
+}
+
+/// A started program; killed when dropped.
+pub struct Program {
+    child: Child,
+    log: std::thread::JoinHandle<String>,
+}
+
+impl Program {
+    /// Starts a program of this crate with a clean ROS environment.
+    pub fn start(path: &str, arguments: &[&str], domain: u16, environment: &[(&str, &str)]) -> Self {
+        let mut command = Command::new(path);
+        for (name, _) in std::env::vars()
+            .filter(|(name, _)| name.starts_with("ROS_") || name.starts_with("RMW_") || name.starts_with("RCUTILS_"))
+        {
+            command.env_remove(name);
+        }
+        let mut child = command
+            .args(arguments)
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .envs(environment.iter().copied())
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let stderr = BufReader::new(child.stderr.take().unwrap());
+        let log = std::thread::spawn(move || {
+            let mut text = String::new();
+            for line in stderr.lines().map_while(Result::ok) {
+                eprintln!("    | {line}");
+                text.push_str(&line);
+                text.push('\n');
+            }
+            text
+        });
+        Self { child, log }
+    }
+
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Sends a signal and waits for the end: exit code, what it logged, and how long it took.
+    pub fn stop(mut self, signal: &str) -> (Option<i32>, String, Duration) {
+        let begun = Instant::now();
+        let killed = Command::new("kill").args([&format!("-{signal}"), &self.child.id().to_string()]).status().unwrap();
+        assert!(killed.success());
+        let status = self.wait(Duration::from_secs(10));
+        let took = begun.elapsed();
+        let log = std::mem::replace(&mut self.log, std::thread::spawn(String::new));
+        (status, log.join().unwrap(), took)
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Option<i32> {
+        let begun = Instant::now();
+        while begun.elapsed() < timeout {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("the program does not end");
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The independent peer.
+pub struct Peer {
+    child: Child,
+    stdin: ChildStdin,
+    stdout: BufReader<ChildStdout>,
+}
+
+impl Peer {
+    pub fn start(domain: u16) -> Self {
+        let python = python::python();
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/peer.py");
+        let mut child = Command::new(python)
+            .arg(script)
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .env("CYCLONEDDS_URI", CYCLONE)
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let stdin = child.stdin.take().unwrap();
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut peer = Self { child, stdin, stdout };
+        assert_eq!(peer.line()["ready"], true);
+        peer
+    }
+
+    fn line(&mut self) -> Value {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap_or_else(|e| panic!("the peer said `{line}`: {e}"))
+    }
+
+    /// One operation of `peer.py`; panics if it failed there.
+    pub fn ask(&mut self, request: Value) -> Value {
+        writeln!(self.stdin, "{request}").unwrap();
+        let answer = self.line();
+        assert!(answer.get("error").is_none(), "{request}: {}", answer["error"]);
+        answer
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
