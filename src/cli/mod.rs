@@ -2,6 +2,7 @@
 //!
 //! Results go to stdout, progress and diagnostics to stderr. A failure is one message: what, where, what to do.
 
+mod bag;
 mod error;
 mod interrupt;
 mod options;
@@ -38,6 +39,7 @@ enum Command {
     Replay(replay::Arguments),
     Solve(solve::Arguments),
     Scene(scene::Arguments),
+    Bag(bag::Arguments),
 }
 
 /// How a command ended that did not fail.
@@ -66,6 +68,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
+        Some(Command::Bag(arguments)) => bag::run(arguments),
         None => {
             print(&format!("{}\n", Arguments::command().render_help()))?;
             Ok(Outcome::Complete)
