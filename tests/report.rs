@@ -228,6 +228,20 @@ fn the_picture_shows_what_there_is() {
 }
 
 #[test]
+fn a_load_cell_slower_than_the_poses_is_still_drawn() {
+    const RESIDUAL: [u8; 3] = [0xc4, 0x47, 0x00];
+    let mut run = synthetic_run::needle(1000.0);
+    run.answers.iter_mut().enumerate().filter(|(i, _)| i % 10 != 0).for_each(|(_, a)| a.measured_n = None);
+    assert!(pixels(&report::force_png(&run).unwrap(), RESIDUAL) > 2000);
+    // Nothing is drawn where there is a long gap.
+    let gap = |a: &&mut needle_twin::compare::Answer| (3.0..9.0).contains(&a.time_s);
+    let before = pixels(&report::force_png(&run).unwrap(), RESIDUAL);
+    run.answers.iter_mut().filter(gap).for_each(|a| a.measured_n = None);
+    let after = pixels(&report::force_png(&run).unwrap(), RESIDUAL);
+    assert!(after < before * 7 / 10, "{after} of {before}");
+}
+
+#[test]
 fn svg_and_vtu_are_well_formed() {
     let out = tempfile::tempdir().unwrap();
     let parse = "import sys, xml.dom.minidom as m; [m.parse(f) for f in sys.argv[1:]]";
@@ -311,7 +325,7 @@ fn the_sample_in_the_page_is_the_field_of_the_run() {
     assert_eq!(time.len(), run.snapshots.len());
     for name in ["surface", "half", "cut"] {
         let triangles = floats(&view[name]);
-        assert!(!triangles.is_empty() && triangles.len() % 3 == 0);
+        assert!(!triangles.is_empty() && triangles.len().is_multiple_of(3));
         assert!(triangles.iter().all(|&i| (i as usize) < vertices), "{name}");
     }
     let unit = view["displacement_unit"].as_f64().unwrap();

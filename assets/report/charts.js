@@ -156,12 +156,16 @@ class Chart {
     for (const series of panel.series) this.svg.append(node('path', { class: `line ${series.cls}`, style: series.style || '', d: this.path(panel, series) }));
   }
 
+  /// A line through the entries that are there; short gaps are bridged, long ones (2% of the time) break it.
   path(panel, { values, mask, from = 0, to = values.length }) {
-    let d = '', down = false;
+    const { x, times } = this.options;
+    const long = 0.02 * (times[times.length - 1] - times[0]);
+    let d = '', last = -Infinity;
     for (let i = from; i < to; i++) {
-      if (mask && !mask[i]) { down = false; continue; }
-      d += `${down ? 'L' : 'M'}${this.px(this.options.x[i]).toFixed(1)} ${this.py(panel, values[i]).toFixed(1)}`;
-      down = true;
+      if (mask && !mask[i]) continue;
+      const bridged = !mask || times[i] - last <= long;
+      d += `${d && bridged ? 'L' : 'M'}${this.px(x[i]).toFixed(1)} ${this.py(panel, values[i]).toFixed(1)}`;
+      last = times[i];
     }
     return d;
   }

@@ -1,1 +1,64 @@
-//! (module)
+//! Plate, indenter and needle: from a pose to prescribed displacements.
+
+mod bonded;
+mod needle;
+
+pub use bonded::Bonded;
+pub use needle::{Insertion, NeedlePath};
+
+use crate::scene::{Instrument, InstrumentKind};
+use crate::solver::Solver;
+use crate::twin::{Event, Phase};
+
+/// An instrument in contact with a solver's nodes.
+#[derive(Clone, Debug)]
+pub enum Contact {
+    /// Plate or indenter, bonded to the top face.
+    Bonded(Bonded),
+    /// Kinematic needle.
+    Needle(Box<NeedlePath>),
+}
+
+/// Where the tip is relative to the scene's entry point on the undeformed top face, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tip {
+    /// Displacement of the tip from the entry point in frame `sample`; z is negative inside the sample.
+    pub offset: [f64; 3],
+    /// Depth along the instrument's axis.
+    pub depth: f64,
+}
+
+impl Contact {
+    /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path.
+    #[must_use]
+    pub fn nodes(points: &[[f64; 3]], top: f64, instrument: &Instrument) -> Vec<u32> {
+        let entry = instrument.entry.map(|m| m.get());
+        let radius = match &instrument.kind {
+            InstrumentKind::Plate => f64::INFINITY,
+            InstrumentKind::Indenter { diameter } => 0.5 * diameter.get(),
+            InstrumentKind::Needle(n) => n.capture_radius.get(),
+        };
+        let on_top = !matches!(instrument.kind, InstrumentKind::Needle(_));
+        let held = |p: &[f64; 3]| {
+            let r = (p[0] - entry[0]).hypot(p[1] - entry[1]);
+            r <= radius * (1.0 + 1e-9) && (!on_top || p[2] >= top * (1.0 - 1e-9)) && p[2] > 0.0
+        };
+        (0..points.len() as u32).filter(|&i| held(&points[i as usize])).collect()
+    }
+
+    /// Prescribes the nodes for a tip and returns the phase and what happened.
+    pub fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+        match self {
+            Self::Bonded(b) => (b.impose(tip, solver), None),
+            Self::Needle(n) => n.impose(tip, solver),
+        }
+    }
+
+    /// Back to before the first contact.
+    pub fn reset(&mut self, solver: &mut Solver) {
+        match self {
+            Self::Bonded(b) => b.reset(solver),
+            Self::Needle(n) => n.reset(solver),
+        }
+    }
+}

@@ -1,1 +1,3 @@
-//! (module)
+//! Stress from deformation: energy density and first Piola-Kirchhoff stress.
+
+pub mod neo_hookean;

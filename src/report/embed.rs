@@ -11,7 +11,7 @@ use super::{
     thin::thin,
     unit::Scale,
 };
-use crate::compare::{Answer, Run, Snapshot};
+use crate::compare::{Answer, Run, Snapshot, TargetRow};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::twin::Event;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -121,11 +121,11 @@ fn period_ms(run: &Run) -> Option<f64> {
 
 fn targets(run: &Run) -> Option<Value> {
     let names = &run.target_names;
-    let usable = |t: &&crate::compare::TargetRow| {
+    let usable = |t: &&TargetRow| {
         t.time_s.is_finite() && t.positions.len() == names.len() && t.positions.iter().flatten().all(|c| c.is_finite())
     };
     let all: Vec<_> = run.targets.iter().filter(usable).collect();
-    let kept: Vec<_> = all.iter().step_by((all.len() / 1000).max(1)).collect();
+    let kept = evenly(&all, 1000);
     (!names.is_empty() && !kept.is_empty()).then(|| {
         json!({
             "names": names,
@@ -194,13 +194,13 @@ fn fits(field: &'static str, found: usize, expected: usize) -> Result<(), Report
     if found == expected { Ok(()) } else { Err(ReportError::Length { file: FILE, field, found, expected }) }
 }
 
-/// At most `most` of the moments, evenly spread, with the first and the last.
-fn evenly<'a>(moments: &[&'a Snapshot], most: usize) -> Vec<&'a Snapshot> {
-    let (n, most) = (moments.len(), most.min(moments.len()));
+/// At most `most` of the items, evenly spread, with the first and the last.
+fn evenly<'a, T>(items: &[&'a T], most: usize) -> Vec<&'a T> {
+    let (n, most) = (items.len(), most.min(items.len()));
     if most < 2 {
-        return moments.last().copied().into_iter().collect();
+        return items.last().copied().into_iter().collect();
     }
-    (0..most).map(|k| moments[k * (n - 1) / (most - 1)]).collect()
+    (0..most).map(|k| items[k * (n - 1) / (most - 1)]).collect()
 }
 
 /// Displacement in steps of `displacement_unit`, moment by moment.

@@ -2,8 +2,9 @@
 
 use super::{
     phases::over_depth,
-    picture::{Anchor, Colour, Pen, Picture, Type, fitted},
+    picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, Panel, VERMILION, label, legend},
+    raster::fitted,
     thin::thin,
     unit::{Scale, significant},
 };
@@ -69,8 +70,20 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     picture
 }
 
+/// Value pairs of a leg that have both numbers. A load cell slower than the poses leaves gaps that the line bridges;
+/// a long one (2% of the leg's time) breaks it.
 fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> Vec<[f64; 2]> {
-    leg.iter().map(|a| [1e3 * a.depth_m, of(a).map_or(f64::NAN, |f| factor * f)]).collect()
+    let duration = leg.last().map_or(0.0, |last| last.time_s - leg[0].time_s);
+    let mut points = Vec::with_capacity(leg.len());
+    let mut last_s = f64::INFINITY;
+    for (a, force) in leg.iter().filter_map(|a| of(a).filter(|f| f.is_finite()).map(|f| (a, f))) {
+        if a.time_s - last_s > 0.02 * duration {
+            points.push([f64::NAN; 2]);
+        }
+        points.push([1e3 * a.depth_m, factor * force]);
+        last_s = a.time_s;
+    }
+    points
 }
 
 fn entries(measured: bool, retraction: bool) -> Vec<(&'static str, Pen)> {
@@ -85,7 +98,8 @@ fn entries(measured: bool, retraction: bool) -> Vec<(&'static str, Pen)> {
 
 fn heading(picture: &mut Picture, run: &Run) {
     let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };
-    picture.text([SIDES[0], 36.0], format!("{}: force over depth", run.scene), title);
+    let room = SIDES[1] - SIDES[0];
+    picture.text([SIDES[0], 36.0], fitted(&format!("{}: force over depth", run.scene), title, room), title);
     let force = Scale::of_force(run);
     let m = run.force_metrics();
     let mut line = format!("{}, {} nodes", run.method, run.nodes);
@@ -103,7 +117,8 @@ fn heading(picture: &mut Picture, run: &Run) {
         source => format!("Measured force: {source}"),
     };
     for (y, text) in [(60.0, line), (80.0, source)] {
-        picture.text([SIDES[0], y], fitted(&text, 13.0, SIDES[1] - SIDES[0]), label(Anchor::Start));
+        let typ = label(Anchor::Start);
+        picture.text([SIDES[0], y], fitted(&text, typ, room), typ);
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Text, figures and tables stand in the page itself; its script draws the curves and the deformed sample.
 
-use super::{ReportError, embed, picture::escaped, settings::settings_html, tables};
+use super::{ReportError, embed, settings::settings_html, svg::escaped, tables};
 use crate::compare::Run;
 use std::fmt::Write as _;
 
@@ -11,8 +11,9 @@ pub(super) const FILE: &str = "report.html";
 
 const PAGE: &str = include_str!("../../assets/report/page.html");
 const STYLE: &str = include_str!("../../assets/report/style.css");
-const SCRIPTS: [&str; 3] = [
+const SCRIPTS: [&str; 4] = [
     include_str!("../../assets/report/charts.js"),
+    include_str!("../../assets/report/shapes.js"),
     include_str!("../../assets/report/view.js"),
     include_str!("../../assets/report/main.js"),
 ];
@@ -60,6 +61,8 @@ fn body(run: &Run, drawn: bool) -> String {
     tables::verdict(&mut html, run);
     tables::cards(&mut html, run);
     let measured = run.answers.iter().any(|a| a.residual_n().is_some());
+    let legs = run.legs();
+    let back = legs.retraction < legs.end;
     if drawn {
         html.push_str("<div class=\"pair\">\n");
     }
@@ -69,7 +72,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-depth",
         "Force over depth",
         "Against the motion of the tip; hover or tap to read.",
-        &legend(measured, true),
+        &legend(measured, back),
         &fallback,
     );
     if drawn {

@@ -1,6 +1,9 @@
 //! Drawing helpers that every plot shares: colours, axes with round ticks, panels, legends.
 
-use super::picture::{Anchor, Colour, Pen, Picture, Type, text_width};
+use super::{
+    picture::{Anchor, Colour, Pen, Picture, Type},
+    raster::text_width,
+};
 
 // Told apart by colour-blind eyes and in grey print: lightness differs as well as hue.
 pub(super) const INK: Colour = Colour(0x1c, 0x22, 0x2b, 1.0);

@@ -1,6 +1,6 @@
 //! The scene's settings as a reader wants them: words, numbers with units.
 
-use super::picture::escaped;
+use super::svg::escaped;
 use std::fmt::Write as _;
 
 /// Endings of keys that name a unit, longest first where one ends in another.

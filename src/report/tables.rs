@@ -1,7 +1,7 @@
 //! Figures and tables of the page.
 
 use super::{
-    picture::escaped,
+    svg::escaped,
     unit::{Scale, count, significant},
 };
 use crate::compare::Run;
@@ -62,7 +62,8 @@ pub(super) fn verdict(html: &mut String, run: &Run) {
     let mut reasons: Vec<String> = run.losses.clone();
     if !run.answers.is_empty() {
         let off = guides(run).into_iter().filter(|g| !g.good);
-        reasons.extend(off.map(|g| format!("{}: {} (should be {})", g.name, g.shown, g.bound)));
+        let value = |g: &Guide| if g.value.is_finite() { g.shown.clone() } else { "not a finite number".to_owned() };
+        reasons.extend(off.map(|g| format!("{}: {} (should be {})", g.name, value(&g), g.bound)));
     }
     if run.missed_deadlines > 0 {
         reasons.push(format!("{} poses were answered after the next one had come", count(run.missed_deadlines)));

@@ -130,9 +130,9 @@ pub static KEYS: &[Key] = &[
     Key::word(
         "discretisation.volume_ratio",
         VolumeRatio::WORDS,
-        "Volume ratio that the pressure sees: averaged cures volumetric locking.",
+        "Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged (over each node) half-way.",
     )
-    .or("averaged"),
+    .or("projected"),
     Key::word("discretisation.precision", Precision::WORDS, "Precision of the internal-force kernel.").or("f32"),
     // stepping
     Key::real(

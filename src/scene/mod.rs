@@ -219,7 +219,9 @@ pub enum Dimension {
 /// Which volume ratio the pressure sees (`discretisation.volume_ratio`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VolumeRatio {
-    /// Averaged over each node's cells: the cure for volumetric locking.
+    /// Projected onto a coarser cloud, as the pressure of a Taylor-Hood element: the cure for volumetric locking.
+    Projected,
+    /// Averaged over each node's cells (average nodal pressure): locks less than pointwise.
     Averaged,
     /// J of the integration point itself: locks as nu tends to 0.5.
     Pointwise,

@@ -33,7 +33,7 @@ words!(MaterialModel: NeoHookean = "neo_hookean");
 words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Full = "full");
-words!(VolumeRatio: Averaged = "averaged", Pointwise = "pointwise");
+words!(VolumeRatio: Projected = "projected", Averaged = "averaged", Pointwise = "pointwise");
 words!(Precision: F32 = "f32", F64 = "f64");
 
 impl Shape {

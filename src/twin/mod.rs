@@ -1,6 +1,16 @@
 //! One pose in, one prediction out: [`Twin::step`].
 
+mod build;
+mod observe;
+mod pace;
+mod step;
+
+use crate::approximation::Field;
+use crate::instrument::Contact;
 use crate::scene::Scene;
+use crate::solver::Solver;
+
+use pace::Pace;
 
 /// Position and direction of the instrument in frame `sample`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +88,7 @@ pub struct Prediction {
     pub depth_m: f64,
     /// Force of the tissue on the instrument in frame `sample`, N.
     pub force_n: [f64; 3],
-    /// Reaction of the base on the tissue, N.
+    /// Force of the tissue on the base, N: cancels `force_n` at rest.
     pub base_force_n: [f64; 3],
     /// Phase of the interaction.
     pub phase: Phase,
@@ -128,17 +138,28 @@ pub enum BuildError {
 #[derive(Debug)]
 pub struct Twin {
     scene: Scene,
+    points: Vec<[f64; 3]>,
+    cells: Vec<[u32; 4]>,
+    surface: Vec<[u32; 3]>,
+    /// Cell of each integration point.
+    cell_of_point: Vec<u32>,
+    /// The field at every node, and at every target.
+    node_field: Field,
+    target_field: Field,
+    solver: Solver,
+    contact: Option<Contact>,
+    /// Deepest pose that the cloud can take, m.
+    reach: f64,
+    pace: Pace,
+    steps_since_save: u32,
+    steps_since_refresh: u32,
+    steps: u64,
+    /// Tip of the last pose relative to the entry point, m.
+    tip: [f64; 3],
+    phase: Phase,
 }
 
 impl Twin {
-    /// Builds cloud, shape functions and factorisations for a scene.
-    ///
-    /// # Errors
-    /// [`BuildError`] if the scene can't be discretised.
-    pub fn new(scene: &Scene) -> Result<Self, BuildError> {
-        Ok(Self { scene: scene.clone() })
-    }
-
     /// The scene that this twin was built from.
     #[must_use]
     pub fn scene(&self) -> &Scene {
@@ -148,86 +169,63 @@ impl Twin {
     /// Number of nodes.
     #[must_use]
     pub fn nodes(&self) -> usize {
-        0
+        self.points.len()
     }
 
     /// Number of integration points.
     #[must_use]
     pub fn integration_points(&self) -> usize {
-        0
+        self.cell_of_point.len()
     }
 
     /// Explicit steps taken since the last reset.
     #[must_use]
     pub fn steps(&self) -> u64 {
-        0
+        self.steps
+    }
+
+    /// Threads that a step uses. Their number never changes a result.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.solver.threads()
     }
 
     /// The pose at a depth along the scene's own instrument axis (what a displacement sensor measures).
     #[must_use]
     pub fn pose_at_depth(&self, depth_m: f64) -> Pose {
-        Pose { tip: [0.0, 0.0, self.scene.sample.shape.height().get() - depth_m], axis: [0.0, 0.0, -1.0] }
+        let [x, y] = self.entry();
+        Pose { tip: [x, y, self.top() - depth_m], axis: [0.0, 0.0, -1.0] }
     }
 
     /// Depth of a pose's tip below the undeformed top face along its own axis, m.
     #[must_use]
     pub fn depth_of(&self, pose: &Pose) -> f64 {
-        (self.scene.sample.shape.height().get() - pose.tip[2]) / -pose.axis[2]
+        (self.top() - pose.tip[2]) / -pose.axis[2]
     }
 
-    /// Advances the tissue to a pose and predicts the force.
-    ///
-    /// Allocates nothing, takes no lock, reads no clock.
-    ///
-    /// # Errors
-    /// [`Halt::Pose`] if the pose can't be used (state untouched), [`Halt::Diverged`] if the solution is lost.
-    pub fn step(&mut self, pose: StampedPose) -> Result<Prediction, Halt> {
-        Ok(Prediction {
-            time_s: pose.time_s,
-            depth_m: self.depth_of(&pose.pose),
-            force_n: [0.0; 3],
-            base_force_n: [0.0; 3],
-            phase: Phase::Approach,
-            event: None,
-            steps: 0,
-            health: Health::default(),
-        })
+    fn top(&self) -> f64 {
+        self.scene.sample.shape.height().get()
     }
 
-    /// Back to the undeformed state.
-    pub fn reset(&mut self) {}
+    fn entry(&self) -> [f64; 2] {
+        self.scene.instrument.as_ref().map_or([0.0; 2], |i| i.entry.map(|m| m.get()))
+    }
 
     /// Reference positions of the nodes, m.
     #[must_use]
     pub fn reference_points(&self) -> &[[f64; 3]] {
-        &[]
+        &self.points
     }
 
     /// Triangles of the sample's surface, outward normals, indices into [`Twin::reference_points`].
     #[must_use]
     pub fn surface(&self) -> &[[u32; 3]] {
-        &[]
+        &self.surface
     }
 
     /// Background tetrahedra, indices into [`Twin::reference_points`].
     #[must_use]
     pub fn cells(&self) -> &[[u32; 4]] {
-        &[]
-    }
-
-    /// Displacement of the field at every reference point, m. Overwrites `out`.
-    pub fn displacements(&self, out: &mut Vec<[f64; 3]>) {
-        out.clear();
-    }
-
-    /// Volume ratio J and von Mises (Cauchy) stress in Pa, averaged to the reference points. Overwrites both.
-    pub fn jacobian_and_stress(&self, jacobian: &mut Vec<f64>, von_mises_pa: &mut Vec<f64>) {
-        jacobian.clear();
-        von_mises_pa.clear();
-    }
-
-    /// Present positions of the scene's targets, m, in the scene's order. Overwrites `out`.
-    pub fn target_positions(&self, out: &mut Vec<[f64; 3]>) {
-        out.clear();
+        &self.cells
     }
 }

@@ -1,0 +1,178 @@
+//! Moving least squares and its modified form (MMLS): shape functions and their exact derivatives at a point.
+//!
+//! u_h(x) = p^T(x) a(x), where a minimises J = sum_j w_j (p^T(x_j) a - u_j)^2 + sum_k eta a_k^2, the last sum over
+//! the six quadratic coefficients (Joldes et al. 2015). With M = sum_j w_j p_j p_j^T + H:
+//!
+//! ```text
+//! phi_j   = w_j p_j . y                        M y   = p(x)
+//! phi_j,k = w_j,k p_j . y + w_j p_j . z_k      M z_k = p_,k(x) - M_,k y
+//! ```
+//!
+//! Coordinates are xi = (X - x)/L with L the mean support radius, so eta has no dimension and p(x) = e_1.
+
+use super::weight::Weight;
+
+/// Number of monomials of the quadratic basis 1, x, y, z, x2, y2, z2, xy, yz, xz.
+const QUADRATIC: usize = 10;
+
+/// Polynomial basis of the fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Basis {
+    /// 1, x, y, z.
+    Linear,
+    /// Complete quadratic with the penalty eta on the six quadratic coefficients.
+    Quadratic {
+        /// eta, dimensionless.
+        penalty: f64,
+    },
+}
+
+/// A node within reach of the point: position and weight (with reduced slope), support radius.
+#[derive(Clone, Copy, Debug)]
+pub struct Neighbour {
+    /// Node.
+    pub node: u32,
+    /// x_j - x, m.
+    pub offset: [f64; 3],
+    /// Support radius r_j, m.
+    pub radius: f64,
+    /// Weight at the point.
+    pub weight: Weight,
+}
+
+/// The moment matrix could not be factorised: too few nodes, or all in one plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Singular;
+
+/// Scratch of the fit, reused from point to point.
+#[derive(Clone, Debug, Default)]
+pub struct Fit {
+    p: Vec<[f64; QUADRATIC]>,
+    /// phi_j at the point.
+    pub value: Vec<f64>,
+    /// phi_j,k at the point, 1/m.
+    pub gradient: Vec<[f64; 3]>,
+}
+
+impl Fit {
+    /// Fills `value` (and `gradient` if asked) for the given neighbours.
+    ///
+    /// # Errors
+    /// [`Singular`] if the moment matrix is not positive definite.
+    pub fn evaluate(&mut self, neighbours: &[Neighbour], basis: Basis, with_gradient: bool) -> Result<(), Singular> {
+        match basis {
+            Basis::Linear => self.fit::<4>(neighbours, 0.0, with_gradient),
+            Basis::Quadratic { penalty } => self.fit::<QUADRATIC>(neighbours, penalty, with_gradient),
+        }
+    }
+
+    fn fit<const N: usize>(&mut self, neighbours: &[Neighbour], eta: f64, with_gradient: bool) -> Result<(), Singular> {
+        if neighbours.len() < 4 {
+            return Err(Singular);
+        }
+        let inv_l = neighbours.len() as f64 / neighbours.iter().map(|n| n.radius).sum::<f64>();
+        self.p.clear();
+        self.p.extend(neighbours.iter().map(|n| monomials(n.offset, inv_l)));
+        let mut m = [[0.0; N]; N];
+        let mut weight_sum = 0.0;
+        for (n, p) in neighbours.iter().zip(&self.p) {
+            weight_sum += n.weight.0;
+            for r in 0..N {
+                let wp = n.weight.0 * p[r];
+                for c in 0..=r {
+                    m[r][c] += wp * p[c];
+                }
+            }
+        }
+        // eta is relative to the sum of the weights: a weight function may be multiplied by any factor.
+        for k in 4..N {
+            m[k][k] += eta * weight_sum;
+        }
+        cholesky(&mut m)?;
+        let mut y = [0.0; N];
+        y[0] = 1.0;
+        solve(&m, &mut y);
+        self.value.clear();
+        self.value.extend(neighbours.iter().zip(&self.p).map(|(n, p)| n.weight.0 * dot(p, &y)));
+        if with_gradient {
+            self.derivatives::<N>(neighbours, &m, &y, inv_l);
+        }
+        Ok(())
+    }
+
+    fn derivatives<const N: usize>(&mut self, neighbours: &[Neighbour], m: &[[f64; N]; N], y: &[f64; N], inv_l: f64) {
+        let mut z = [[0.0; N]; 3];
+        for (n, p) in neighbours.iter().zip(&self.p) {
+            let py = dot(p, y);
+            for (k, zk) in z.iter_mut().enumerate() {
+                let w_k = weight_gradient(n, k);
+                for (zi, pi) in zk.iter_mut().zip(p) {
+                    *zi -= w_k * py * pi;
+                }
+            }
+        }
+        for (k, zk) in z.iter_mut().enumerate() {
+            zk[k + 1] += inv_l;
+            solve(m, zk);
+        }
+        self.gradient.clear();
+        self.gradient.extend(neighbours.iter().zip(&self.p).map(|(n, p)| {
+            let py = dot(p, y);
+            std::array::from_fn(|k| weight_gradient(n, k) * py + n.weight.0 * dot(p, &z[k]))
+        }));
+    }
+}
+
+/// w_j,k = ((dw/ds)/s) (x_k - x_jk) / r_j^2.
+fn weight_gradient(n: &Neighbour, k: usize) -> f64 {
+    -n.weight.1 * n.offset[k] / (n.radius * n.radius)
+}
+
+fn monomials(offset: [f64; 3], inv_l: f64) -> [f64; QUADRATIC] {
+    let [x, y, z] = offset.map(|c| c * inv_l);
+    [1.0, x, y, z, x * x, y * y, z * z, x * y, y * z, x * z]
+}
+
+fn dot<const N: usize>(p: &[f64; QUADRATIC], y: &[f64; N]) -> f64 {
+    p.iter().zip(y).map(|(a, b)| a * b).sum()
+}
+
+/// Relative size of a pivot below which the moment matrix counts as singular.
+const PIVOT: f64 = 1e-13;
+
+/// In-place Cholesky factor (lower triangle).
+fn cholesky<const N: usize>(m: &mut [[f64; N]; N]) -> Result<(), Singular> {
+    for c in 0..N {
+        let diagonal = m[c][c];
+        for k in 0..c {
+            m[c][c] -= m[c][k] * m[c][k];
+        }
+        if !(m[c][c] > PIVOT * diagonal) {
+            return Err(Singular);
+        }
+        let root = m[c][c].sqrt();
+        m[c][c] = root;
+        for r in c + 1..N {
+            for k in 0..c {
+                m[r][c] -= m[r][k] * m[c][k];
+            }
+            m[r][c] /= root;
+        }
+    }
+    Ok(())
+}
+
+fn solve<const N: usize>(l: &[[f64; N]; N], b: &mut [f64; N]) {
+    for r in 0..N {
+        for k in 0..r {
+            b[r] -= l[r][k] * b[k];
+        }
+        b[r] /= l[r][r];
+    }
+    for r in (0..N).rev() {
+        for k in r + 1..N {
+            b[r] -= l[k][r] * b[k];
+        }
+        b[r] /= l[r][r];
+    }
+}

@@ -1,0 +1,330 @@
+//! The shape table: for each integration point its support nodes, the gradients of their shape functions and the
+//! volume that it stands for. Every method ends here; the internal-force kernel knows nothing else.
+
+use std::cell::RefCell;
+
+use rayon::prelude::*;
+
+use super::mls::{Basis, Fit, Neighbour};
+use super::support::{Supports, radii};
+
+/// Why a shape table can't be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ApproximationError {
+    /// The moment matrix is singular.
+    #[error(
+        "singular moment matrix at point ({:.6}, {:.6}, {:.6}) m with {neighbours} support nodes: \
+         raise discretisation.support_factor or refine the cloud there", at[0], at[1], at[2]
+    )]
+    Singular {
+        /// Where, m.
+        at: [f64; 3],
+        /// How many nodes reach the point.
+        neighbours: usize,
+    },
+}
+
+/// Where the integrand is sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integration {
+    /// Gradients at 1, 4 or 5 Gauss points per cell.
+    Gauss(u32),
+    /// One point per cell with the cell's mean gradient, (1/V) sum over its faces of phi_j n A: interior forces of a
+    /// constant stress cancel exactly, as in stabilised conforming integration.
+    Smoothed,
+}
+
+/// Shape functions: basis, support and integration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Basis; `None`: linear finite elements on the cells.
+    pub basis: Option<Basis>,
+    /// alpha of the support radii.
+    pub support_factor: f64,
+    /// Integration.
+    pub integration: Integration,
+}
+
+/// Per integration point: support nodes, gradients, volume, cell.
+#[derive(Clone, Debug, Default)]
+pub struct ShapeTable {
+    /// Offsets into `nodes` and `gradient`, one more than points.
+    pub start: Vec<u32>,
+    /// Support nodes.
+    pub nodes: Vec<u32>,
+    /// d phi_j / d X_k, 1/m.
+    pub gradient: Vec<[f64; 3]>,
+    /// Reference volume of each point, m^3.
+    pub volume: Vec<f64>,
+    /// The cell that each point lies in.
+    pub cell: Vec<u32>,
+}
+
+/// Rows phi_j(x): the field at any set of points.
+#[derive(Clone, Debug, Default)]
+pub struct Field {
+    /// Offsets, one more than rows.
+    pub start: Vec<u32>,
+    /// Support nodes.
+    pub nodes: Vec<u32>,
+    /// phi_j(x).
+    pub value: Vec<f64>,
+}
+
+impl Field {
+    /// Value of row `i` for nodal parameters `u`.
+    #[must_use]
+    pub fn at(&self, i: usize, u: &[[f64; 3]]) -> [f64; 3] {
+        let mut v = [0.0; 3];
+        for e in self.start[i] as usize..self.start[i + 1] as usize {
+            for k in 0..3 {
+                v[k] += self.value[e] * u[self.nodes[e] as usize][k];
+            }
+        }
+        v
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.start.len().saturating_sub(1)
+    }
+
+    /// Whether there is no row.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// The approximation of one cloud: makes shape tables and field rows.
+#[derive(Clone, Debug)]
+pub struct Approximation {
+    points: Vec<[f64; 3]>,
+    cells: Vec<[u32; 4]>,
+    settings: Settings,
+    supports: Supports,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<(Vec<Neighbour>, Fit)> = RefCell::new((Vec::new(), Fit::default()));
+}
+
+impl Approximation {
+    /// Indexes a cloud; `interpolating` marks nodes whose nodal value must be the field's value.
+    #[must_use]
+    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], interpolating: Vec<bool>, settings: Settings) -> Self {
+        let supports = Supports::new(points, radii(points, cells, settings.support_factor), interpolating);
+        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports }
+    }
+
+    /// Runs `f` with phi (and gradients) at x.
+    fn with_fit<R>(
+        &self,
+        x: [f64; 3],
+        basis: Basis,
+        gradient: bool,
+        f: impl FnOnce(&[Neighbour], &Fit) -> R,
+    ) -> Result<R, ApproximationError> {
+        SCRATCH.with_borrow_mut(|(neighbours, fit)| {
+            self.supports.at(x, neighbours);
+            fit.evaluate(neighbours, basis, gradient)
+                .map_err(|_| ApproximationError::Singular { at: x, neighbours: neighbours.len() })?;
+            Ok(f(neighbours, fit))
+        })
+    }
+
+    /// The shape table of the cloud's cells.
+    ///
+    /// # Errors
+    /// [`ApproximationError::Singular`] where the support does not determine the fit.
+    pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
+        let rows: Vec<Vec<Row>> = match (self.settings.basis, self.settings.integration) {
+            (None, _) => self.cells.par_iter().map(|c| vec![self.linear(c)]).collect(),
+            (Some(basis), Integration::Gauss(n)) => {
+                self.cells.par_iter().map(|c| self.gauss(c, basis, n)).collect::<Result<_, _>>()?
+            }
+            (Some(basis), Integration::Smoothed) => self.smoothed(basis)?,
+        };
+        Ok(assemble(&rows))
+    }
+
+    /// phi at arbitrary points of the body; with linear tetrahedra the cell that holds the point decides.
+    ///
+    /// # Errors
+    /// [`ApproximationError::Singular`] as above.
+    pub fn field(&self, at: &[[f64; 3]]) -> Result<Field, ApproximationError> {
+        let rows: Vec<Vec<(u32, f64)>> = match self.settings.basis {
+            Some(basis) => at
+                .par_iter()
+                .map(|&x| {
+                    self.with_fit(x, basis, false, |n, fit| {
+                        n.iter().map(|n| n.node).zip(fit.value.iter().copied()).collect()
+                    })
+                })
+                .collect::<Result<_, _>>()?,
+            None => at.par_iter().map(|&x| self.barycentric(x)).collect(),
+        };
+        let mut field = Field { start: vec![0], ..Field::default() };
+        for row in rows {
+            for (node, value) in row {
+                field.nodes.push(node);
+                field.value.push(value);
+            }
+            field.start.push(field.nodes.len() as u32);
+        }
+        Ok(field)
+    }
+
+    fn corners(&self, c: &[u32; 4]) -> [[f64; 3]; 4] {
+        c.map(|n| self.points[n as usize])
+    }
+
+    fn linear(&self, c: &[u32; 4]) -> Row {
+        let x = self.corners(c);
+        let (volume, gradient) = tetrahedron(&x);
+        Row { volume, nodes: c.to_vec(), gradient: gradient.to_vec() }
+    }
+
+    fn gauss(&self, c: &[u32; 4], basis: Basis, n: u32) -> Result<Vec<Row>, ApproximationError> {
+        let x = self.corners(c);
+        let (volume, _) = tetrahedron(&x);
+        gauss_points(n)
+            .iter()
+            .map(|(bary, weight)| {
+                let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
+                self.with_fit(at, basis, true, |neighbours, fit| Row {
+                    volume: weight * volume,
+                    nodes: neighbours.iter().map(|n| n.node).collect(),
+                    gradient: fit.gradient.clone(),
+                })
+            })
+            .collect()
+    }
+
+    fn smoothed(&self, basis: Basis) -> Result<Vec<Vec<Row>>, ApproximationError> {
+        let (faces, of_cell) = faces(&self.cells);
+        let values: Vec<Vec<(u32, f64)>> = faces
+            .par_iter()
+            .map(|f| {
+                let x = f.map(|n| self.points[n as usize]);
+                let at = std::array::from_fn(|k| (x[0][k] + x[1][k] + x[2][k]) / 3.0);
+                self.with_fit(at, basis, false, |n, fit| {
+                    n.iter().map(|n| n.node).zip(fit.value.iter().copied()).collect()
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(self
+            .cells
+            .par_iter()
+            .zip(&of_cell)
+            .map(|(c, cell_faces)| vec![self.smoothed_cell(c, cell_faces, &values)])
+            .collect())
+    }
+
+    /// Face f of a tetrahedron is opposite corner f, and n A / V = -3 grad lambda_f.
+    fn smoothed_cell(&self, c: &[u32; 4], cell_faces: &[u32; 4], values: &[Vec<(u32, f64)>]) -> Row {
+        let (volume, lambda) = tetrahedron(&self.corners(c));
+        let mut entries: Vec<(u32, [f64; 3])> = Vec::new();
+        for f in 0..4 {
+            for &(node, phi) in &values[cell_faces[f] as usize] {
+                entries.push((node, lambda[f].map(|g| -3.0 * g * phi)));
+            }
+        }
+        entries.sort_by_key(|e| e.0);
+        let mut row = Row { volume, nodes: Vec::new(), gradient: Vec::new() };
+        for (node, g) in entries {
+            if row.nodes.last() == Some(&node) {
+                if let Some(last) = row.gradient.last_mut() {
+                    (0..3).for_each(|k| last[k] += g[k]);
+                }
+            } else {
+                row.nodes.push(node);
+                row.gradient.push(g);
+            }
+        }
+        row
+    }
+
+    fn barycentric(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
+        let mut best = (f64::NEG_INFINITY, Vec::new());
+        for c in &self.cells {
+            let corners = self.corners(c);
+            let (_, lambda) = tetrahedron(&corners);
+            let centre: [f64; 3] = std::array::from_fn(|k| (0..4).map(|a| corners[a][k]).sum::<f64>() / 4.0);
+            let bary: [f64; 4] =
+                std::array::from_fn(|a| 0.25 + (0..3).map(|k| lambda[a][k] * (x[k] - centre[k])).sum::<f64>());
+            let least = bary.iter().copied().fold(f64::INFINITY, f64::min);
+            if least > best.0 {
+                best = (least, c.iter().copied().zip(bary).collect());
+            }
+        }
+        best.1
+    }
+}
+
+struct Row {
+    volume: f64,
+    nodes: Vec<u32>,
+    gradient: Vec<[f64; 3]>,
+}
+
+fn assemble(rows: &[Vec<Row>]) -> ShapeTable {
+    let mut table = ShapeTable { start: vec![0], ..ShapeTable::default() };
+    for (cell, rows) in rows.iter().enumerate() {
+        for row in rows {
+            table.nodes.extend_from_slice(&row.nodes);
+            table.gradient.extend_from_slice(&row.gradient);
+            table.volume.push(row.volume);
+            table.cell.push(cell as u32);
+            table.start.push(table.nodes.len() as u32);
+        }
+    }
+    table
+}
+
+/// Volume and gradients of the four barycentric coordinates of a tetrahedron.
+#[must_use]
+pub fn tetrahedron(x: &[[f64; 3]; 4]) -> (f64, [[f64; 3]; 4]) {
+    let e: [[f64; 3]; 3] = std::array::from_fn(|a| std::array::from_fn(|k| x[a + 1][k] - x[0][k]));
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let c = [cross(e[1], e[2]), cross(e[2], e[0]), cross(e[0], e[1])];
+    let six_v: f64 = (0..3).map(|k| e[0][k] * c[0][k]).sum();
+    let g: [[f64; 3]; 3] = c.map(|c| c.map(|v| v / six_v));
+    let g0 = std::array::from_fn(|k| -(g[0][k] + g[1][k] + g[2][k]));
+    (six_v / 6.0, [g0, g[0], g[1], g[2]])
+}
+
+/// Barycentric points and weights of degree 1, 2 and 3 (the last with one negative weight: Keast).
+fn gauss_points(n: u32) -> Vec<([f64; 4], f64)> {
+    let vertex = |a: f64| (0..4).map(move |i| std::array::from_fn(|k| if k == i { a } else { (1.0 - a) / 3.0 }));
+    match n {
+        4 => vertex(0.585_410_196_624_968_5).map(|p| (p, 0.25)).collect(),
+        5 => std::iter::once(([0.25; 4], -0.8)).chain(vertex(0.5).map(|p| (p, 0.45))).collect(),
+        _ => vec![([0.25; 4], 1.0)],
+    }
+}
+
+/// Unique faces (sorted corners) and, per cell, the face opposite each corner.
+fn faces(cells: &[[u32; 4]]) -> (Vec<[u32; 3]>, Vec<[u32; 4]>) {
+    let mut all: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * cells.len());
+    for (i, c) in cells.iter().enumerate() {
+        for f in 0..4 {
+            let mut face = [c[(f + 1) % 4], c[(f + 2) % 4], c[(f + 3) % 4]];
+            face.sort_unstable();
+            all.push((face, (4 * i + f) as u32));
+        }
+    }
+    all.par_sort_unstable();
+    let mut unique: Vec<[u32; 3]> = Vec::with_capacity(all.len() / 2 + 1);
+    let mut of_cell = vec![[0; 4]; cells.len()];
+    for (face, slot) in all {
+        if unique.last() != Some(&face) {
+            unique.push(face);
+        }
+        of_cell[slot as usize / 4][slot as usize % 4] = (unique.len() - 1) as u32;
+    }
+    (unique, of_cell)
+}

@@ -1,0 +1,192 @@
+//! Kinematic needle (source paper, section 2.1.2; definitions of our own where the paper leaves them open).
+//!
+//! *Indentation*: the surface nodes under the tip move with it until the largest principal Green-Lagrange strain
+//! round the entry point passes the puncture strain. *Penetration*: material within the capture radius of the axis
+//! and behind the tip follows the needle by the deformation coefficient C_D,
+//!
+//! ```text
+//! incremental (default)   u_i = -C_D (d - z_i) a        z_i: depth of the node in the reference configuration
+//! absolute                u_i = -C_D d a                a: axis, pointing out of the sample; lateral components 0
+//! ```
+//!
+//! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
+//! when the tip has passed it on the way out.
+//!
+//! Capture is smooth: over the last [`NeedlePath::window`] before the tip arrives, a node passes from where the tissue
+//! has carried it to where the needle holds it, so the force has no jump when the set of captured nodes changes.
+
+use crate::scene::{DeformationRule, Needle};
+use crate::solver::{Role, Solver};
+use crate::twin::{Event, Phase};
+
+use super::Tip;
+
+/// What one node of the path is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Hold {
+    /// Free tissue.
+    Free,
+    /// Held by the tip before the puncture.
+    Indented,
+    /// Captured since tip depth `since`, from displacement `from`.
+    Captured { since: f64, from: [f64; 3] },
+}
+
+/// State of the insertion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Insertion {
+    /// Whether the surface is punctured.
+    pub punctured: bool,
+    /// Deepest tip depth since the puncture, m.
+    pub deepest: f64,
+}
+
+/// The nodes along the needle's path, and what each is doing.
+#[derive(Clone, Debug)]
+pub struct NeedlePath {
+    /// Node and its reference depth below the top, by depth.
+    nodes: Vec<(u32, f64)>,
+    hold: Vec<Hold>,
+    needle: Needle,
+    /// Tip travel over which a node is captured, m: the distance between layers.
+    pub window: f64,
+    /// Integration points within two spacings of the entry point.
+    watched: Vec<u32>,
+    state: Insertion,
+}
+
+impl NeedlePath {
+    /// A path through the given nodes. `watched` are the integration points whose strain decides about the puncture.
+    #[must_use]
+    pub fn new(nodes: &[u32], points: &[[f64; 3]], top: f64, needle: Needle, window: f64, watched: Vec<u32>) -> Self {
+        let mut nodes: Vec<(u32, f64)> = nodes.iter().map(|&n| (n, top - points[n as usize][2])).collect();
+        nodes.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        let hold = vec![Hold::Free; nodes.len()];
+        let state = Insertion { punctured: false, deepest: 0.0 };
+        Self { nodes, hold, needle, window, watched, state }
+    }
+
+    /// Present state of the insertion.
+    #[must_use]
+    pub fn insertion(&self) -> Insertion {
+        self.state
+    }
+
+    pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+        let depth = tip.depth;
+        if !self.state.punctured {
+            if depth <= 0.0 {
+                self.release_all(solver);
+                return (Phase::Approach, None);
+            }
+            if self.strain(solver) < self.needle.puncture_strain {
+                self.indent(tip, solver);
+                return (Phase::Indentation, None);
+            }
+            self.state = Insertion { punctured: true, deepest: depth };
+            self.penetrate(depth, solver);
+            return (Phase::Penetration, Some(Event::Puncture { depth_m: depth }));
+        }
+        let retracting = depth < self.state.deepest;
+        self.state.deepest = self.state.deepest.max(depth);
+        self.penetrate(depth, solver);
+        if depth <= 0.0 {
+            // out of the tissue: the next insertion follows the same channel from the surface
+            self.state.deepest = 0.0;
+        }
+        let phase = match (retracting, depth > 0.0) {
+            (_, false) => Phase::Approach,
+            (true, true) => Phase::Retraction,
+            (false, true) => Phase::Penetration,
+        };
+        (phase, None)
+    }
+
+    pub(super) fn reset(&mut self, solver: &mut Solver) {
+        self.release_all(solver);
+        self.state = Insertion { punctured: false, deepest: 0.0 };
+    }
+
+    fn release_all(&mut self, solver: &mut Solver) {
+        for (hold, (n, _)) in self.hold.iter_mut().zip(&self.nodes) {
+            if *hold != Hold::Free {
+                *hold = Hold::Free;
+                solver.set_role(*n as usize, Role::Free);
+            }
+        }
+    }
+
+    /// The surface moves with the tip.
+    fn indent(&mut self, tip: &Tip, solver: &mut Solver) {
+        for (hold, (n, z)) in self.hold.iter_mut().zip(&self.nodes) {
+            if *z > 1e-9 {
+                break;
+            }
+            if *hold == Hold::Free {
+                *hold = Hold::Indented;
+                solver.set_role(*n as usize, Role::Instrument);
+            }
+            solver.prescribe(*n as usize, tip.offset);
+        }
+    }
+
+    fn penetrate(&mut self, depth: f64, solver: &mut Solver) {
+        let window = self.window;
+        for i in 0..self.nodes.len() {
+            let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
+            if depth + window <= z || depth < 0.0 {
+                if self.hold[i] != Hold::Free {
+                    self.hold[i] = Hold::Free;
+                    solver.set_role(n, Role::Free);
+                }
+                continue;
+            }
+            let (since, from) = match self.hold[i] {
+                Hold::Captured { since, from } => (since, from),
+                held => {
+                    if held == Hold::Free {
+                        solver.set_role(n, Role::Instrument);
+                    }
+                    let capture = (depth, solver.parameters()[n]);
+                    self.hold[i] = Hold::Captured { since: capture.0, from: capture.1 };
+                    capture
+                }
+            };
+            let along = self.follow(depth, z);
+            // Fully held when the tip is level with the node, or one window after a late capture.
+            let end = z.max(since + window);
+            let s = ramp((depth.max(since) - since) / (end - since));
+            solver.prescribe(n, [(1.0 - s) * from[0], (1.0 - s) * from[1], (1.0 - s) * from[2] - s * along]);
+        }
+    }
+
+    /// Displacement along the axis, into the sample, of a node at reference depth z.
+    fn follow(&self, depth: f64, z: f64) -> f64 {
+        let n = &self.needle;
+        let deepest = self.state.deepest;
+        let reached = match n.deformation_rule {
+            DeformationRule::Incremental => n.deformation_coefficient * (deepest - z).max(0.0),
+            DeformationRule::Absolute => n.deformation_coefficient * deepest,
+        };
+        // What retraction can give back ends where the node is let go.
+        reached - n.retraction_coefficient * (deepest - depth.max(0.0)).min((deepest - z).max(0.0))
+    }
+
+    /// Largest principal Green-Lagrange strain round the entry point.
+    fn strain(&self, solver: &Solver) -> f64 {
+        self.watched.iter().map(|&p| largest_strain(&solver.deformation(p as usize))).fold(0.0, f64::max)
+    }
+}
+
+/// C1 ramp from 0 to 1.
+fn ramp(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s * s * (3.0 - 2.0 * s)
+}
+
+/// Largest eigenvalue of E = (F^T F - I)/2, F row-major.
+fn largest_strain(f: &[f64; 9]) -> f64 {
+    let f = nalgebra::Matrix3::from_row_slice(f);
+    let e = 0.5 * (f.transpose() * f - nalgebra::Matrix3::identity());
+    e.symmetric_eigenvalues().max()
+}

@@ -1,0 +1,169 @@
+//! Projected dilatation: the cure for volumetric locking.
+//!
+//! One pressure per integration point, or per node, ties down more modes of the displacement than the field has to
+//! spare, and the tissue locks as nu tends to 0.5. Here the pressure lives on a coarser cloud, every second node or
+//! so, as in a Taylor-Hood element; between coarse nodes it is approximated by moving least squares N_aP:
+//!
+//! ```text
+//! J_a = sum_g V_g J_g / (4 V_a)        over the integration points of the cells of node a
+//! J_P = sum_a V_a N_aP J_a / V_P       V_P = sum_a V_a N_aP
+//! W_vol = sum_P V_P (kappa - kappa_s)/2 (J_P - 1)^2 + sum_g V_g kappa_s/2 (J_g - 1)^2
+//! p_g = mean over the cell's corners a of sum_P N_aP (kappa - kappa_s) (J_P - 1)  +  kappa_s (J_g - 1)
+//! ```
+//!
+//! kappa_s, a few shear moduli, keeps the volume ratio of single points in check: modes that the coarse pressure does
+//! not see would otherwise resist by shear alone. It does not grow with kappa, so it does not lock either.
+
+use rayon::prelude::*;
+
+use crate::approximation::mls::{Basis, Fit};
+use crate::approximation::support::{Supports, distance, radii};
+
+/// Distance between coarse nodes over the spacing of the cloud there.
+pub const COARSENING: f64 = 1.5;
+/// Support radius of a coarse node over the distance to the next.
+const REACH: f64 = 2.0;
+/// Reach in spacings beyond which a linear fit is given up.
+const WIDEST: f64 = 20.0;
+/// kappa_s / mu.
+pub const POINTWISE_BULK: f64 = 3.0;
+
+/// N_aP by node: coarse indices and values.
+#[derive(Clone, Debug, Default)]
+pub struct Dilatation {
+    /// Offsets, one more than nodes.
+    pub start: Vec<u32>,
+    /// Coarse index.
+    pub coarse: Vec<u32>,
+    /// N_aP.
+    pub value: Vec<f64>,
+    /// Number of coarse nodes.
+    pub count: usize,
+}
+
+impl Dilatation {
+    /// Chooses coarse nodes greedily in node order (deterministic) and fits N_aP.
+    #[must_use]
+    pub fn projected(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Self {
+        let spacing = radii(points, cells, 1.0);
+        let coarse = coarse_nodes(points, &spacing);
+        let at: Vec<[f64; 3]> = coarse.iter().map(|&c| points[c as usize]).collect();
+        let mut rows: Vec<Option<Row>> = vec![None; points.len()];
+        let mut reach = REACH * COARSENING;
+        while rows.iter().any(Option::is_none) {
+            let supports = Supports::new(
+                &at,
+                coarse.iter().map(|&c| reach * spacing[c as usize]).collect(),
+                vec![false; at.len()],
+            );
+            // A sample smaller than a few coarse spacings determines no linear fit: the mean keeps the partition of unity.
+            let last = reach > WIDEST;
+            rows.par_iter_mut().zip(points).filter(|(row, _)| row.is_none()).for_each(|(row, &x)| {
+                *row = fit(&supports, x, last);
+            });
+            reach *= 1.3;
+        }
+        let mut d = Self { start: vec![0], count: coarse.len(), ..Self::default() };
+        for (n, v) in rows.into_iter().flatten() {
+            d.coarse.extend(n);
+            d.value.extend(v);
+            d.start.push(d.coarse.len() as u32);
+        }
+        d
+    }
+
+    /// One pressure per node: the average nodal volume ratio of Bonet & Burton (1998).
+    #[must_use]
+    pub fn nodal(nodes: usize) -> Self {
+        Self {
+            start: (0..=nodes as u32).collect(),
+            coarse: (0..nodes as u32).collect(),
+            value: vec![1.0; nodes],
+            count: nodes,
+        }
+    }
+
+    /// Entries of node a.
+    #[must_use]
+    pub fn of_node(&self, a: usize) -> (&[u32], &[f64]) {
+        let range = self.start[a] as usize..self.start[a + 1] as usize;
+        (&self.coarse[range.clone()], &self.value[range])
+    }
+}
+
+type Row = (Vec<u32>, Vec<f64>);
+
+/// Linear fit of the coarse nodes round x, or their weighted mean if that must do.
+fn fit(supports: &Supports, x: [f64; 3], mean: bool) -> Option<Row> {
+    let mut neighbours = Vec::new();
+    let mut fit = Fit::default();
+    supports.at(x, &mut neighbours);
+    let nodes = || neighbours.iter().map(|n| n.node).collect();
+    if neighbours.len() > 4 && fit.evaluate(&neighbours, Basis::Linear, false).is_ok() {
+        return Some((nodes(), fit.value));
+    }
+    let total: f64 = neighbours.iter().map(|n| n.weight.0).sum();
+    (mean && total > 0.0).then(|| (nodes(), neighbours.iter().map(|n| n.weight.0 / total).collect()))
+}
+
+/// Greedy choice in node order: a node is coarse if no coarse node lies within [`COARSENING`] spacings.
+fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64]) -> Vec<u32> {
+    let mut sorted = spacing.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let size = COARSENING * sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+    let mut grid = Boxes::new(points, size);
+    let mut coarse = Vec::new();
+    for (i, &x) in points.iter().enumerate() {
+        let reach = COARSENING * spacing[i];
+        if !grid.any(x, reach, |j| distance(x, points[j]) < reach.min(COARSENING * spacing[j])) {
+            grid.insert(x, i as u32);
+            coarse.push(i as u32);
+        }
+    }
+    coarse
+}
+
+/// Points in uniform boxes.
+struct Boxes {
+    low: [f64; 3],
+    inv: f64,
+    count: [usize; 3],
+    held: Vec<Vec<u32>>,
+}
+
+impl Boxes {
+    fn new(points: &[[f64; 3]], size: f64) -> Self {
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for p in points {
+            for k in 0..3 {
+                low[k] = low[k].min(p[k]);
+                high[k] = high[k].max(p[k]);
+            }
+        }
+        let widest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+        let inv = 1.0 / size.max(widest / 200.0).max(f64::MIN_POSITIVE);
+        let count: [usize; 3] = std::array::from_fn(|k| ((high[k] - low[k]) * inv).max(0.0) as usize + 1);
+        Self { low, inv, count, held: vec![Vec::new(); count.iter().product()] }
+    }
+
+    fn along(&self, k: usize, x: f64) -> usize {
+        (((x - self.low[k]) * self.inv).max(0.0) as usize).min(self.count[k] - 1)
+    }
+
+    fn insert(&mut self, x: [f64; 3], i: u32) {
+        let [a, b, c] = std::array::from_fn(|k| self.along(k, x[k]));
+        self.held[(c * self.count[1] + b) * self.count[0] + a].push(i);
+    }
+
+    /// Whether `found` holds for a point within `reach` of x along each axis.
+    fn any(&self, x: [f64; 3], reach: f64, found: impl Fn(usize) -> bool) -> bool {
+        let range = |k: usize| self.along(k, x[k] - reach)..=self.along(k, x[k] + reach);
+        range(2).any(|c| {
+            range(1).any(|b| {
+                range(0)
+                    .any(|a| self.held[(c * self.count[1] + b) * self.count[0] + a].iter().any(|&i| found(i as usize)))
+            })
+        })
+    }
+}

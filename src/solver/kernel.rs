@@ -1,0 +1,340 @@
+//! Internal force of the total Lagrangian formulation, in two passes over the blocks:
+//!
+//! ```text
+//! pass 1   F = I + sum_j u_j (x) grad phi_j,   J = det F,   dilation summed to nodes, then to coarse pressure nodes
+//! pass 2   p from the coarse pressures,        f_j += V P(F, p) grad phi_j
+//! ```
+//!
+//! Pass 2 is the exact derivative of the energy that pass 1 defines (see [`super::dilatation`]), so the force is
+//! conservative. With the pointwise volume ratio p = kappa (J_g - 1) and the coarse nodes are idle.
+
+use crate::approximation::ShapeTable;
+use crate::material::neo_hookean::{cofactor, determinant, distortional_energy, first_piola};
+use crate::scene::VolumeRatio;
+
+use super::block::{Block, Shares};
+use super::dilatation::{Dilatation, POINTWISE_BULK};
+use super::pool::{Dealt, Team};
+use super::real::Real;
+
+/// Nodes per share of the final sum.
+pub const NODES_PER_DEAL: usize = 256;
+
+/// Internal-force kernel of one model.
+#[derive(Clone, Debug)]
+pub struct Kernel<T> {
+    blocks: Vec<Block<T>>,
+    node_shares: Shares,
+    coarse_shares: Shares,
+    /// V_P, m^3.
+    coarse_volume: Vec<f64>,
+    /// (kappa - kappa_s) (J_P - 1) at the last evaluation, Pa.
+    coarse_pressure: Vec<f64>,
+    nodes: usize,
+    constants: Constants<T>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Constants<T> {
+    mu: T,
+    /// Bulk modulus of the projected part, Pa; 0 with the pointwise volume ratio.
+    projected: f64,
+    /// Bulk modulus of the pointwise part, Pa.
+    pointwise: T,
+}
+
+/// The kernel's memory during a job, dealt to the team's threads.
+pub struct Parts<'a, T> {
+    blocks: Dealt<'a, Block<T>>,
+    pressure: Dealt<'a, f64>,
+    kernel: Fixed<'a, T>,
+}
+
+#[derive(Clone, Copy)]
+struct Fixed<'a, T> {
+    node_shares: &'a Shares,
+    coarse_shares: &'a Shares,
+    coarse_volume: &'a [f64],
+    constants: Constants<T>,
+}
+
+impl<T: Real> Kernel<T> {
+    /// Prepares the blocks of a shape table.
+    #[must_use]
+    pub fn new(
+        table: &ShapeTable,
+        cells: &[[u32; 4]],
+        points: &[[f64; 3]],
+        mu: f64,
+        kappa: f64,
+        volume_ratio: VolumeRatio,
+    ) -> Self {
+        let nodes = points.len();
+        let (dilatation, pointwise) = match volume_ratio {
+            VolumeRatio::Projected => (Dilatation::projected(points, cells), kappa.min(POINTWISE_BULK * mu)),
+            VolumeRatio::Averaged => (Dilatation::nodal(nodes), 0.0),
+            VolumeRatio::Pointwise => (Dilatation { start: vec![0; nodes + 1], ..Dilatation::default() }, kappa),
+        };
+        let blocks = Block::partition(table, cells, &dilatation);
+        let mut coarse_volume = vec![0.0; dilatation.count];
+        for (p, v) in table.volume.iter().enumerate() {
+            for n in cells[table.cell[p] as usize] {
+                let (coarse, value) = dilatation.of_node(n as usize);
+                for (c, x) in coarse.iter().zip(value) {
+                    coarse_volume[*c as usize] += 0.25 * v * x;
+                }
+            }
+        }
+        Self {
+            node_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
+            coarse_shares: Shares::of(blocks.iter().map(|b| b.coarse.as_slice()), dilatation.count),
+            coarse_pressure: vec![0.0; dilatation.count],
+            coarse_volume,
+            nodes,
+            constants: Constants { mu: T::of(mu), projected: kappa - pointwise, pointwise: T::of(pointwise) },
+            blocks,
+        }
+    }
+
+    /// Lends the kernel's memory to a job.
+    pub fn parts(&mut self) -> Parts<'_, T> {
+        Parts {
+            blocks: Dealt::new(&mut self.blocks),
+            pressure: Dealt::new(&mut self.coarse_pressure),
+            kernel: Fixed {
+                node_shares: &self.node_shares,
+                coarse_shares: &self.coarse_shares,
+                coarse_volume: &self.coarse_volume,
+                constants: self.constants,
+            },
+        }
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    /// Smallest volume ratio of any integration point at the last evaluation.
+    #[must_use]
+    pub fn min_jacobian(&self) -> f64 {
+        self.blocks.iter().map(|b| b.min_jacobian).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Deformation gradient (row-major) of one integration point at the last evaluation.
+    #[must_use]
+    pub fn deformation(&self, point: usize) -> [f64; 9] {
+        let b = &self.blocks[self.blocks.partition_point(|b| b.first_point <= point).saturating_sub(1)];
+        gradient(&b.deformation[point - b.first_point]).map(Real::get)
+    }
+
+    /// Strain energy at the last evaluation, J.
+    #[must_use]
+    pub fn energy(&self) -> f64 {
+        let projected: f64 = if self.constants.projected > 0.0 {
+            let squares = self.coarse_pressure.iter().zip(&self.coarse_volume).map(|(p, v)| v * p * p);
+            squares.sum::<f64>() / (2.0 * self.constants.projected)
+        } else {
+            0.0
+        };
+        self.blocks.iter().map(|b| b.energy).sum::<f64>() + projected
+    }
+
+    /// Calls `visit(point, F, p, V)` for every integration point of the last evaluation: deformation gradient
+    /// (row-major), pressure dU/dJ in Pa, volume in m^3.
+    pub fn for_points(&self, mut visit: impl FnMut(usize, [f64; 9], f64, f64)) {
+        for b in &self.blocks {
+            for p in 0..b.volume.len() {
+                let f = gradient(&b.deformation[p]);
+                let j = determinant(&f, &cofactor(&f));
+                visit(
+                    b.first_point + p,
+                    f.map(Real::get),
+                    b.pressure_at(p, j, &self.constants).get(),
+                    b.volume[p].get(),
+                );
+            }
+        }
+    }
+}
+
+impl<T: Real> Parts<'_, T> {
+    /// Internal force for nodal parameters `u`. The caller must have passed a barrier since `u` was written; on return
+    /// the blocks hold their forces and the team has passed a barrier.
+    pub fn force(&self, team: &Team, u: &[[f64; 3]]) {
+        let count = self.blocks.len();
+        let constants = &self.kernel.constants;
+        // SAFETY: each block is claimed by one thread between barriers.
+        team.claim(count, |b| unsafe { self.blocks.get(b) }.deform(u));
+        team.barrier();
+        if constants.projected > 0.0 {
+            team.claim(self.pressure.len().div_ceil(NODES_PER_DEAL), |deal| self.project(deal));
+            team.barrier();
+        }
+        // SAFETY: as above; pressures are only read in this phase.
+        team.claim(count, |b| unsafe { self.blocks.get(b).stress(self.pressure.read(), constants) });
+        team.barrier();
+    }
+
+    fn project(&self, deal: usize) {
+        let range = deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(self.pressure.len());
+        // SAFETY: blocks are only read in this phase; each range of pressures is claimed by one thread.
+        let (blocks, pressure) = unsafe { (self.blocks.read(), self.pressure.part(range.clone())) };
+        for (p, out) in range.zip(pressure) {
+            let shares = self.kernel.coarse_shares.of_index(p).iter();
+            let dilation: f64 = shares.map(|&(b, l)| blocks[b as usize].coarse_dilation[l as usize]).sum();
+            let volume = self.kernel.coarse_volume[p];
+            *out = if volume > 0.0 { self.kernel.constants.projected * dilation / volume } else { 0.0 };
+        }
+    }
+
+    /// Internal force on one node, N, after [`Parts::force`].
+    ///
+    /// # Safety
+    /// Since the barrier that ends [`Parts::force`] no thread may have begun another evaluation.
+    #[inline]
+    pub unsafe fn node_force(&self, n: usize) -> [f64; 3] {
+        // SAFETY: blocks are only read now, by the caller's promise.
+        let blocks = unsafe { self.blocks.read() };
+        let mut sum = [0.0; 3];
+        for &(b, l) in self.kernel.node_shares.of_index(n) {
+            let share = blocks[b as usize].force[l as usize];
+            (0..3).for_each(|k| sum[k] += share[k].get());
+        }
+        sum
+    }
+}
+
+/// Row-major F from its columns.
+#[inline(always)]
+fn gradient<T: Real>(columns: &[[T; 4]; 3]) -> [T; 9] {
+    std::array::from_fn(|i| columns[i % 3][i / 3])
+}
+
+impl<T: Real> Block<T> {
+    /// Pass 1.
+    fn deform(&mut self, u: &[[f64; 3]]) {
+        // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
+        // whole sample costs no digits in single precision.
+        let origin = u[self.nodes[0] as usize];
+        for (local, &n) in self.u.iter_mut().zip(&self.nodes) {
+            let u = u[n as usize];
+            *local = [T::of(u[0] - origin[0]), T::of(u[1] - origin[1]), T::of(u[2] - origin[2]), T::default()];
+        }
+        self.dilation.fill(T::default());
+        T::dispatch_deform(self);
+        if !self.coarse.is_empty() {
+            self.coarse_dilation.fill(0.0);
+            for a in 0..self.nodes.len() {
+                let dilation = self.dilation[a].get();
+                for e in self.coarse_start[a] as usize..self.coarse_start[a + 1] as usize {
+                    self.coarse_dilation[self.coarse_local[e] as usize] += self.coarse_value[e] * dilation;
+                }
+            }
+        }
+    }
+
+    /// The loop over points of pass 1.
+    #[inline(always)]
+    pub(super) fn deform_points(&mut self) {
+        let one = T::of(1.0);
+        let quarter = T::of(0.25);
+        let mut min = T::of(f64::MAX);
+        for p in 0..self.volume.len() {
+            let range = self.start[p] as usize..self.start[p + 1] as usize;
+            // two sets of accumulators hide the latency of the additions
+            let mut sets = [[[T::default(); 4]; 3]; 2];
+            let (local, gradients) = (&self.local[range.clone()], &self.gradient[range]);
+            for (l, g) in local.chunks_exact(2).zip(gradients.chunks_exact(2)) {
+                for s in 0..2 {
+                    accumulate(&mut sets[s], &self.u[l[s] as usize], &g[s]);
+                }
+            }
+            if local.len() % 2 == 1 {
+                accumulate(&mut sets[0], &self.u[local[local.len() - 1] as usize], &gradients[gradients.len() - 1]);
+            }
+            let mut columns = sets[0];
+            for k in 0..3 {
+                for i in 0..4 {
+                    columns[k][i] += sets[1][k][i];
+                }
+                columns[k][k] += one;
+            }
+            self.deformation[p] = columns;
+            let f = gradient(&columns);
+            let j = determinant(&f, &cofactor(&f));
+            // a NaN does not survive this comparison; the energy of pass 2 keeps it
+            min = if j < min { j } else { min };
+            let share = quarter * self.volume[p] * (j - one);
+            for c in self.corners[p] {
+                self.dilation[c as usize] += share;
+            }
+        }
+        self.min_jacobian = min.get();
+    }
+
+    /// Pass 2.
+    fn stress(&mut self, coarse_pressure: &[f64], constants: &Constants<T>) {
+        if !self.coarse.is_empty() {
+            for a in 0..self.nodes.len() {
+                let entries = self.coarse_start[a] as usize..self.coarse_start[a + 1] as usize;
+                let p: f64 = entries
+                    .map(|e| {
+                        self.coarse_value[e] * coarse_pressure[self.coarse[self.coarse_local[e] as usize] as usize]
+                    })
+                    .sum();
+                self.pressure[a] = T::of(p);
+            }
+        }
+        self.force.fill([T::default(); 4]);
+        T::dispatch_stress(self, constants.mu, constants.pointwise);
+    }
+
+    #[inline(always)]
+    fn pressure_at(&self, p: usize, j: T, constants: &Constants<T>) -> T {
+        self.projected_pressure(p) + constants.pointwise * (j - T::of(1.0))
+    }
+
+    #[inline(always)]
+    fn projected_pressure(&self, p: usize) -> T {
+        let c = self.corners[p].map(|c| self.pressure[c as usize]);
+        T::of(0.25) * ((c[0] + c[1]) + (c[2] + c[3]))
+    }
+
+    /// The loop over points of pass 2.
+    #[inline(always)]
+    pub(super) fn stress_points(&mut self, mu: T, pointwise: T) {
+        let half = T::of(0.5);
+        let mut energy = T::default();
+        for p in 0..self.volume.len() {
+            let f = gradient(&self.deformation[p]);
+            let cof = cofactor(&f);
+            let j = determinant(&f, &cof);
+            let dilation = j - T::of(1.0);
+            let pressure = self.projected_pressure(p) + pointwise * dilation;
+            let volume = self.volume[p];
+            energy += volume * (distortional_energy(&f, j, mu) + half * pointwise * dilation * dilation);
+            let s = first_piola(&f, &cof, j, mu, pressure);
+            let columns: [[T; 4]; 3] =
+                std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
+            let range = self.start[p] as usize..self.start[p + 1] as usize;
+            for (&l, g) in self.local[range.clone()].iter().zip(&self.gradient[range]) {
+                let force = &mut self.force[l as usize];
+                for i in 0..4 {
+                    force[i] = columns[0][i].fma(g[0], columns[1][i].fma(g[1], columns[2][i].fma(g[2], force[i])));
+                }
+            }
+        }
+        self.energy = energy.get();
+    }
+}
+
+#[inline(always)]
+fn accumulate<T: Real>(columns: &mut [[T; 4]; 3], u: &[T; 4], g: &[T; 3]) {
+    for k in 0..3 {
+        for i in 0..4 {
+            columns[k][i] = u[i].fma(g[k], columns[k][i]);
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! Model and state of the explicit solution: masses, nodal parameters, velocities, prescribed nodes.
+//!
+//! The motion is quasi-static, so mass and time are numerical: the step is 1 and the masses are scaled until the
+//! largest eigenvalue of M^-1 K is (2 f)^2, f being the step factor (Joldes, Wittek, Miller 2012). Every point gets
+//! mass in proportion to its own bound, so fine and coarse regions share one critical step.
+
+use crate::approximation::ShapeTable;
+use crate::scene::{Precision, VolumeRatio};
+
+use super::kernel::Kernel;
+use super::pool::Pool;
+use super::step;
+
+/// Power iterations at the start: the estimate is from below, so [`EIGENVALUE_MARGIN`] stands on top.
+const POWER_ITERATIONS: usize = 40;
+/// Safety on the estimated largest eigenvalue.
+const EIGENVALUE_MARGIN: f64 = 1.06;
+
+/// What holds a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Role {
+    /// Nothing.
+    #[default]
+    Free,
+    /// The fixed base.
+    Base,
+    /// The instrument: its displacement is prescribed.
+    Instrument,
+}
+
+/// What the solver needs besides cloud and shape table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolverSettings {
+    /// mu, Pa.
+    pub shear_modulus: f64,
+    /// kappa, Pa.
+    pub bulk_modulus: f64,
+    /// Which volume ratio the pressure sees.
+    pub volume_ratio: VolumeRatio,
+    /// Precision of the kernel.
+    pub precision: Precision,
+    /// f: fraction of the stable step.
+    pub step_factor: f64,
+    /// Threads, the caller's included.
+    pub threads: usize,
+}
+
+/// The kernel in either precision.
+#[derive(Clone, Debug)]
+pub(super) enum AnyKernel {
+    F32(Kernel<f32>),
+    F64(Kernel<f64>),
+}
+
+macro_rules! with_kernel {
+    ($kernel:expr, $k:ident => $body:expr) => {
+        match $kernel {
+            $crate::solver::state::AnyKernel::F32($k) => $body,
+            $crate::solver::state::AnyKernel::F64($k) => $body,
+        }
+    };
+}
+pub(super) use with_kernel;
+
+/// Displacement of a node from where it was to where it shall be at the end of an advance.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Path {
+    pub start: [f64; 3],
+    pub end: [f64; 3],
+}
+
+/// What changes from step to step.
+#[derive(Clone, Debug)]
+pub(super) struct State {
+    /// Nodal parameters, m.
+    pub u: Vec<[f64; 3]>,
+    /// Velocity relative to the tangent motion, m per step.
+    pub q: Vec<[f64; 3]>,
+    /// Tangent motion: displacement per metre that the instrument travels.
+    pub tangent: Vec<[f64; 3]>,
+    /// Internal force at `u`, N.
+    pub f: Vec<[f64; 3]>,
+    /// Factor on every mass: 1, or more where the deformed tissue's stable step is smaller.
+    pub mass_factor: f64,
+}
+
+impl State {
+    fn new(nodes: usize) -> Self {
+        let zero = vec![[0.0; 3]; nodes];
+        Self { u: zero.clone(), q: zero.clone(), tangent: zero.clone(), f: zero, mass_factor: 1.0 }
+    }
+
+    pub fn copy_from(&mut self, other: &Self) {
+        self.u.copy_from_slice(&other.u);
+        self.q.copy_from_slice(&other.q);
+        self.tangent.copy_from_slice(&other.tangent);
+        self.f.copy_from_slice(&other.f);
+        self.mass_factor = other.mass_factor;
+    }
+
+    fn clear(&mut self) {
+        for v in [&mut self.u, &mut self.q, &mut self.tangent, &mut self.f] {
+            v.fill([0.0; 3]);
+        }
+        self.mass_factor = 1.0;
+    }
+}
+
+/// Explicit solver of one scene.
+#[derive(Debug)]
+pub struct Solver {
+    pub(super) kernel: AnyKernel,
+    pub(super) pool: Pool,
+    pub(super) state: State,
+    pub(super) saved: State,
+    /// Masses at factor 1, N per (m/step^2).
+    pub(super) mass: Vec<f64>,
+    pub(super) role: Vec<Role>,
+    pub(super) path: Vec<Path>,
+    /// Present estimate of the eigenvector of the largest eigenvalue of M^-1 K, and scratch for its image.
+    pub(super) probe: Vec<[f64; 3]>,
+    pub(super) scratch: Vec<[f64; 3]>,
+    /// Angular frequency of the slowest mode at mass factor 1, rad per step.
+    pub(super) slowest: f64,
+    pub(super) step_factor: f64,
+    /// Largest eigenvalue of M^-1 K at the last estimate, mass factor 1.
+    pub(super) largest: f64,
+    /// Travel per step of late, m.
+    pub(super) usual_travel: f64,
+}
+
+impl Solver {
+    /// Masses, stable step and memory for a shape table. `role` says which nodes are held from the start.
+    #[must_use]
+    pub fn new(
+        table: &ShapeTable,
+        cells: &[[u32; 4]],
+        points: &[[f64; 3]],
+        role: Vec<Role>,
+        settings: &SolverSettings,
+    ) -> Self {
+        let (mu, kappa, ratio) = (settings.shear_modulus, settings.bulk_modulus, settings.volume_ratio);
+        let kernel = match settings.precision {
+            Precision::F32 => AnyKernel::F32(Kernel::new(table, cells, points, mu, kappa, ratio)),
+            Precision::F64 => AnyKernel::F64(Kernel::new(table, cells, points, mu, kappa, ratio)),
+        };
+        let nodes = points.len();
+        let mut solver = Self {
+            kernel,
+            pool: Pool::new(settings.threads),
+            state: State::new(nodes),
+            saved: State::new(nodes),
+            mass: bound_masses(table, nodes, kappa + 4.0 / 3.0 * mu),
+            path: vec![Path::default(); nodes],
+            probe: noise(&role),
+            scratch: vec![[0.0; 3]; nodes],
+            slowest: 0.0,
+            step_factor: settings.step_factor,
+            largest: 0.0,
+            usual_travel: 0.0,
+            role,
+        };
+        for _ in 0..POWER_ITERATIONS {
+            step::probe(&mut solver);
+        }
+        let limit = 4.0 * settings.step_factor * settings.step_factor;
+        let scale = EIGENVALUE_MARGIN * solver.largest / limit;
+        solver.mass.iter_mut().for_each(|m| *m *= scale);
+        solver.largest /= scale;
+        solver.slowest = sway_frequency(&solver.mass, points, table.volume.iter().sum(), mu);
+        solver
+    }
+
+    /// Nodal parameters, m.
+    #[must_use]
+    pub fn parameters(&self) -> &[[f64; 3]] {
+        &self.state.u
+    }
+
+    /// What holds each node.
+    #[must_use]
+    pub fn roles(&self) -> &[Role] {
+        &self.role
+    }
+
+    /// Gives a node another role; an instrument node keeps its displacement until [`Solver::prescribe`] moves it.
+    pub fn set_role(&mut self, node: usize, role: Role) {
+        self.role[node] = role;
+        self.path[node] = Path { start: self.state.u[node], end: self.state.u[node] };
+        self.state.q[node] = [0.0; 3];
+    }
+
+    /// Prescribes the displacement of an instrument node at the end of the next advance, m.
+    pub fn prescribe(&mut self, node: usize, displacement: [f64; 3]) {
+        self.path[node] = Path { start: self.state.u[node], end: displacement };
+    }
+
+    /// Angular frequency of the slowest mode, rad per step.
+    #[must_use]
+    pub fn slowest(&self) -> f64 {
+        self.slowest / self.state.mass_factor.sqrt()
+    }
+
+    /// Keeps the present state, to come back to with [`Solver::restore`].
+    pub fn save(&mut self) {
+        self.saved.copy_from(&self.state);
+    }
+
+    /// Back to the kept state, with every mass multiplied by `factor` from there on.
+    pub fn restore(&mut self, factor: f64) {
+        let saved = &self.saved;
+        self.state.copy_from(saved);
+        self.state.mass_factor *= factor;
+        // velocities that led into trouble are not worth keeping
+        self.state.q.fill([0.0; 3]);
+        for (path, u) in self.path.iter_mut().zip(&self.state.u) {
+            path.start = *u;
+        }
+    }
+
+    /// Back to the undeformed state; roles are the caller's to set.
+    pub fn reset(&mut self) {
+        self.state.clear();
+        self.saved.clear();
+        self.path.fill(Path::default());
+        self.usual_travel = 0.0;
+    }
+
+    /// Smallest volume ratio at the last evaluation.
+    #[must_use]
+    pub fn min_jacobian(&self) -> f64 {
+        with_kernel!(&self.kernel, k => k.min_jacobian())
+    }
+
+    /// Deformation gradient (row-major) of one integration point at the last evaluation.
+    #[must_use]
+    pub fn deformation(&self, point: usize) -> [f64; 9] {
+        with_kernel!(&self.kernel, k => k.deformation(point))
+    }
+
+    /// Calls `visit(point, F, p, V)` for every integration point: F row-major, pressure dU/dJ in Pa, volume in m^3.
+    pub fn for_points(&self, visit: impl FnMut(usize, [f64; 9], f64, f64)) {
+        with_kernel!(&self.kernel, k => k.for_points(visit));
+    }
+
+    /// Threads that a step uses.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.pool.threads()
+    }
+}
+
+/// Mass of each node from the local bound of every point: lambda_max(g) <= n_g (lam + 2 mu) sum_j |grad phi_j|^2 V_g / m_g
+/// with the point's mass m_g split equally over its n_g nodes, so m_g / n_g = (lam + 2 mu) V_g sum_j |grad phi_j|^2 makes
+/// every local eigenvalue 1 (method: Joldes, Wittek, Miller 2012).
+fn bound_masses(table: &ShapeTable, nodes: usize, modulus: f64) -> Vec<f64> {
+    let mut mass = vec![0.0; nodes];
+    for (p, v) in table.volume.iter().enumerate() {
+        let range = table.start[p] as usize..table.start[p + 1] as usize;
+        let squares: f64 = table.gradient[range.clone()].iter().flatten().map(|g| g * g).sum();
+        for &n in &table.nodes[range] {
+            mass[n as usize] += modulus * v.abs() * squares;
+        }
+    }
+    mass
+}
+
+/// A fixed vector with no symmetry, zero on held nodes.
+fn noise(role: &[Role]) -> Vec<[f64; 3]> {
+    let value = |i: usize| ((i.wrapping_mul(2_654_435_761) >> 7) % 1009) as f64 / 1009.0 - 0.5;
+    let free =
+        |(i, r): (usize, &Role)| if *r == Role::Free { std::array::from_fn(|k| value(3 * i + k)) } else { [0.0; 3] };
+    role.iter().enumerate().map(free).collect()
+}
+
+/// Rayleigh quotient of the sway mode u_x = sin(pi z / 2 H) of a body that stands on its base: the slowest mode there
+/// is, up to the shape of the section. omega^2 = mu V (pi / 2 H)^2 / 2 / sum_j m_j sin^2.
+fn sway_frequency(mass: &[f64], points: &[[f64; 3]], volume: f64, mu: f64) -> f64 {
+    let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
+    let k = std::f64::consts::FRAC_PI_2 / height;
+    let inertia: f64 = mass.iter().zip(points).map(|(m, p)| m * (k * p[2]).sin().powi(2)).sum();
+    (0.5 * mu * volume * k * k / inertia).sqrt()
+}
+
+/// Strain energy of the last evaluation, J.
+pub(super) fn energy(kernel: &AnyKernel) -> f64 {
+    with_kernel!(kernel, k => k.energy())
+}

@@ -1,0 +1,229 @@
+//! Central difference with mass scaling, and damping that follows the motion.
+//!
+//! ```text
+//! v_{n+1} = t d + (1 - c) q_n - M^-1 f(u_n),   u_{n+1} = u_n + v_{n+1},   q_{n+1} = v_{n+1} - t d
+//! ```
+//!
+//! d is the instrument's travel in the step and t the tangent motion, the tissue's displacement per metre of travel.
+//! Damping acts on q, the deviation from the tangent motion: mass-proportional damping of the velocity itself would
+//! drag on the moving tissue and turn into force. When the instrument stops or turns, t d follows at once, so the
+//! tissue neither overshoots nor has to be set in motion again. t is learnt on the way at a rate a below the slowest frequency, as a least-mean-squares filter: t += a q d / (d^2 + e^2), so that steps with next to no
+//! travel teach next to nothing. c is critical for the slowest mode.
+
+use super::kernel::{NODES_PER_DEAL, Parts};
+use super::pool::{Dealt, Team};
+use super::real::Real;
+use super::state::{Path, Role, Solver, energy, with_kernel};
+
+/// Damping per step over the slowest frequency: critical.
+const DAMPING: f64 = 2.0;
+/// Learning rate of the tangent motion over the slowest frequency.
+const LEARNING: f64 = 0.3;
+/// e over the usual travel per step.
+const FLOOR: f64 = 0.2;
+/// How fast the memory of the usual travel fades, per advance.
+const USUAL_DECAY: f64 = 0.995;
+/// Amplitude of the probe, m: small against any spacing, large against round-off.
+const PROBE_AMPLITUDE: f64 = 1e-7;
+
+/// One pose's worth of steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Advance {
+    /// Explicit steps, at least 1.
+    pub steps: u32,
+    /// Distance that the instrument travels in all of them, signed along its axis, m.
+    pub travel: f64,
+}
+
+/// Forces and energies after an advance.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Balance {
+    /// Force of the tissue on the instrument, N.
+    pub instrument: [f64; 3],
+    /// Force of the tissue on the base, N: cancels the former at rest.
+    pub base: [f64; 3],
+    /// Kinetic energy of the scaled masses, J.
+    pub kinetic: f64,
+    /// Strain energy, J.
+    pub strain: f64,
+}
+
+impl Solver {
+    /// Takes the steps that bring the prescribed nodes to the ends of their paths.
+    pub fn advance(&mut self, advance: &Advance) {
+        let scale = self.state.mass_factor.sqrt();
+        let slowest = self.slowest / scale;
+        let travel = advance.travel / f64::from(advance.steps);
+        self.usual_travel = travel.abs().max(USUAL_DECAY * self.usual_travel);
+        let square = travel * travel + (FLOOR * self.usual_travel).powi(2);
+        let rule = Rule {
+            steps: advance.steps,
+            travel,
+            gain: if square > 0.0 { travel / square } else { 0.0 },
+            keep: (1.0 - DAMPING * slowest).max(0.0),
+            learn: LEARNING * slowest,
+            mass_factor: self.state.mass_factor,
+        };
+        let nodes = Nodes {
+            u: Dealt::new(&mut self.state.u),
+            q: Dealt::new(&mut self.state.q),
+            tangent: Dealt::new(&mut self.state.tangent),
+            f: Dealt::new(&mut self.state.f),
+            mass: &self.mass,
+            role: &self.role,
+            path: &self.path,
+        };
+        with_kernel!(&mut self.kernel, k => {
+            let parts = k.parts();
+            self.pool.run(&|team: &Team| march(team, &parts, &nodes, &rule));
+        });
+    }
+
+    /// Sums reactions and energies of the state after the last advance.
+    #[must_use]
+    pub fn balance(&self) -> Balance {
+        let mut b = Balance { strain: energy(&self.kernel), ..Balance::default() };
+        for (i, role) in self.role.iter().enumerate() {
+            let f = self.state.f[i];
+            match role {
+                // The internal force on a held node is what its holder exerts on the tissue.
+                Role::Instrument => (0..3).for_each(|k| b.instrument[k] -= f[k]),
+                Role::Base => (0..3).for_each(|k| b.base[k] -= f[k]),
+                Role::Free => {
+                    let q = self.state.q[i];
+                    b.kinetic +=
+                        0.5 * self.mass[i] * self.state.mass_factor * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
+                }
+            }
+        }
+        b
+    }
+
+    /// One power iteration on M^-1 K of the present state; raises the masses where the stable step has shrunk, and
+    /// lowers them again, slowly, where it has grown. Costs one evaluation of the internal force.
+    pub fn refresh_step(&mut self) {
+        probe(self);
+        let limit = 4.0 * self.step_factor * self.step_factor;
+        let needed = (self.largest / limit).max(1.0);
+        let factor = &mut self.state.mass_factor;
+        *factor = if needed > *factor { needed } else { (0.98 * *factor).max(needed) };
+    }
+}
+
+struct Rule {
+    steps: u32,
+    travel: f64,
+    /// d / (d^2 + e^2), 1/m.
+    gain: f64,
+    keep: f64,
+    learn: f64,
+    mass_factor: f64,
+}
+
+struct Nodes<'a> {
+    u: Dealt<'a, [f64; 3]>,
+    q: Dealt<'a, [f64; 3]>,
+    tangent: Dealt<'a, [f64; 3]>,
+    f: Dealt<'a, [f64; 3]>,
+    mass: &'a [f64],
+    role: &'a [Role],
+    path: &'a [Path],
+}
+
+fn march<T: Real>(team: &Team, parts: &Parts<'_, T>, nodes: &Nodes<'_>, rule: &Rule) {
+    let deals = nodes.mass.len().div_ceil(NODES_PER_DEAL);
+    let range = |deal: usize| deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(nodes.mass.len());
+    // SAFETY (all blocks below): each deal of nodes is claimed by one thread between barriers; `u` is only read while
+    // the internal force is evaluated, the blocks only while node forces are summed.
+    team.claim(deals, |deal| range(deal).for_each(|n| unsafe { nodes.integrate(n, 1, rule) }));
+    team.barrier();
+    for step in 1..=rule.steps {
+        parts.force(team, unsafe { nodes.u.read() });
+        team.claim(deals, |deal| {
+            for n in range(deal) {
+                unsafe { *nodes.f.get(n) = parts.node_force(n) };
+                if step < rule.steps {
+                    unsafe { nodes.integrate(n, step + 1, rule) };
+                }
+            }
+        });
+        team.barrier();
+    }
+}
+
+impl Nodes<'_> {
+    /// Moves node n through one step, from the force at its start.
+    ///
+    /// # Safety
+    /// No other thread may touch node n.
+    #[inline]
+    unsafe fn integrate(&self, n: usize, step: u32, rule: &Rule) {
+        // SAFETY: by the caller's promise.
+        let (u, q, tangent, f) = unsafe { (self.u.get(n), self.q.get(n), self.tangent.get(n), self.f.get(n)) };
+        match self.role[n] {
+            Role::Base => {}
+            Role::Instrument => {
+                let (path, s) = (&self.path[n], f64::from(step) / f64::from(rule.steps));
+                for k in 0..3 {
+                    let next = path.start[k] + s * (path.end[k] - path.start[k]);
+                    tangent[k] = (next - u[k]) * rule.gain;
+                    u[k] = next;
+                }
+                *q = [0.0; 3];
+            }
+            Role::Free => {
+                let inverse = 1.0 / (self.mass[n] * rule.mass_factor);
+                for k in 0..3 {
+                    let drift = tangent[k] * rule.travel;
+                    let deviation = rule.keep * q[k] - f[k] * inverse;
+                    u[k] += drift + deviation;
+                    let lesson = rule.learn * rule.gain * deviation;
+                    tangent[k] += lesson;
+                    q[k] = deviation - lesson * rule.travel;
+                }
+            }
+        }
+    }
+}
+
+/// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
+pub(super) fn probe(solver: &mut Solver) {
+    let largest = solver.probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
+    if !(largest > 0.0 && largest.is_finite()) {
+        return;
+    }
+    let h = PROBE_AMPLITUDE / largest;
+    for ((s, u), e) in solver.scratch.iter_mut().zip(&solver.state.u).zip(&mut solver.probe) {
+        for k in 0..3 {
+            e[k] *= h;
+            s[k] = u[k] + e[k];
+        }
+    }
+    let scratch = Dealt::new(&mut solver.scratch);
+    let count = solver.mass.len();
+    with_kernel!(&mut solver.kernel, k => {
+        let parts = k.parts();
+        // SAFETY: `scratch` is read during the evaluation and written after its closing barrier, each deal by one thread.
+        solver.pool.run(&|team: &Team| {
+            parts.force(team, unsafe { scratch.read() });
+            team.claim(count.div_ceil(NODES_PER_DEAL), |deal| {
+                for n in deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(count) {
+                    unsafe { *scratch.get(n) = parts.node_force(n) };
+                }
+            });
+        });
+    });
+    let (mut up, mut down) = (0.0, 0.0);
+    for n in 0..count {
+        for k in 0..3 {
+            let e = solver.probe[n][k];
+            let image = if solver.role[n] == Role::Free { solver.scratch[n][k] - solver.state.f[n][k] } else { 0.0 };
+            up += e * image;
+            down += solver.mass[n] * e * e;
+            solver.probe[n][k] = image / solver.mass[n];
+        }
+    }
+    if down > 0.0 && (up / down).is_finite() {
+        solver.largest = up / down;
+    }
+}

@@ -1,0 +1,186 @@
+//! A pose in, a prediction out: pacing, divergence contained in one place.
+
+use crate::instrument::Tip;
+use crate::solver::{Advance, Balance};
+
+use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
+
+/// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
+const REFRESH: u32 = 24;
+/// Steps between two saved states.
+const SAVE: u32 = 64;
+/// Tries to get past trouble, each with twice the mass and twice the steps of the one before.
+const TRIES: u32 = 6;
+/// Volume ratio at which a point counts as inverted.
+const INVERTED: f64 = 1e-3;
+/// Kinetic over strain energy that a quasi-static motion never reaches.
+const RUNAWAY: f64 = 10.0;
+/// Strain energy, over mu V, below which the ratio means nothing.
+const ENERGY_FLOOR: f64 = 1e-6;
+/// Largest tilt of the instrument's axis (sine), and largest distance of a needle's tip from its path in capture radii.
+const ALIGNMENT: f64 = 0.02;
+
+impl Twin {
+    /// Advances the tissue to a pose and predicts the force.
+    ///
+    /// Allocates nothing, takes no lock, reads no clock. The same poses give the same bits, whatever the number of
+    /// threads.
+    ///
+    /// # Errors
+    /// [`Halt::Pose`] if the pose can't be used (state untouched), [`Halt::Diverged`] if the solution is lost.
+    pub fn step(&mut self, pose: StampedPose) -> Result<Prediction, Halt> {
+        let tip = self.admit(&pose)?;
+        let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.tip[k]);
+        let (mut phase, mut event) = (Phase::Approach, None);
+        let mut taken = 0;
+        let mut balance = self.solver.balance();
+        if let Some(contact) = &mut self.contact {
+            (phase, event) = contact.impose(&tip, &mut self.solver);
+            let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt();
+            // above the surface nothing moves the tissue
+            let idle = phase == Phase::Approach && self.phase == Phase::Approach;
+            let steps = if idle { 0 } else { self.pace.steps(distance, self.solver.slowest()) };
+            if steps > 0 {
+                balance = self.advance_safely(steps, -moved[2], tip.depth)?;
+                taken = steps;
+            }
+            loop {
+                let more = self.pace.more(&balance, self.solver.slowest(), taken);
+                if more == 0 {
+                    break;
+                }
+                balance = self.advance_safely(more, 0.0, tip.depth)?;
+                taken += more;
+            }
+        }
+        self.tip = tip.offset;
+        self.phase = phase;
+        self.steps += u64::from(taken);
+        Ok(Prediction {
+            time_s: pose.time_s,
+            depth_m: tip.depth,
+            force_n: balance.instrument,
+            base_force_n: balance.base,
+            phase,
+            event,
+            steps: taken,
+            health: self.health(&balance),
+        })
+    }
+
+    /// Back to the undeformed state.
+    pub fn reset(&mut self) {
+        self.solver.reset();
+        if let Some(contact) = &mut self.contact {
+            contact.reset(&mut self.solver);
+        }
+        self.pace.reset();
+        self.steps = 0;
+        self.steps_since_save = 0;
+        self.steps_since_refresh = 0;
+        self.tip = [0.0; 3];
+        self.phase = Phase::Approach;
+    }
+
+    fn health(&self, balance: &Balance) -> Health {
+        let strain = balance.strain.max(self.energy_floor());
+        Health {
+            min_jacobian: self.solver.min_jacobian(),
+            kinetic_to_strain_energy: balance.kinetic / strain,
+            force_imbalance: self.pace.imbalance,
+            constraint_error_m: self.constraint_error(),
+        }
+    }
+
+    fn energy_floor(&self) -> f64 {
+        let height = self.scene.sample.shape.height().get();
+        ENERGY_FLOOR * self.scene.material.shear_modulus.get() * height.powi(3)
+    }
+
+    /// Checks a pose and expresses its tip relative to the entry point.
+    fn admit(&self, pose: &StampedPose) -> Result<Tip, Halt> {
+        let Pose { tip, axis } = pose.pose;
+        let refuse = |reason: String| Err(Halt::Pose { reason });
+        if !(pose.time_s.is_finite() && tip.iter().chain(&axis).all(|x| x.is_finite())) {
+            return refuse("it holds a number that is not finite".into());
+        }
+        let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if (length - 1.0).abs() > 1e-3 {
+            return refuse(format!("its axis has length {length:.4}, not 1"));
+        }
+        if axis[0].hypot(axis[1]) > ALIGNMENT || axis[2] > 0.0 {
+            return refuse(format!(
+                "its axis ({:.3}, {:.3}, {:.3}) is not that of the scene's instrument, (0, 0, -1)",
+                axis[0], axis[1], axis[2]
+            ));
+        }
+        let [x, y] = self.entry();
+        let offset = [tip[0] - x, tip[1] - y, tip[2] - self.top()];
+        let depth = self.depth_of(&pose.pose);
+        if depth > self.reach {
+            return refuse(format!(
+                "depth {depth:.6} m is beyond {:.6} m, the deepest that this scene's cloud was made for \
+                 (motion.depth_m, sample.height_m)",
+                self.reach
+            ));
+        }
+        let side = offset[0].hypot(offset[1]);
+        if side > self.side_reach() && depth > 0.0 {
+            return refuse(format!(
+                "the tip is {side:.6} m beside the scene's path; this scene takes {:.6} m (instrument.entry_x_m, entry_y_m)",
+                self.side_reach()
+            ));
+        }
+        Ok(Tip { offset, depth })
+    }
+
+    /// Advances; on trouble goes back to the saved state and tries again with smaller steps.
+    fn advance_safely(&mut self, steps: u32, travel: f64, depth: f64) -> Result<Balance, Halt> {
+        if self.steps_since_refresh >= REFRESH {
+            self.solver.refresh_step();
+            self.steps_since_refresh = 0;
+        }
+        self.solver.advance(&Advance { steps, travel });
+        self.steps_since_refresh += steps;
+        self.steps_since_save += steps;
+        let mut balance = self.solver.balance();
+        let mut finer = steps.max(SAVE);
+        for _ in 0..TRIES {
+            if self.trouble(&balance).is_none() {
+                if self.steps_since_save >= SAVE {
+                    self.solver.save();
+                    self.steps_since_save = 0;
+                }
+                return Ok(balance);
+            }
+            finer = finer.saturating_mul(2);
+            self.solver.restore(2.0);
+            self.solver.refresh_step();
+            self.solver.advance(&Advance { steps: finer, travel: 0.0 });
+            self.steps += u64::from(finer);
+            balance = self.solver.balance();
+        }
+        match self.trouble(&balance) {
+            None => Ok(balance),
+            Some(reason) => Err(Halt::Diverged { reason, step: self.steps, depth_m: depth }),
+        }
+    }
+
+    /// What is wrong with the present state, if anything.
+    fn trouble(&self, b: &Balance) -> Option<String> {
+        let least = self.solver.min_jacobian();
+        let finite = b.instrument.iter().chain(&b.base).all(|f| f.is_finite());
+        if !(finite && b.kinetic.is_finite() && b.strain.is_finite()) {
+            return Some("forces or energies are not finite; try a smaller stepping.step_factor".into());
+        }
+        if least < INVERTED {
+            return Some(format!(
+                "an integration point is inverted (volume ratio {least:.3e}); try a coarser discretisation.spacing_m \
+                 or a smaller edge_refinement"
+            ));
+        }
+        let limit = RUNAWAY * b.strain.max(self.energy_floor());
+        (b.kinetic > limit)
+            .then(|| format!("kinetic energy {:.3e} J runs away from strain energy {:.3e} J", b.kinetic, b.strain))
+    }
+}
