@@ -153,7 +153,13 @@ fn a_page_of_little_or_broken_data_draws_too() {
     let mut gaps = synthetic_run::needle(20.0);
     gaps.answers.iter_mut().step_by(3).for_each(|a| a.measured_n = None);
     gaps.answers.iter_mut().step_by(5).for_each(|a| a.predicted_n = f64::NAN);
-    for (name, run) in [("unmeasured", unmeasured), ("one", one), ("gaps", gaps), ("empty", Run::default())] {
+    let mut still = synthetic_run::needle(20.0);
+    still.answers.iter_mut().for_each(|a| (a.depth_m, a.predicted_n, a.measured_n) = (0.0, 0.0, Some(0.0)));
+    still.snapshots.iter_mut().for_each(|s| s.displacement.fill([0.0; 3]));
+    still.snapshots.iter_mut().for_each(|s| s.jacobian.fill(1.0));
+    for (name, run) in
+        [("still", still), ("unmeasured", unmeasured), ("one", one), ("gaps", gaps), ("empty", Run::default())]
+    {
         let seen = seen(&browser, &run, 1280);
         assert_eq!(seen["errors"], serde_json::json!([]), "{name}");
         assert_eq!(seen["broken"], 0, "{name}: {seen:#}");

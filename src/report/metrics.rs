@@ -4,7 +4,7 @@ use crate::compare::{ForceMetrics, Run};
 use crate::twin::Event;
 use serde_json::{Map, Value, json};
 
-/// Content of `metrics.json` (keys in `interfaces`; the ones beyond are additive).
+/// Content of `metrics.json`: counts, force, timing, stability, checksum. Keys are only ever added.
 ///
 /// A figure that can't be said is `null`, and `null_because` says why, by its dotted key; a number that is not
 /// finite is never written.
