@@ -12,8 +12,8 @@
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
-//! Capture is smooth: over the last [`NeedlePath::window`] before the tip arrives, a node passes from where the tissue
-//! has carried it to where the needle holds it, so the force has no jump when the set of captured nodes changes.
+//! Capture is smooth: over the first [`NeedlePath::window`] after the tip has arrived, a node passes from where the
+//! tissue has carried it to where the needle holds it, so the force has no jump when the set of captured nodes changes.
 
 use crate::scene::{DeformationRule, Needle};
 use crate::solver::{Role, Solver};
@@ -134,7 +134,7 @@ impl NeedlePath {
         let window = self.window;
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
-            if depth + window <= z || depth < 0.0 {
+            if depth < z || depth < 0.0 {
                 if self.hold[i] != Hold::Free {
                     self.hold[i] = Hold::Free;
                     solver.set_role(n, Role::Free);
@@ -153,9 +153,7 @@ impl NeedlePath {
                 }
             };
             let along = self.follow(depth, z);
-            // Fully held when the tip is level with the node, or one window after a late capture.
-            let end = z.max(since + window);
-            let s = ramp((depth.max(since) - since) / (end - since));
+            let s = ramp((depth - since) / window);
             solver.prescribe(n, [(1.0 - s) * from[0], (1.0 - s) * from[1], (1.0 - s) * from[2] - s * along]);
         }
     }
