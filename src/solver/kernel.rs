@@ -122,10 +122,26 @@ impl<T: Real> Kernel<T> {
         self.blocks.iter().map(|b| b.min_jacobian).fold(f64::INFINITY, f64::min)
     }
 
+    fn block_of(&self, point: usize) -> usize {
+        self.blocks.partition_point(|b| b.first_point <= point).saturating_sub(1)
+    }
+
+    /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
+    pub fn set_active(&mut self, point: usize, share: f64) {
+        let b = self.block_of(point);
+        let b = &mut self.blocks[b];
+        b.active[point - b.first_point] = T::of(share);
+    }
+
+    /// Makes every point tissue again.
+    pub fn activate_all(&mut self) {
+        self.blocks.iter_mut().for_each(|b| b.active.fill(T::of(1.0)));
+    }
+
     /// Deformation gradient (row-major) of one integration point at the last evaluation.
     #[must_use]
     pub fn deformation(&self, point: usize) -> [f64; 9] {
-        let b = &self.blocks[self.blocks.partition_point(|b| b.first_point <= point).saturating_sub(1)];
+        let b = &self.blocks[self.block_of(point)];
         gradient(&b.deformation[point - b.first_point]).map(Real::get)
     }
 
@@ -250,9 +266,10 @@ impl<T: Real> Block<T> {
             self.deformation[p] = columns;
             let f = gradient(&columns);
             let j = determinant(&f, &cofactor(&f));
+            let active = self.active[p];
             // a NaN does not survive this comparison; the energy of pass 2 keeps it
-            min = if j < min { j } else { min };
-            let share = quarter * self.volume[p] * (j - one);
+            min = if j < min && active > T::default() { j } else { min };
+            let share = quarter * active * self.volume[p] * (j - one);
             for c in self.corners[p] {
                 self.dilation[c as usize] += share;
             }
@@ -299,7 +316,10 @@ impl<T: Real> Block<T> {
             let j = determinant(&f, &cof);
             let dilation = j - T::of(1.0);
             let pressure = self.projected_pressure(p) + pointwise * dilation;
-            let volume = self.volume[p];
+            let volume = self.active[p] * self.volume[p];
+            if volume == T::default() {
+                continue;
+            }
             energy += volume * (distortional_energy(&f, j, mu) + half * pointwise * dilation * dilation);
             let s = first_piola(&f, &cof, j, mu, pressure);
             let columns: [[T; 4]; 3] =
