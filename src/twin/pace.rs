@@ -34,6 +34,8 @@ pub(super) struct Pace {
     gap: f64,
     /// Factor on the steps that the tolerance asks for, 1 or more.
     boost: f64,
+    /// Most steps that there is time for.
+    pub limit: u32,
 }
 
 impl Pace {
@@ -47,6 +49,7 @@ impl Pace {
             imbalance: 0.0,
             gap: 0.0,
             boost: 1.0,
+            limit: u32::MAX,
         }
     }
 
@@ -55,9 +58,14 @@ impl Pace {
         let s = &self.stepping;
         if travel > 0.0 {
             let wanted = self.boost * travel / (s.tolerance * slowest * self.length);
-            return (wanted.ceil() as u32).clamp(s.min_steps_per_pose, s.max_steps_per_pose);
+            return (wanted.ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
-        if self.gap < QUIET { 0 } else { ((RELAXATION / slowest).ceil() as u32).min(s.max_steps_per_pose) }
+        if self.gap < QUIET { 0 } else { ((RELAXATION / slowest).ceil() as u32).min(self.most()) }
+    }
+
+    /// Most steps that a pose may cost.
+    fn most(&self) -> u32 {
+        self.stepping.max_steps_per_pose.min(self.limit).max(1)
     }
 
     /// Learns from the balance after a pose.

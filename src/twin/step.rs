@@ -61,6 +61,12 @@ impl Twin {
         })
     }
 
+    /// Says how many steps there is time for: a live twin that can't keep up takes fewer, larger steps rather than
+    /// fall behind. Offline nothing limits but the scene's `stepping.max_steps_per_pose`.
+    pub fn limit_steps(&mut self, most_per_pose: u32) {
+        self.pace.limit = most_per_pose;
+    }
+
     /// Angular frequency of the slowest mode, rad per step.
     #[must_use]
     pub fn slowest(&self) -> f64 {
