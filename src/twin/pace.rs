@@ -10,7 +10,7 @@ use crate::scene::{Scene, Stepping};
 use crate::solver::Balance;
 
 /// L over the height of the sample, times the ratio of measured to estimated error (the estimate is an upper bound).
-const LENGTH: f64 = 0.6;
+const LENGTH: f64 = 2.0;
 /// Forces below this share of mu H^2 are judged as if they were as large: near zero a relative error means nothing.
 const FORCE_FLOOR: f64 = 0.01;
 /// Steps of one relaxation towards equilibrium at rest, over 1/omega.
@@ -18,7 +18,7 @@ const RELAXATION: f64 = 0.5;
 /// The gap, over what the tolerance allows, at which a resting instrument needs no more steps.
 const QUIET: f64 = 0.1;
 /// Largest factor on the steps that the tolerance asks for.
-const LARGEST_BOOST: f64 = 32.0;
+const LARGEST_BOOST: f64 = 6.0;
 
 /// Pace of one scene.
 #[derive(Clone, Debug)]
