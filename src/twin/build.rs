@@ -4,7 +4,7 @@ use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Integration, Settings, ShapeTable};
 use crate::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
 use crate::instrument::{Bonded, Contact, NeedlePath};
-use crate::scene::{Instrument, InstrumentKind, Method, Scene, Shape};
+use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene, Shape};
 use crate::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
@@ -24,6 +24,12 @@ impl Twin {
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
+        if scene.discretisation.dimension == Dimension::Axisymmetric {
+            return Err(BuildError::Unsupported {
+                key: "discretisation.dimension",
+                reason: "\"axisymmetric\" is not built yet; use \"full\" or \"auto\"",
+            });
+        }
         let (cloud, reach) = make_cloud(scene)?;
         let top = scene.sample.shape.height().get();
         let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud.points, top, i));
