@@ -277,6 +277,7 @@ fn quoted_if_needed(text: &str) -> String {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -75,6 +75,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     output::deliver(&run, folder.as_ref(), arguments.output.json)
 }
 
+/// Plays a recording offline as another command (`demo --no-dds`), fields and all.
+pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Result<Run, CliError> {
+    let depths = recording.depths.iter();
+    let readings = depths.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
+    let mut run = replay(scene, recording, readings, true)?;
+    command.clone_into(&mut run.command);
+    Ok(run)
+}
+
 impl TopicOptions {
     fn names(&self) -> TopicNames {
         TopicNames {

@@ -1,5 +1,5 @@
 //! rosbags and mcap-ros2-support read our bags field by field.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::common::{python::run_script, random::Random};
 use needle_twin::bag::make::RigScene;
@@ -51,6 +51,9 @@ impl Both {
     }
 }
 
+/// Bytes in, the same message's bytes out.
+type Recode = fn(&[u8]) -> Vec<u8>;
+
 /// Decodes what the other side wrote in big-endian order and encodes it again.
 fn back<T: RosMessage>(bytes: &[u8]) -> Vec<u8> {
     to_cdr(&from_cdr::<T>(bytes).unwrap()).unwrap()
@@ -63,7 +66,7 @@ fn every_message_type_is_read_by_others() {
     let bag = BagWriter::create(&path, WriterOptions { chunk_bytes: 20_000, ..Default::default() }).unwrap();
     let mut both = Both { bag, expected: Vec::new(), encoded: Vec::new(), types: Vec::new() };
     let mut random = Random::new(1);
-    let mut decoders: Vec<(fn(&[u8]) -> Vec<u8>, usize)> = Vec::new();
+    let mut decoders: Vec<(Recode, usize)> = Vec::new();
     macro_rules! topics {
         ($($message:ty),* $(,)?) => {$(
             both.topic::<$message>(&mut random, 40);

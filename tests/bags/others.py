@@ -43,9 +43,10 @@ JOINT, WRENCH = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
 
 
 def rosbag2(name, version, compress=None):
-    with Writer(folder / name, version=version, storage_plugin=StoragePlugin.MCAP) as bag:
-        if compress:
-            bag.set_compression(compress, CompressionFormat.ZSTD)
+    bag = Writer(folder / name, version=version, storage_plugin=StoragePlugin.MCAP)
+    if compress:
+        bag.set_compression(compress, CompressionFormat.ZSTD)
+    with bag:
         js = bag.add_connection("/measured_js", JOINT, typestore=store)
         cf = bag.add_connection("/measured_cf", WRENCH, typestore=store)
         for i in range(COUNT):

@@ -1,5 +1,5 @@
 //! The synthetic recordings: what is shipped is what `bag make` makes, and says what it is.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::bag::make::{RigRecording, RigScene};
 use needle_twin::bag::{BagError, BagReader, BagWriter, Qos, Recording, TopicNames, WriterOptions, check, embedded};

@@ -257,6 +257,7 @@ fn times(since_ns: i64) -> (Time, u64) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
