@@ -26,7 +26,7 @@ const HEIGHT_M: f64 = 0.017;
 
 /// What goes into the bag.
 pub struct RigBag {
-    /// Scene that the bag names.
+    /// Scene that the bag names; the smallest of the presets by default.
     pub scene: Option<&'static str>,
     /// Depths as JointState on this topic.
     pub depth_topic: Option<&'static str>,
@@ -43,7 +43,7 @@ pub struct RigBag {
 impl Default for RigBag {
     fn default() -> Self {
         Self {
-            scene: None,
+            scene: Some("compression"),
             depth_topic: Some("/measured_js"),
             pose_topic: None,
             force_topic: Some("/measured_cf"),
