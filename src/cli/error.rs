@@ -60,6 +60,14 @@ pub enum CliError {
         /// How many there are.
         all: usize,
     },
+    /// A bag breaks rules that readers rely on; each has been named.
+    #[error("{}: {errors} errors: some readers will refuse this bag or believe something false", .bag.display())]
+    BagRefused {
+        /// The bag.
+        bag: PathBuf,
+        /// How many.
+        errors: usize,
+    },
     /// A ROS 2 node can't be started or reached.
     #[error(transparent)]
     Node(#[from] NodeError),

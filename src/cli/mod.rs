@@ -2,6 +2,7 @@
 //!
 //! Results go to stdout, progress and diagnostics to stderr. A failure is one message: what, where, what to do.
 
+mod bag;
 mod demo;
 mod error;
 mod interrupt;
@@ -43,6 +44,7 @@ enum Command {
     Replay(replay::Arguments),
     Solve(solve::Arguments),
     Scene(scene::Arguments),
+    Bag(bag::Arguments),
     /// The program `twin_node`, for `demo`
     #[command(hide = true, disable_help_flag = true)]
     TwinNode(NodeArguments),
@@ -87,6 +89,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
+        Some(Command::Bag(arguments)) => bag::run(arguments),
         // What a newcomer types first shows what the program is.
         None => demo::run(&demo::Arguments::default()),
         // The nodes have exit codes of their own: `run` starts them.

@@ -119,6 +119,7 @@ fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, 
         InstrumentKind::Needle(needle) => {
             let window = layer_distance(held, cloud, top);
             let [x, y] = instrument.entry.map(|m| m.get());
+            let corners = || table.cell.iter().map(|&c| cloud.cells[c as usize]);
             let near = |c: &[u32; 4]| {
                 let p = c.map(|n| cloud.points[n as usize]);
                 let centre: [f64; 3] = std::array::from_fn(|k| p.iter().map(|q| q[k]).sum::<f64>() / 4.0);
@@ -126,7 +127,7 @@ fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, 
             };
             let watched =
                 (0..table.cell.len() as u32).filter(|&p| near(&cloud.cells[table.cell[p as usize] as usize])).collect();
-            Contact::Needle(Box::new(NeedlePath::new(held, &cloud.points, top, *needle, window, watched)))
+            Contact::Needle(Box::new(NeedlePath::new(held, &cloud.points, top, *needle, window, watched, corners())))
         }
     }
 }
