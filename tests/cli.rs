@@ -10,9 +10,19 @@ use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A small model that is run in a moment.
-const SMALL: &[&str] =
-    &["--scene", "needle_insertion", "--set", "discretisation.spacing_m=0.004", "--speed-m-per-s", "0.01"];
+/// A small model that is run in a moment: the command line is under test, not the force.
+const SMALL: &[&str] = &[
+    "--scene",
+    "needle_insertion",
+    "--set",
+    "discretisation.spacing_m=0.004",
+    "--set",
+    "instrument.capture_radius_m=0.0015",
+    "--set",
+    "stepping.max_steps_per_pose=5",
+    "--speed-m-per-s",
+    "0.01",
+];
 
 fn needle_twin() -> Command {
     Command::new(env!("CARGO_BIN_EXE_needle_twin"))

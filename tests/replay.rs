@@ -11,12 +11,15 @@ use rig_bag::{RigBag, STIFFNESS, depth_at};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A replay of a coarse model.
+/// A wide needle needs few nodes.
+const WIDE: &[&str] = &["--set", "instrument.capture_radius_m=0.0015"];
+
+/// A replay of a coarse model with few steps: messages and times are under test, not the force.
 fn replay(bag: &Path, more: &[&str]) -> (i32, Value, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
         .arg("replay")
         .arg(bag)
-        .args(["--json", "--set", "discretisation.spacing_m=0.003"])
+        .args(["--json", "--set", "discretisation.spacing_m=0.004", "--set", "stepping.max_steps_per_pose=5"])
         .args(more)
         .output()
         .unwrap();
@@ -34,7 +37,7 @@ fn every_reading_is_answered_and_compared_at_its_own_time() {
     let (code, metrics, stderr) = replay(&bag, &["--out", out.to_str().unwrap()]);
     assert_eq!((code, stderr.as_str()), (0, ""));
     assert_eq!(metrics["poses"], 50);
-    assert_eq!(metrics["scene"], "needle_insertion");
+    assert_eq!(metrics["scene"], "compression");
     assert_eq!(metrics["timing"]["simulated_s"], 0.098);
     assert!(metrics["measured_source"].as_str().unwrap().contains("rig"));
     let csv = std::fs::read_to_string(out.join("force.csv")).unwrap();
@@ -86,6 +89,23 @@ fn the_bag_names_its_scene_unless_the_user_does() {
     let bag = RigBag { scene: Some("indentation"), ..RigBag::default() }.write(folder.path(), "rig");
     assert_eq!(replay(&bag, &[]).1["scene"], "indentation");
     assert_eq!(replay(&bag, &["--scene", "compression"]).1["scene"], "compression");
+    let bag = RigBag { scene: None, readings: 20, ..RigBag::default() }.write(folder.path(), "silent");
+    assert_eq!(replay(&bag, WIDE).1["scene"], "needle_insertion");
+}
+
+#[test]
+fn the_shipped_needle_bag_gives_the_same_bits_on_any_threads() {
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/needle_insertion");
+    let run = |threads| {
+        let more = [&["--set", "stepping.max_steps_per_pose=1", "--threads", threads], WIDE].concat();
+        let (code, metrics, stderr) = replay(&bag, &more);
+        (code, metrics["checksum"].clone(), metrics["force"].clone(), stderr)
+    };
+    let one = run("1");
+    assert!(one.2["rmse_n"].is_number() && one.1.is_string(), "{one:?}");
+    for threads in ["2", "4"] {
+        assert_eq!(run(threads), one, "{threads} threads");
+    }
 }
 
 #[test]
@@ -111,6 +131,17 @@ fn readings_that_are_no_number_are_left_out_and_said() {
         assert_eq!(metrics["losses"].as_array().unwrap().len(), 1);
         assert!(metrics["force"]["peak_predicted_n"].as_f64().unwrap().is_finite());
     }
+}
+
+#[test]
+fn a_pose_that_cannot_be_is_left_out_and_said_once() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag { nonsense: Some((20, 0.5)), ..RigBag::default() }.write(folder.path(), "rig");
+    let (code, metrics, stderr) = replay(&bag, &[]);
+    assert_eq!(code, 3, "{stderr}");
+    assert_eq!(metrics["poses"], 49);
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    assert!(stderr.contains("1 of the poses refused") && stderr.contains("0.04 s"), "{stderr}");
 }
 
 #[test]

@@ -127,7 +127,19 @@ fn rig_and_twin_exchange_over_the_network_and_the_stamps_are_the_recordings() {
     let domain = free_domain();
     let twin = Program::start(
         TWIN,
-        &["--ros-args", "-p", "discretisation.spacing_m:=0.004", "-p", "use_sim_time:=true"],
+        &[
+            "--scene",
+            "compression",
+            "--ros-args",
+            "-p",
+            "discretisation.spacing_m:=0.005",
+            "-p",
+            "discretisation.edge_refinement:=1.0",
+            "-p",
+            "stepping.max_steps_per_pose:=4",
+            "-p",
+            "use_sim_time:=true",
+        ],
         domain,
         &CYCLONE_SERVICES,
     );
@@ -140,7 +152,7 @@ fn rig_and_twin_exchange_over_the_network_and_the_stamps_are_the_recordings() {
         peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": qos}));
     }
     let model = peer.ask(json!({"op": "take", "topic": "/tissue_model", "timeout": 60.0}))["messages"].clone();
-    assert_eq!(model[0]["scene"], "needle_insertion");
+    assert_eq!(model[0]["scene"], "compression");
     peer.ask(json!({"op": "wait_matched", "topics": ["/predicted_cf", "/comparison"]}));
     // Played to the end, the rig leaves by itself.
     let rig = rig(domain, &[&path, "--ros-args", "-p", "delay:=2.0"]);

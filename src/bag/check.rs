@@ -75,8 +75,11 @@ pub fn check(path: impl AsRef<Path>) -> Result<CheckReport, BagError> {
     let mut report =
         CheckReport { bag: bag.name().to_owned(), messages: 0, topics: bag.topics().len(), findings: Vec::new() };
     bag.losses().iter().for_each(|loss| report.add(Severity::Lost, loss.to_string()));
-    // What costs a tolerant reader nothing makes others refuse the bag.
-    bag.warnings().iter().for_each(|warning| report.error(warning.clone()));
+    for warning in bag.warnings() {
+        // An index may be missing; a metadata.yaml that is missing or contradicts the file makes others refuse the bag.
+        let of_a_file = bag.files().iter().any(|f| f.index.warnings.contains(warning));
+        report.add(if of_a_file { Severity::Warning } else { Severity::Error }, warning.clone());
+    }
     let folder = if path.is_dir() { Some(path) } else { path.parent().filter(|_| path.ends_with("metadata.yaml")) };
     let yaml = folder.and_then(|folder| check_yaml(folder, &mut report));
     for file in bag.files() {
@@ -234,7 +237,8 @@ fn compare_topic(topic: &Topic, yaml: &Metadata, report: &mut CheckReport) {
         report.error(format!("{name}: metadata.yaml says {said} messages, the index of the file {found}"));
     }
     let hash = entry.topic_metadata.type_description_hash.as_deref().unwrap_or("");
-    if hash != topic.hash {
+    // Older writers leave it out in one of the two places.
+    if !hash.is_empty() && !topic.hash.is_empty() && hash != topic.hash {
         report.error(format!("{name}: its type hash is {hash:?} in metadata.yaml and {:?} in the file", topic.hash));
     }
     let profiles = entry.topic_metadata.offered_qos_profiles.as_ref().map_or(Ok(Vec::new()), |q| q.profiles());

@@ -73,22 +73,28 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
         warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
     }
     if files.is_empty() {
-        let other = fs::read_dir(folder)
-            .into_iter()
-            .flatten()
-            .flatten()
-            .any(|e| e.path().extension().is_some_and(|x| x == "db3"));
-        let found = if other {
-            "a bag with sqlite3 storage, not MCAP"
-        } else {
-            "no bag: there is no .mcap file in this folder"
-        };
-        return Err(not_a_bag(
-            found.to_owned(),
-            if other { CONVERT } else { "name the folder that `ros2 bag record` made" },
-        ));
+        return Err(nothing_in(folder));
     }
     Ok(Located { files, metadata, losses, warnings })
+}
+
+/// What to say of a folder without MCAP files.
+fn nothing_in(folder: &Path) -> BagError {
+    let paths: Vec<PathBuf> = fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
+    let mut bags: Vec<String> = paths
+        .iter()
+        .filter(|p| p.join("metadata.yaml").is_file())
+        .filter_map(|p| Some(p.file_name()?.to_string_lossy().into_owned()))
+        .collect();
+    bags.sort();
+    let (found, remedy) = if paths.iter().any(|p| p.extension().is_some_and(|x| x == "db3")) {
+        ("a bag with sqlite3 storage, not MCAP", CONVERT.to_owned())
+    } else if bags.is_empty() {
+        ("no bag: there is no .mcap file in this folder", "name the folder that `ros2 bag record` made".to_owned())
+    } else {
+        ("no bag but a folder with bags", format!("name one of them: {}", bags.join(", ")))
+    };
+    BagError::NotABag { path: folder.to_path_buf(), found: found.to_owned(), remedy }
 }
 
 /// A file of the folder by the name that metadata.yaml gives: nothing outside the folder is opened.

@@ -219,7 +219,7 @@ fn push_topic(out: &mut String, topic: &TopicCount) {
         Some(QosField::Text(text)) => text.clone(),
         Some(QosField::List(list)) => list.iter().map(Qos::to_yaml).collect(),
     };
-    let profiles = if profiles.is_empty() { " []\n".to_owned() } else { format!("\n{}", indent(&profiles, 6)) };
+    let profiles = if profiles.is_empty() { " []\n".to_owned() } else { format!("\n{}", indent(&profiles, 8)) };
     let _ = write!(
         out,
         "  - topic_metadata:\n      name: {}\n      type: {}\n      serialization_format: {}\n      \
@@ -277,6 +277,7 @@ fn quoted_if_needed(text: &str) -> String {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

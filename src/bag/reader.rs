@@ -230,7 +230,7 @@ impl BagReader {
 impl Bag {
     fn add(&mut self, name: String, source: Source, mut index: FileIndex) {
         self.losses.append(&mut index.losses);
-        self.warnings.append(&mut index.warnings);
+        self.warnings.extend(index.warnings.iter().cloned());
         for channel in index.channels.values() {
             let schema = index.schemas.get(&channel.schema_id);
             let topic = Topic {

@@ -196,6 +196,7 @@ pub fn missing_types(schema_text: &str) -> Vec<String> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

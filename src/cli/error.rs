@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::bag::BagError;
 use crate::report::ReportError;
+use crate::ros::start::NodeError;
 use crate::scene::SceneError;
 use crate::twin::BuildError;
 
@@ -59,6 +60,20 @@ pub enum CliError {
         /// How many there are.
         all: usize,
     },
+    /// A bag breaks rules that readers rely on; each has been named.
+    #[error("{}: {errors} errors: some readers will refuse this bag or believe something false", .bag.display())]
+    BagRefused {
+        /// The bag.
+        bag: PathBuf,
+        /// How many.
+        errors: usize,
+    },
+    /// A ROS 2 node can't be started or reached.
+    #[error(transparent)]
+    Node(#[from] NodeError),
+    /// The demo can't be played.
+    #[error("demo: {0}")]
+    Demo(String),
     /// stdout can't be written.
     #[error("stdout: {0}")]
     Stdout(io::Error),

@@ -2,6 +2,8 @@
 //!
 //! Results go to stdout, progress and diagnostics to stderr. A failure is one message: what, where, what to do.
 
+mod bag;
+mod demo;
 mod error;
 mod interrupt;
 mod options;
@@ -17,15 +19,18 @@ use std::ffi::OsString;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
 
-use clap::{CommandFactory as _, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 
 pub use error::CliError;
+
+use crate::ros::{rig_node, twin_node};
 
 /// Exit codes, in the words of the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \
                           3 finished, but data was lost or the model diverged on the way.";
 
 /// Digital twin of a needle-insertion test rig: predicts the load cell's force and the tissue's deformation.
+/// Without a sub-command it runs `demo`.
 #[derive(Debug, Parser)]
 #[command(name = "needle_twin", version, after_help = EXIT_CODES, max_term_width = 110)]
 struct Arguments {
@@ -35,9 +40,24 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Arguments),
     Replay(replay::Arguments),
     Solve(solve::Arguments),
     Scene(scene::Arguments),
+    Bag(bag::Arguments),
+    /// The program `twin_node`, for `demo`
+    #[command(hide = true, disable_help_flag = true)]
+    TwinNode(NodeArguments),
+    /// The program `rig_node`, for `demo`
+    #[command(hide = true, disable_help_flag = true)]
+    RigNode(NodeArguments),
+}
+
+/// Everything behind the sub-command is the node's own.
+#[derive(Debug, clap::Args)]
+struct NodeArguments {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    arguments: Vec<OsString>,
 }
 
 /// How a command ended that did not fail.
@@ -52,6 +72,8 @@ pub enum Outcome {
 /// Runs the program with its arguments (the first is the program's name) and gives the exit code of the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match Arguments::try_parse_from(arguments) {
+        Ok(Arguments { command: Some(Command::TwinNode(node)) }) => ExitCode::from(twin_node::run(node.arguments)),
+        Ok(Arguments { command: Some(Command::RigNode(node)) }) => ExitCode::from(rig_node::run(node.arguments)),
         Ok(arguments) => exit_code(dispatch(arguments)),
         // Help and version end here too, as "errors" of exit code 0 that go to stdout.
         Err(error) => {
@@ -63,13 +85,15 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
     match arguments.command {
+        Some(Command::Demo(arguments)) => demo::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
-        None => {
-            print(&format!("{}\n", Arguments::command().render_help()))?;
-            Ok(Outcome::Complete)
-        }
+        Some(Command::Bag(arguments)) => bag::run(arguments),
+        // What a newcomer types first shows what the program is.
+        None => demo::run(&demo::Arguments::default()),
+        // The nodes have exit codes of their own: `run` starts them.
+        Some(Command::TwinNode(_) | Command::RigNode(_)) => Ok(Outcome::Complete),
     }
 }
 
@@ -99,6 +123,8 @@ fn warn(message: &str) {
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory as _;
+
     use super::*;
 
     #[test]

@@ -33,6 +33,11 @@ impl Progress {
         self.bar.set_message("");
     }
 
+    /// Says something beside the bar.
+    pub(super) fn warn(&self, message: &str) {
+        self.bar.suspend(|| super::warn(message));
+    }
+
     /// Takes the bar away.
     pub(super) fn finish(&self) {
         self.bar.finish_and_clear();
@@ -53,10 +58,6 @@ impl Watch for Progress {
                 answer.predicted_n
             ));
         }
-    }
-
-    fn warn(&mut self, message: &str) {
-        self.bar.suspend(|| super::warn(message));
     }
 
     fn stop(&self) -> bool {

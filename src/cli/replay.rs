@@ -8,7 +8,7 @@ use super::options::{OutputOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
 use crate::bag::{Recording, TopicNames};
-use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run, Watch as _};
+use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
 use crate::scene::Scene;
 
 /// Scene of a bag that doesn't say which it was made for.
@@ -73,6 +73,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let readings = arguments.topics.readings(&recording);
     let run = arguments.threads.install(|| replay(&scene, &recording, readings, folder.is_some()))??;
     output::deliver(&run, folder.as_ref(), arguments.output.json)
+}
+
+/// Plays a recording offline as another command (`demo --no-dds`), fields and all.
+pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Result<Run, CliError> {
+    let depths = recording.depths.iter();
+    let readings = depths.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
+    let mut run = replay(scene, recording, readings, true)?;
+    command.clone_into(&mut run.command);
+    Ok(run)
 }
 
 impl TopicOptions {

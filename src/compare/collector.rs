@@ -149,13 +149,12 @@ impl Collector {
         }
     }
 
-    /// Counts a pose that the twin refused. True the first time, which is when to warn.
-    pub fn refused(&mut self, reason: &str) -> bool {
+    /// Counts a pose that the twin refused; the run says at its end how many and why the first.
+    pub fn refused(&mut self, reason: &str) {
         self.refused += 1;
         if self.refused == 1 {
             reason.clone_into(&mut self.first_refusal);
         }
-        self.refused == 1
     }
 
     /// Notes that the model diverged: the run ends here.
@@ -193,7 +192,9 @@ impl Collector {
     #[must_use]
     pub fn finish(mut self, twin: &Twin) -> Run {
         if self.refused > 0 {
-            self.run.losses.push(format!("{} poses refused; the first: {}", self.refused, self.first_refusal));
+            self.run
+                .losses
+                .push(format!("{} of the poses refused and left out; the first {}", self.refused, self.first_refusal));
         }
         self.finish_health();
         let mut displacement = Vec::new();

@@ -29,9 +29,6 @@ pub trait Watch {
     /// One pose was answered, or refused (`None`); `done` of them in all.
     fn progress(&mut self, done: usize, answer: Option<&Answer>);
 
-    /// Something that a user should know now.
-    fn warn(&mut self, message: &str);
-
     /// Whether to end here.
     fn stop(&self) -> bool;
 }
@@ -83,9 +80,7 @@ pub fn drive(
                 break;
             }
             Err(Halt::Pose { reason }) => {
-                if collector.refused(&reason) {
-                    watch.warn(&format!("pose {done} at {} s refused: {reason}; it is left out", reading.time_s));
-                }
+                collector.refused(&format!("at {} s: {reason}", reading.time_s));
                 watch.progress(done, None);
             }
             Err(halt) => {

@@ -9,6 +9,9 @@
 //! absolute                u_i = -C_D d a                a: axis, pointing out of the sample; lateral components 0
 //! ```
 //!
+//! Cells whose corners are all held are filled by the needle: they carry no stress. Their strain (u_r = 0 and C_D along
+//! the axis, a volume ratio of 1 - C_D) is an artefact of the kinematic rule, and its pressure would leak into the tissue.
+//!
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
@@ -52,18 +55,40 @@ pub struct NeedlePath {
     pub window: f64,
     /// Integration points within two spacings of the entry point.
     watched: Vec<u32>,
+    /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
+    inner: Vec<(u32, [u32; 4])>,
     state: Insertion,
 }
 
 impl NeedlePath {
-    /// A path through the given nodes. `watched` are the integration points whose strain decides about the puncture.
+    /// A path through the given nodes. `watched` are the integration points whose strain decides about the puncture,
+    /// `corners` the cell corners of every integration point.
     #[must_use]
-    pub fn new(nodes: &[u32], points: &[[f64; 3]], top: f64, needle: Needle, window: f64, watched: Vec<u32>) -> Self {
+    pub fn new(
+        nodes: &[u32],
+        points: &[[f64; 3]],
+        top: f64,
+        needle: Needle,
+        window: f64,
+        watched: Vec<u32>,
+        corners: impl Iterator<Item = [u32; 4]>,
+    ) -> Self {
         let mut nodes: Vec<(u32, f64)> = nodes.iter().map(|&n| (n, top - points[n as usize][2])).collect();
         nodes.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         let hold = vec![Hold::Free; nodes.len()];
         let state = Insertion { punctured: false, deepest: 0.0 };
-        Self { nodes, hold, needle, window, watched, state }
+        let mut place: Vec<Option<u32>> = vec![None; points.len()];
+        for (i, (n, _)) in nodes.iter().enumerate() {
+            place[*n as usize] = Some(i as u32);
+        }
+        let inner = (0u32..)
+            .zip(corners)
+            .filter_map(|(point, c)| match c.map(|n| place[n as usize]) {
+                [Some(a), Some(b), Some(c), Some(d)] => Some((point, [a, b, c, d])),
+                _ => None,
+            })
+            .collect();
+        Self { nodes, hold, needle, window, watched, inner, state }
     }
 
     /// Present state of the insertion.
@@ -134,7 +159,7 @@ impl NeedlePath {
         let window = self.window;
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
-            if depth + window <= z || depth < 0.0 {
+            if depth + window < z || depth < 0.0 {
                 if self.hold[i] != Hold::Free {
                     self.hold[i] = Hold::Free;
                     solver.set_role(n, Role::Free);
@@ -153,10 +178,20 @@ impl NeedlePath {
                 }
             };
             let along = self.follow(depth, z);
-            // Fully held when the tip is level with the node, or one window after a late capture.
-            let end = z.max(since + window);
-            let s = ramp((depth.max(since) - since) / (end - since));
+            let s = captured_share(depth, since, window);
             solver.prescribe(n, [(1.0 - s) * from[0], (1.0 - s) * from[1], (1.0 - s) * from[2] - s * along]);
+        }
+        self.fill(depth, solver);
+    }
+
+    /// The needle takes the place of the tissue in the cells that it fills.
+    fn fill(&self, depth: f64, solver: &mut Solver) {
+        for (point, corners) in &self.inner {
+            let least = corners.iter().map(|&c| match self.hold[c as usize] {
+                Hold::Captured { since, .. } => captured_share(depth, since, self.window),
+                Hold::Free | Hold::Indented => 0.0,
+            });
+            solver.set_active(*point as usize, 1.0 - least.fold(1.0, f64::min));
         }
     }
 
@@ -178,9 +213,9 @@ impl NeedlePath {
     }
 }
 
-/// C1 ramp from 0 to 1.
-fn ramp(s: f64) -> f64 {
-    let s = s.clamp(0.0, 1.0);
+/// How far a node captured at tip depth `since` is held: a C1 ramp from 0 to 1.
+fn captured_share(depth: f64, since: f64, window: f64) -> f64 {
+    let s = ((depth - since) / window).clamp(0.0, 1.0);
     s * s * (3.0 - 2.0 * s)
 }
 

@@ -75,6 +75,17 @@ impl Environment {
     }
 }
 
+/// A domain in which no participant lives on this machine at present.
+#[must_use]
+pub fn free_domain() -> Option<u16> {
+    let nanos = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |t| t.subsec_nanos());
+    let start = (nanos ^ std::process::id()).wrapping_mul(2_654_435_761) >> 16;
+    (0..100_u32)
+        .map(|i| 1 + ((start + i) % 100) as u16)
+        // The first participant of a domain listens here (RTPS: 7400 + 250 domain + 10).
+        .find(|domain| std::net::UdpSocket::bind(("0.0.0.0", 7410 + 250 * domain)).is_ok())
+}
+
 fn domain(
     lookup: &impl Fn(&'static str) -> Option<String>,
     warnings: &mut Vec<String>,

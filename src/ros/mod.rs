@@ -10,6 +10,7 @@ mod graph;
 pub mod logging;
 pub mod messages;
 pub mod names;
+pub mod observer;
 mod parameter_file;
 mod parameter_services;
 pub mod parameters;

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::{
-    Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
+    Client, Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
     ServiceMapping, ServiceTypeName, Subscription, WriteError,
 };
 
@@ -179,6 +179,28 @@ impl Participant {
         let type_name = ServiceTypeName::new(package, type_name);
         self.node
             .create_server(self.mapping, &dds_name, &type_name, qos::service(), qos::service())
+            .map_err(|e| middleware(service)(e.to_string()))
+    }
+
+    /// Makes a service client of `name` (as the program calls it).
+    ///
+    /// # Errors
+    /// [`ParticipantError`].
+    pub fn client<Request, Response>(
+        &mut self,
+        name: &str,
+        package: &str,
+        type_name: &str,
+    ) -> Result<Client<Request, Response>, ParticipantError>
+    where
+        Request: Message + Clone + 'static,
+        Response: Message + 'static,
+    {
+        let service = self.names.resolve(name, Endpoint::Service)?;
+        let dds_name = Name::parse(&service).map_err(|e| middleware(&*service)(e.to_string()))?;
+        let type_name = ServiceTypeName::new(package, type_name);
+        self.node
+            .create_client(self.mapping, &dds_name, &type_name, qos::service(), qos::service())
             .map_err(|e| middleware(service)(e.to_string()))
     }
 
@@ -355,6 +377,29 @@ impl<M: RosMessage + 'static> Input<M> {
                 Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
             }
         }
+    }
+
+    /// Next message that has arrived, with the wall times at which it was received and sent, ns since 1970.
+    pub fn take_timed(&self) -> Option<(M, [i64; 2])> {
+        loop {
+            match self.subscription.take() {
+                Ok(next) => {
+                    return next.map(|(message, info)| {
+                        let received =
+                            info.received_timestamp().map_or_else(super::clock::wall_nanos, |t| t.to_nanos());
+                        let sent = info.source_timestamp().map_or(received, |t| t.to_nanos());
+                        (message, [received, sent])
+                    });
+                }
+                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
+            }
+        }
+    }
+
+    /// How many publish.
+    #[must_use]
+    pub fn publishers(&self) -> usize {
+        self.matched.load(Ordering::Relaxed)
     }
 
     /// Waits for the next message. One that can't be decoded is reported and skipped.

@@ -6,25 +6,15 @@ use super::arguments::ParameterOverride;
 use super::names;
 use super::parameters::{self, Declaration, Range};
 use super::start::NodeError;
-use crate::scene::{Kind, Override, Preset, Scene, SceneError, Value, keys};
+use crate::cli::scene_file;
+use crate::scene::{Kind, NewValue, Override, Scene, Value, keys};
 
 /// A scene by the name of a preset or by a path.
 ///
 /// # Errors
 /// [`NodeError`] if it is neither, or the file has a mistake.
 pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
-    match Preset::find(name_or_path) {
-        Ok(preset) => Ok(preset.scene()?),
-        Err(unknown @ SceneError::UnknownPreset { .. }) => {
-            if !name_or_path.contains(['/', '.']) {
-                return Err(unknown.into());
-            }
-            let text = std::fs::read_to_string(name_or_path)
-                .map_err(|e| NodeError::Other(format!("scene file {name_or_path}: {e}")))?;
-            Ok(Scene::from_toml(&text, name_or_path)?)
-        }
-        Err(other) => Err(other.into()),
-    }
+    Ok(scene_file::load(name_or_path)?)
 }
 
 /// One declaration per key that applies to the scene; the scene's own value is the default.
@@ -60,9 +50,7 @@ pub fn apply(scene: &Scene, overrides: &[ParameterOverride], node: &str) -> Resu
         .iter()
         .filter(|o| names::pattern_matches(&o.node_pattern, node) && keys::find(&o.name).is_some())
         .map(|o| match to_value(&o.value) {
-            Some(value) => {
-                Override { path: o.name.clone(), value: crate::scene::NewValue::Typed(value), place: o.origin.clone() }
-            }
+            Some(value) => Override { path: o.name.clone(), value: NewValue::Typed(value), place: o.origin.clone() },
             None => Override::text(&o.name, &parameters::show(&o.value), &o.origin),
         })
         .collect();

@@ -44,12 +44,21 @@ pub enum NodeError {
     /// The scene.
     #[error(transparent)]
     Scene(#[from] crate::scene::SceneError),
+    /// The scene's file.
+    #[error(transparent)]
+    SceneFile(Box<crate::cli::CliError>),
     /// Anything else, said in full.
     #[error("{0}")]
     Other(String),
     /// Wrong usage, said in full.
     #[error("{0}")]
     Usage(String),
+}
+
+impl From<crate::cli::CliError> for NodeError {
+    fn from(error: crate::cli::CliError) -> Self {
+        Self::SceneFile(Box::new(error))
+    }
 }
 
 impl NodeError {
@@ -59,7 +68,7 @@ impl NodeError {
         match self {
             Self::Argument(_) | Self::Environment(_) | Self::Name(_) | Self::Parameter(_) | Self::Usage(_) => USAGE,
             Self::Participant(ParticipantError::Name(_) | ParticipantError::Qos { .. }) => USAGE,
-            Self::Participant(_) | Self::Scene(_) | Self::Other(_) => FAILURE,
+            Self::Participant(_) | Self::Scene(_) | Self::SceneFile(_) | Self::Other(_) => FAILURE,
         }
     }
 }

@@ -25,6 +25,8 @@ pub struct Block<T> {
     pub gradient: Vec<[T; 3]>,
     /// Volume of each point, m^3.
     pub volume: Vec<T>,
+    /// Share of each point that is tissue: 1, or less where a needle fills its cell.
+    pub active: Vec<T>,
     /// Local indices of the corners of the point's cell: the nodes that share its volume ratio.
     pub corners: Vec<[u16; 4]>,
     /// First point of the block in the shape table.
@@ -106,6 +108,7 @@ impl<T: Real> Block<T> {
             local: table.nodes[entries.clone()].iter().map(|&n| position(&nodes, n)).collect(),
             gradient: table.gradient[entries].iter().map(|g| g.map(T::of)).collect(),
             volume: table.volume[first..last].iter().map(|&v| T::of(v)).collect(),
+            active: vec![T::of(1.0); last - first],
             corners: (first..last).map(|p| corners(p).map(|n| position(&nodes, n))).collect(),
             first_point: first,
             coarse_start,

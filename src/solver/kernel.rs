@@ -122,10 +122,26 @@ impl<T: Real> Kernel<T> {
         self.blocks.iter().map(|b| b.min_jacobian).fold(f64::INFINITY, f64::min)
     }
 
+    fn block_of(&self, point: usize) -> usize {
+        self.blocks.partition_point(|b| b.first_point <= point).saturating_sub(1)
+    }
+
+    /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
+    pub fn set_active(&mut self, point: usize, share: f64) {
+        let b = self.block_of(point);
+        let b = &mut self.blocks[b];
+        b.active[point - b.first_point] = T::of(share);
+    }
+
+    /// Makes every point tissue again.
+    pub fn activate_all(&mut self) {
+        self.blocks.iter_mut().for_each(|b| b.active.fill(T::of(1.0)));
+    }
+
     /// Deformation gradient (row-major) of one integration point at the last evaluation.
     #[must_use]
     pub fn deformation(&self, point: usize) -> [f64; 9] {
-        let b = &self.blocks[self.blocks.partition_point(|b| b.first_point <= point).saturating_sub(1)];
+        let b = &self.blocks[self.block_of(point)];
         gradient(&b.deformation[point - b.first_point]).map(Real::get)
     }
 
@@ -243,30 +259,17 @@ impl<T: Real> Block<T> {
         let mut min = T::of(f64::MAX);
         for p in 0..self.volume.len() {
             let range = self.start[p] as usize..self.start[p + 1] as usize;
-            // two sets of accumulators hide the latency of the additions
-            let mut sets = [[[T::default(); 4]; 3]; 2];
-            let (local, gradients) = (&self.local[range.clone()], &self.gradient[range]);
-            for (l, g) in local.chunks_exact(2).zip(gradients.chunks_exact(2)) {
-                for s in 0..2 {
-                    accumulate(&mut sets[s], &self.u[l[s] as usize], &g[s]);
-                }
-            }
-            if local.len() % 2 == 1 {
-                accumulate(&mut sets[0], &self.u[local[local.len() - 1] as usize], &gradients[gradients.len() - 1]);
-            }
-            let mut columns = sets[0];
+            let mut columns = T::gather(&self.local[range.clone()], &self.gradient[range], &self.u);
             for k in 0..3 {
-                for i in 0..4 {
-                    columns[k][i] += sets[1][k][i];
-                }
                 columns[k][k] += one;
             }
             self.deformation[p] = columns;
             let f = gradient(&columns);
             let j = determinant(&f, &cofactor(&f));
+            let active = self.active[p];
             // a NaN does not survive this comparison; the energy of pass 2 keeps it
-            min = if j < min { j } else { min };
-            let share = quarter * self.volume[p] * (j - one);
+            min = if j < min && active > T::default() { j } else { min };
+            let share = quarter * active * self.volume[p] * (j - one);
             for c in self.corners[p] {
                 self.dilation[c as usize] += share;
             }
@@ -313,20 +316,39 @@ impl<T: Real> Block<T> {
             let j = determinant(&f, &cof);
             let dilation = j - T::of(1.0);
             let pressure = self.projected_pressure(p) + pointwise * dilation;
-            let volume = self.volume[p];
+            let volume = self.active[p] * self.volume[p];
+            if volume == T::default() {
+                continue;
+            }
             energy += volume * (distortional_energy(&f, j, mu) + half * pointwise * dilation * dilation);
             let s = first_piola(&f, &cof, j, mu, pressure);
             let columns: [[T; 4]; 3] =
                 std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
             let range = self.start[p] as usize..self.start[p + 1] as usize;
-            for (&l, g) in self.local[range.clone()].iter().zip(&self.gradient[range]) {
-                let force = &mut self.force[l as usize];
-                for i in 0..4 {
-                    force[i] = columns[0][i].fma(g[0], columns[1][i].fma(g[1], columns[2][i].fma(g[2], force[i])));
-                }
-            }
+            T::scatter(&self.local[range.clone()], &self.gradient[range], &columns, &mut self.force);
         }
         self.energy = energy.get();
+    }
+}
+
+/// sum_j u_j (x) grad phi_j by columns. Two sets of accumulators hide the latency of the additions.
+#[inline(always)]
+pub(super) fn gather<T: Real>(local: &[u16], gradient: &[[T; 3]], u: &[[T; 4]]) -> [[T; 4]; 3] {
+    let mut sets = [[[T::default(); 4]; 3]; 2];
+    for (e, (l, g)) in local.iter().zip(gradient).enumerate() {
+        accumulate(&mut sets[e % 2], &u[usize::from(*l)], g);
+    }
+    std::array::from_fn(|k| std::array::from_fn(|i| sets[0][k][i] + sets[1][k][i]))
+}
+
+/// f_j += V P grad phi_j, with V P by columns.
+#[inline(always)]
+pub(super) fn scatter<T: Real>(local: &[u16], gradient: &[[T; 3]], columns: &[[T; 4]; 3], force: &mut [[T; 4]]) {
+    for (l, g) in local.iter().zip(gradient) {
+        let force = &mut force[usize::from(*l)];
+        for i in 0..4 {
+            force[i] = columns[0][i].fma(g[0], columns[1][i].fma(g[1], columns[2][i].fma(g[2], force[i])));
+        }
     }
 }
 

@@ -5,6 +5,8 @@ pub mod dilatation;
 pub mod kernel;
 pub mod pool;
 pub mod real;
+#[cfg(target_arch = "x86_64")]
+mod simd;
 mod state;
 mod step;
 

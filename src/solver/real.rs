@@ -31,6 +31,10 @@ pub trait Real:
     fn fma(self, b: Self, c: Self) -> Self;
     /// x^(-1/3) for x > 0.
     fn inverse_cube_root(self) -> Self;
+    /// sum_j u_j (x) grad phi_j by columns: the inner loop of pass 1.
+    fn gather(local: &[u16], gradient: &[[Self; 3]], u: &[[Self; 4]]) -> [[Self; 4]; 3];
+    /// f_j += V P grad phi_j, with V P by columns: the inner loop of pass 2.
+    fn scatter(local: &[u16], gradient: &[[Self; 3]], columns: &[[Self; 4]; 3], force: &mut [[Self; 4]]);
     /// [`Block::deform_points`] compiled for this machine.
     fn dispatch_deform(block: &mut Block<Self>);
     /// [`Block::stress_points`] compiled for this machine.
@@ -38,7 +42,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($t:ty, $iterations:literal, $deform:ident, $stress:ident) => {
+    ($t:ty, $iterations:literal, $deform:ident, $stress:ident, $($loops:item),*) => {
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
         fn $deform(block: &mut Block<$t>) {
@@ -77,9 +81,10 @@ macro_rules! real {
                 }
                 y
             }
+            $($loops)*
             fn dispatch_deform(block: &mut Block<Self>) {
                 #[cfg(target_arch = "x86_64")]
-                if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+                if has_fma() {
                     // SAFETY: the processor has both features.
                     return unsafe { $deform(block) };
                 }
@@ -87,7 +92,7 @@ macro_rules! real {
             }
             fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self) {
                 #[cfg(target_arch = "x86_64")]
-                if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+                if has_fma() {
                     // SAFETY: the processor has both features.
                     return unsafe { $stress(block, mu, pointwise) };
                 }
@@ -103,8 +108,51 @@ fn start(x: f64) -> f64 {
     f64::from_bits(0x553e_f0ff_289d_d796 - x.to_bits() / 3)
 }
 
-real!(f32, 3, deform_f32, stress_f32);
-real!(f64, 4, deform_f64, stress_f64);
+/// Whether the loops for AVX2 and FMA can run here. The library caches the answer.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn has_fma() -> bool {
+    std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
+}
+
+real!(
+    f32,
+    3,
+    deform_f32,
+    stress_f32,
+    #[inline(always)]
+    fn gather(local: &[u16], gradient: &[[f32; 3]], u: &[[f32; 4]]) -> [[f32; 4]; 3] {
+        #[cfg(target_arch = "x86_64")]
+        if has_fma() {
+            // SAFETY: features checked; local indices are positions in the block's node list, as long as `u`.
+            return unsafe { super::simd::gather(local, gradient, u) };
+        }
+        super::kernel::gather(local, gradient, u)
+    },
+    #[inline(always)]
+    fn scatter(local: &[u16], gradient: &[[f32; 3]], columns: &[[f32; 4]; 3], force: &mut [[f32; 4]]) {
+        #[cfg(target_arch = "x86_64")]
+        if has_fma() {
+            // SAFETY: as in `gather`.
+            return unsafe { super::simd::scatter(local, gradient, columns, force) };
+        }
+        super::kernel::scatter(local, gradient, columns, force);
+    }
+);
+real!(
+    f64,
+    4,
+    deform_f64,
+    stress_f64,
+    #[inline(always)]
+    fn gather(local: &[u16], gradient: &[[f64; 3]], u: &[[f64; 4]]) -> [[f64; 4]; 3] {
+        super::kernel::gather(local, gradient, u)
+    },
+    #[inline(always)]
+    fn scatter(local: &[u16], gradient: &[[f64; 3]], columns: &[[f64; 4]; 3], force: &mut [[f64; 4]]) {
+        super::kernel::scatter(local, gradient, columns, force);
+    }
+);
 
 #[cfg(test)]
 mod tests {

@@ -224,6 +224,7 @@ impl Solver {
         self.saved.clear();
         self.path.fill(Path::default());
         self.usual_travel = 0.0;
+        with_kernel!(&mut self.kernel, k => k.activate_all());
     }
 
     /// Smallest volume ratio at the last evaluation.
@@ -236,6 +237,11 @@ impl Solver {
     #[must_use]
     pub fn deformation(&self, point: usize) -> [f64; 9] {
         with_kernel!(&self.kernel, k => k.deformation(point))
+    }
+
+    /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
+    pub fn set_active(&mut self, point: usize, share: f64) {
+        with_kernel!(&mut self.kernel, k => k.set_active(point, share));
     }
 
     /// Calls `visit(point, F, p, V)` for every integration point: F row-major, pressure dU/dJ in Pa, volume in m^3.

@@ -77,6 +77,10 @@ impl Solver {
             let parts = k.parts();
             self.pool.run(&|team: &Team| march(team, &parts, &nodes, &rule));
         });
+        // further steps at the same pose must not travel the path again
+        for path in &mut self.path {
+            path.start = path.end;
+        }
     }
 
     /// Sums reactions and energies of the state after the last advance.

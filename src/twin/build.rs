@@ -4,7 +4,7 @@ use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Integration, Settings, ShapeTable};
 use crate::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
 use crate::instrument::{Bonded, Contact, NeedlePath};
-use crate::scene::{Instrument, InstrumentKind, Method, Scene, Shape};
+use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene, Shape};
 use crate::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
@@ -24,6 +24,12 @@ impl Twin {
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
+        if scene.discretisation.dimension == Dimension::Axisymmetric {
+            return Err(BuildError::Unsupported {
+                key: "discretisation.dimension",
+                reason: "\"axisymmetric\" is not built yet; use \"full\" or \"auto\"",
+            });
+        }
         let (cloud, reach) = make_cloud(scene)?;
         let top = scene.sample.shape.height().get();
         let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud.points, top, i));
@@ -119,6 +125,7 @@ fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, 
         InstrumentKind::Needle(needle) => {
             let window = layer_distance(held, cloud, top);
             let [x, y] = instrument.entry.map(|m| m.get());
+            let corners = || table.cell.iter().map(|&c| cloud.cells[c as usize]);
             let near = |c: &[u32; 4]| {
                 let p = c.map(|n| cloud.points[n as usize]);
                 let centre: [f64; 3] = std::array::from_fn(|k| p.iter().map(|q| q[k]).sum::<f64>() / 4.0);
@@ -126,7 +133,7 @@ fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, 
             };
             let watched =
                 (0..table.cell.len() as u32).filter(|&p| near(&cloud.cells[table.cell[p as usize] as usize])).collect();
-            Contact::Needle(Box::new(NeedlePath::new(held, &cloud.points, top, *needle, window, watched)))
+            Contact::Needle(Box::new(NeedlePath::new(held, &cloud.points, top, *needle, window, watched, corners())))
         }
     }
 }

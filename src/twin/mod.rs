@@ -126,6 +126,14 @@ pub enum Halt {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BuildError {
+    /// The scene asks for something that this version can't do.
+    #[error("{key}: {reason}")]
+    Unsupported {
+        /// The key at fault.
+        key: &'static str,
+        /// Why, and what to do.
+        reason: &'static str,
+    },
     /// The cloud of nodes could not be made.
     #[error("cloud: {0}")]
     Cloud(String),

@@ -2,18 +2,23 @@
 //!
 //! The inertial error of the force falls with the travel per step. Relative to the force it is about
 //! travel / (omega L) with omega the slowest frequency (rad per step) and L the distance over which the force changes
-//! by its own size; the steps that the tolerance asks for follow from that, and the instrument's force against the
-//! base's then says whether they were enough.
+//! by its own size: that gives the steps that the tolerance asks for. The gap between the instrument's force and the
+//! base's, zero at rest, then says whether they were enough; the next pose gets more while it is too wide, and fewer
+//! again when it has closed. An instrument at rest is followed until the gap has closed, then costs nothing.
 
 use crate::scene::{Scene, Stepping};
 use crate::solver::Balance;
 
 /// L over the height of the sample, times the ratio of measured to estimated error (the estimate is an upper bound).
-const LENGTH: f64 = 0.6;
+const LENGTH: f64 = 2.0;
 /// Forces below this share of mu H^2 are judged as if they were as large: near zero a relative error means nothing.
 const FORCE_FLOOR: f64 = 0.01;
-/// Steps of one relaxation towards equilibrium, over 1/omega.
+/// Steps of one relaxation towards equilibrium at rest, over 1/omega.
 const RELAXATION: f64 = 0.5;
+/// The gap, over what the tolerance allows, at which a resting instrument needs no more steps.
+const QUIET: f64 = 0.1;
+/// Largest factor on the steps that the tolerance asks for.
+const LARGEST_BOOST: f64 = 6.0;
 
 /// Pace of one scene.
 #[derive(Clone, Debug)]
@@ -25,6 +30,12 @@ pub(super) struct Pace {
     peak: f64,
     /// Largest |instrument force + base force| over the peak force, at the last pose.
     pub imbalance: f64,
+    /// The present gap over what the tolerance allows.
+    gap: f64,
+    /// Factor on the steps that the tolerance asks for, 1 or more.
+    boost: f64,
+    /// Most steps that there is time for.
+    pub limit: u32,
 }
 
 impl Pace {
@@ -36,35 +47,42 @@ impl Pace {
             force_floor: FORCE_FLOOR * scene.material.shear_modulus.get() * height * height,
             peak: 0.0,
             imbalance: 0.0,
+            gap: 0.0,
+            boost: 1.0,
+            limit: u32::MAX,
         }
     }
 
     /// Steps for a pose that is `travel` metres from the last one.
     pub fn steps(&self, travel: f64, slowest: f64) -> u32 {
         let s = &self.stepping;
-        if travel == 0.0 {
-            return 0;
+        if travel > 0.0 {
+            let wanted = self.boost * travel / (s.tolerance * slowest * self.length);
+            return (wanted.ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
-        let wanted = (travel / (s.tolerance * slowest * self.length)).ceil();
-        (wanted as u32).clamp(s.min_steps_per_pose, s.max_steps_per_pose)
+        if self.gap < QUIET { 0 } else { ((RELAXATION / slowest).ceil() as u32).min(self.most()) }
     }
 
-    /// Further steps that the balance asks for after `taken`; 0 when it is within the tolerance.
-    pub fn more(&mut self, balance: &Balance, slowest: f64, taken: u32) -> u32 {
+    /// Most steps that a pose may cost.
+    fn most(&self) -> u32 {
+        self.stepping.max_steps_per_pose.min(self.limit).max(1)
+    }
+
+    /// Learns from the balance after a pose.
+    pub fn judge(&mut self, balance: &Balance) {
         let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let force = norm(balance.instrument);
         self.peak = self.peak.max(force);
         let gap = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
         self.imbalance = if self.peak > 0.0 { gap / self.peak } else { 0.0 };
-        if gap <= self.stepping.tolerance * force.max(self.force_floor) {
-            return 0;
-        }
-        let relaxation = (RELAXATION / slowest).ceil() as u32;
-        relaxation.min(self.stepping.max_steps_per_pose.saturating_sub(taken))
+        self.gap = gap / (self.stepping.tolerance * force.max(self.force_floor));
+        self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
     }
 
     pub fn reset(&mut self) {
         self.peak = 0.0;
         self.imbalance = 0.0;
+        self.gap = 0.0;
+        self.boost = 1.0;
     }
 }

@@ -42,15 +42,8 @@ impl Twin {
             let steps = if idle { 0 } else { self.pace.steps(distance, self.solver.slowest()) };
             if steps > 0 {
                 balance = self.advance_safely(steps, -moved[2], tip.depth)?;
+                self.pace.judge(&balance);
                 taken = steps;
-            }
-            loop {
-                let more = self.pace.more(&balance, self.solver.slowest(), taken);
-                if more == 0 {
-                    break;
-                }
-                balance = self.advance_safely(more, 0.0, tip.depth)?;
-                taken += more;
             }
         }
         self.tip = tip.offset;
@@ -66,6 +59,18 @@ impl Twin {
             steps: taken,
             health: self.health(&balance),
         })
+    }
+
+    /// Says how many steps there is time for: a live twin that can't keep up takes fewer, larger steps rather than
+    /// fall behind. Offline nothing limits but the scene's `stepping.max_steps_per_pose`.
+    pub fn limit_steps(&mut self, most_per_pose: u32) {
+        self.pace.limit = most_per_pose;
+    }
+
+    /// Angular frequency of the slowest mode, rad per step.
+    #[must_use]
+    pub fn slowest(&self) -> f64 {
+        self.solver.slowest()
     }
 
     /// Back to the undeformed state.

@@ -1,9 +1,11 @@
 //! rosbags and mcap-ros2-support read our bags field by field.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::common::{python::run_script, random::Random};
 use needle_twin::bag::make::RigScene;
-use needle_twin::bag::{BagReader, BagWriter, Qos, Severity, TopicId, WriterOptions, check, recorded_types, schema};
+use needle_twin::bag::{
+    BagReader, BagWriter, Qos, Recording, Severity, TopicId, TopicNames, WriterOptions, check, recorded_types, schema,
+};
 use needle_twin::ros::messages::{
     RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin as own, rosgraph_msgs, sensor_msgs, std_msgs,
     to_cdr, visualization_msgs,
@@ -49,6 +51,9 @@ impl Both {
     }
 }
 
+/// Bytes in, the same message's bytes out.
+type Recode = fn(&[u8]) -> Vec<u8>;
+
 /// Decodes what the other side wrote in big-endian order and encodes it again.
 fn back<T: RosMessage>(bytes: &[u8]) -> Vec<u8> {
     to_cdr(&from_cdr::<T>(bytes).unwrap()).unwrap()
@@ -61,7 +66,7 @@ fn every_message_type_is_read_by_others() {
     let bag = BagWriter::create(&path, WriterOptions { chunk_bytes: 20_000, ..Default::default() }).unwrap();
     let mut both = Both { bag, expected: Vec::new(), encoded: Vec::new(), types: Vec::new() };
     let mut random = Random::new(1);
-    let mut decoders: Vec<(fn(&[u8]) -> Vec<u8>, usize)> = Vec::new();
+    let mut decoders: Vec<(Recode, usize)> = Vec::new();
     macro_rules! topics {
         ($($message:ty),* $(,)?) => {$(
             both.topic::<$message>(&mut random, 40);
@@ -139,4 +144,33 @@ fn the_shipped_bags_are_read_by_others() {
         let messages = Path::new(env!("CARGO_MANIFEST_DIR")).join("msg");
         run_script("bags/read_back.py", &[&path, json.path(), &messages]);
     }
+}
+
+#[test]
+fn bags_of_other_writers_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    run_script("bags/others.py", &[folder.path()]);
+    let mut read = 0;
+    for entry in std::fs::read_dir(folder.path()).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if name == "packed_files" {
+            let error = BagReader::open(&path).unwrap_err().to_string();
+            assert!(error.contains("FILE compression") && error.contains("convert"), "{error}");
+            continue;
+        }
+        let recording = Recording::load(&path, &TopicNames::default()).unwrap();
+        assert!(recording.losses.is_empty(), "{name}: {:?}", recording.losses);
+        assert_eq!((recording.depths.len(), recording.forces.len()), (300, 300), "{name}");
+        for (i, (depth, force)) in recording.depths.iter().zip(&recording.forces).enumerate() {
+            let (time_s, i) = (0.01 * i as f64, i as f64);
+            assert!((depth.time_s - time_s).abs() < 1e-12 && (force.time_s - time_s).abs() < 1e-12, "{name}");
+            assert_eq!((depth.depth_m, force.force_n[2]), (i * 1e-4, i * 1e-3), "{name}");
+        }
+        assert_eq!(BagReader::open(&path).unwrap().message_count(), 600, "{name}");
+        let report = check(&path).unwrap();
+        assert!(report.worst() <= Some(Severity::Warning), "{name}: {report:?}");
+        read += 1;
+    }
+    assert_eq!(read, 9);
 }

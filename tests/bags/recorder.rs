@@ -1,5 +1,5 @@
 //! The recorder when things go wrong: the process is killed, the disk is full.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::bag::{BagError, BagReader, BagWriter, Loss, Qos, WriterOptions, check};
 use needle_twin::ros::messages::std_msgs::Float64;

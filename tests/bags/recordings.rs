@@ -1,5 +1,5 @@
 //! The synthetic recordings: what is shipped is what `bag make` makes, and says what it is.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::bag::make::{RigRecording, RigScene};
 use needle_twin::bag::{BagError, BagReader, BagWriter, Qos, Recording, TopicNames, WriterOptions, check, embedded};
@@ -114,7 +114,10 @@ fn nothing_is_overwritten_and_nothing_is_left_behind() {
     assert!(matches!(made.write(&path), Err(BagError::Exists { .. })));
     assert!(matches!(BagWriter::create(&path, WriterOptions::default()), Err(BagError::Exists { .. })));
     assert!(made.write(folder.path().join("bag/metadata.yaml/x")).is_err());
-    assert!(RigRecording { depth_m: 1.0, ..made }.write(folder.path().join("deep")).is_err());
+    assert!(RigRecording { depth_m: 1.0, ..made.clone() }.write(folder.path().join("deep")).is_err());
+    // Where nothing can be made, the message names what was asked for.
+    let error = made.write("/proc/nowhere").unwrap_err().to_string();
+    assert!(error.starts_with("/proc/nowhere:"), "{error}");
     let names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(names, ["bag"]);
 }

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use needle_twin::bag::{BagWriter, Qos, WriterOptions};
+use needle_twin::bag::{BagWriter, Qos, TopicId, WriterOptions};
 use needle_twin::ros::messages::RosMessage;
 use needle_twin::ros::messages::builtin_interfaces::Time;
 use needle_twin::ros::messages::geometry_msgs::{Point, Pose, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
@@ -13,6 +13,8 @@ use needle_twin::ros::messages::std_msgs::Header;
 
 /// Stamp of the first message, ns since 1970.
 const START_NS: i64 = 1_767_225_600_000_000_000;
+/// The load cell's first reading: off the poses' grid, so that no force has a pose's stamp.
+const FORCE_DELAY_NS: i64 = 3_300_000;
 /// Depth of the approach's start, m: the needle begins 0.2 mm above the sample.
 const START_M: f64 = -0.0002;
 /// Speed, m/s.
@@ -24,7 +26,7 @@ const HEIGHT_M: f64 = 0.017;
 
 /// What goes into the bag.
 pub struct RigBag {
-    /// Scene that the bag names.
+    /// Scene that the bag names; the smallest of the presets by default.
     pub scene: Option<&'static str>,
     /// Depths as JointState on this topic.
     pub depth_topic: Option<&'static str>,
@@ -41,7 +43,7 @@ pub struct RigBag {
 impl Default for RigBag {
     fn default() -> Self {
         Self {
-            scene: None,
+            scene: Some("compression"),
             depth_topic: Some("/measured_js"),
             pose_topic: None,
             force_topic: Some("/measured_cf"),
@@ -57,18 +59,23 @@ impl RigBag {
         let custom_data: BTreeMap<_, _> = self.scene.map(|s| ("scene".to_owned(), s.to_owned())).into_iter().collect();
         let options = WriterOptions { chunk_bytes: 2000, flush_after: None, custom_data };
         let mut bag = BagWriter::create(folder.join(name), options).unwrap();
+        let qos = Qos::reliable(10);
+        let depths = self.depth_topic.map(|topic| bag.add_topic::<JointState>(topic, &qos).unwrap());
+        let poses = self.pose_topic.map(|topic| bag.add_topic::<PoseStamped>(topic, &qos).unwrap());
+        let forces = self.force_topic.map(|topic| bag.add_topic::<WrenchStamped>(topic, &qos).unwrap());
+        let mut force_ns = FORCE_DELAY_NS;
         for k in 0..self.readings {
             let depth = match self.nonsense {
                 Some((at, value)) if at == k => value,
                 _ => depth_at(f64::from(k) / 500.0),
             };
             let ns = i64::from(k) * 2_000_000;
-            self.depth_topic.iter().for_each(|topic| put(&mut bag, topic, ns, &joint_state(ns, depth)));
-            self.pose_topic.iter().for_each(|topic| put(&mut bag, topic, ns, &pose(ns, depth)));
-        }
-        // 3.3 ms off, so that no force has a pose's stamp.
-        for ns in (3_300_000..i64::from(self.readings) * 2_000_000).step_by(5_000_000) {
-            self.force_topic.iter().for_each(|topic| put(&mut bag, topic, ns, &wrench(ns)));
+            put(&mut bag, depths, ns, &joint_state(ns, depth));
+            put(&mut bag, poses, ns, &pose(ns, depth));
+            while force_ns < ns + 2_000_000 {
+                put(&mut bag, forces, force_ns, &wrench(force_ns));
+                force_ns += 5_000_000;
+            }
         }
         bag.finish().unwrap();
         folder.join(name)
@@ -80,10 +87,9 @@ pub fn depth_at(time_s: f64) -> f64 {
     START_M + SPEED * time_s
 }
 
-fn put<T: RosMessage>(bag: &mut BagWriter, topic: &str, ns: i64, message: &T) {
+fn put<T: RosMessage>(bag: &mut BagWriter, topic: Option<TopicId>, ns: i64, message: &T) {
     let at = (START_NS + ns) as u64;
-    let id = bag.add_topic::<T>(topic, &Qos::reliable(10)).unwrap();
-    bag.write(id, at + 300_000, at + 200_000, message).unwrap();
+    topic.iter().for_each(|topic| bag.write(*topic, at + 300_000, at + 200_000, message).unwrap());
 }
 
 fn header(ns: i64) -> Header {

@@ -63,6 +63,7 @@ fn slopes(points: &[(f64, f64)]) -> Vec<f64> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -210,6 +210,11 @@ impl RigRecording {
             fs::rename(&aside, folder).map_err(|e| open(folder, e))?;
             Ok(Written { folder: folder.to_path_buf(), ..written })
         });
+        // Whoever reads the message knows of `folder` only.
+        let written = written.map_err(|error| match error {
+            BagError::Open { path, source } if path.starts_with(&aside) => open(folder, source),
+            other => other,
+        });
         if written.is_err() {
             let _ = fs::remove_dir_all(&aside);
         }
@@ -252,6 +257,7 @@ fn times(since_ns: i64) -> (Time, u64) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

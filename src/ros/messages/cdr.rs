@@ -90,6 +90,7 @@ pub(super) mod octets {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::ros::messages::std_msgs::{Float64, Header};

@@ -98,6 +98,8 @@ pub(super) struct Live {
     pub withheld: u64,
     pub not_finite: u64,
     pub steps: u64,
+    /// Wall time of stepping, s.
+    pub stepping_s: f64,
     pub last: Option<Answer>,
     pub puncture_depth_m: Option<f64>,
     pub halted: Option<String>,
@@ -147,7 +149,9 @@ impl Live {
         self.stepping.record(answer.done - answer.begun);
         self.window.answered += 1;
         self.window.steps += u64::from(answer.prediction.steps);
-        self.window.stepping_s += (answer.done - answer.begun).as_secs_f64();
+        let stepping_s = (answer.done - answer.begun).as_secs_f64();
+        self.stepping_s += stepping_s;
+        self.window.stepping_s += stepping_s;
         let stamp = answer.stamp.nanos();
         if let Some(before) = self.last_stamp_nanos.replace(stamp) {
             self.window.input_s += (stamp - before).max(0) as f64 * 1e-9;

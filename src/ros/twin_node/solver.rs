@@ -67,7 +67,7 @@ pub(super) fn run(
     if built.send(Ok(Box::new(model))).is_err() {
         return;
     }
-    Solver { twin, origin_nanos: None, stamp: Time::default(), depth_m: 0.0, halted: false }
+    Solver { twin, origin_nanos: None, stamp: Time::default(), depth_m: 0.0, halted: false, step_s: 0.0 }
         .answer_all(inbox, events, snapshots);
 }
 
@@ -78,7 +78,13 @@ struct Solver {
     stamp: Time,
     depth_m: f64,
     halted: bool,
+    /// Wall time of one explicit step of late, s.
+    step_s: f64,
 }
+
+/// Wall time that one pose may cost, s: an answer older than this is of no use to a driver, so a twin that can't keep
+/// up takes fewer steps and skips to the newest pose.
+const ANSWER_BUDGET_S: f64 = 0.010;
 
 impl Solver {
     fn answer_all(mut self, inbox: &Inbox, events: &Sender<Event>, snapshots: &Sender<Box<Snapshot>>) {
@@ -131,6 +137,14 @@ impl Solver {
         let begun = Instant::now();
         let outcome = self.twin.step(StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose });
         let done = Instant::now();
+        if let Ok(prediction) = &outcome
+            && prediction.steps > 0
+        {
+            let step_s = (done - begun).as_secs_f64() / f64::from(prediction.steps);
+            self.step_s += 0.2 * (step_s - self.step_s);
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+            self.twin.limit_steps((ANSWER_BUDGET_S / self.step_s) as u32);
+        }
         match outcome {
             Ok(prediction) => {
                 self.stamp = input.stamp;

@@ -222,6 +222,7 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
         milliseconds("latency p95 (ms)", live.total.quantile(0.95)),
         milliseconds("latency p99 (ms)", live.total.quantile(0.99)),
         milliseconds("latency max (ms)", live.total.max()),
+        value("stepping in all (s)", format!("{:.6}", live.stepping_s)),
         milliseconds("queue p99 (ms)", live.queue.quantile(0.99)),
         milliseconds("stepping p50 (ms)", live.stepping.quantile(0.5)),
         milliseconds("stepping p99 (ms)", live.stepping.quantile(0.99)),

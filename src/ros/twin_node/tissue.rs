@@ -204,17 +204,18 @@ fn deformed(model: &Model, snapshot: &Snapshot) -> impl Iterator<Item = [f64; 3]
     model.points.iter().zip(&snapshot.displacements).map(|(x, u)| [x[0] + u[0], x[1] + u[1], x[2] + u[2]])
 }
 
-/// x, y, z, `displacement` (m) and `jacobian` as 32-bit floats.
+/// x, y, z, `displacement` (m), `jacobian` and `von_mises_pa` as 32-bit floats.
 #[allow(clippy::cast_possible_truncation)] // for display
 fn cloud(header: Header, model: &Model, snapshot: &Snapshot) -> PointCloud2 {
-    const FIELDS: [&str; 5] = ["x", "y", "z", "displacement", "jacobian"];
+    const FIELDS: [&str; 6] = ["x", "y", "z", "displacement", "jacobian", "von_mises_pa"];
     const STEP: u32 = 4 * FIELDS.len() as u32;
     let mut data = Vec::with_capacity(model.points.len() * STEP as usize);
     for (i, point) in deformed(model, snapshot).enumerate() {
         let [x, y, z] = snapshot.displacements[i];
         let magnitude = (x * x + y * y + z * z).sqrt();
         let jacobian = snapshot.jacobian.get(i).copied().unwrap_or(1.0);
-        for value in point.into_iter().chain([magnitude, jacobian]) {
+        let stress = snapshot.von_mises_pa.get(i).copied().unwrap_or(0.0);
+        for value in point.into_iter().chain([magnitude, jacobian, stress]) {
             data.extend_from_slice(&(value as f32).to_le_bytes());
         }
     }
@@ -290,9 +291,9 @@ mod tests {
         };
         let snapshot = Snapshot { displacements: vec![[0.0, 3.0, 4.0]], jacobian: vec![0.5], ..Snapshot::default() };
         let cloud = cloud(Header::default(), &model, &snapshot);
-        assert_eq!((cloud.width, cloud.point_step, cloud.row_step), (1, 20, 20));
+        assert_eq!((cloud.width, cloud.point_step, cloud.row_step), (1, 24, 24));
         let floats: Vec<f32> =
             cloud.data.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        assert_eq!(floats, [1.0, 5.0, 7.0, 5.0, 0.5]);
+        assert_eq!(floats, [1.0, 5.0, 7.0, 5.0, 0.5, 0.0]);
     }
 }

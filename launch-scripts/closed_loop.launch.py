@@ -1,0 +1,33 @@
+"""Needle driver and twin: whoever publishes servo_jp moves the needle, the twin says what the tissue answers."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    share = FindPackageShare("needle_twin")
+    return LaunchDescription([
+        DeclareLaunchArgument("namespace", default_value=""),
+        DeclareLaunchArgument(
+            "params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
+        ),
+        Node(
+            package="needle_twin",
+            executable="twin_node",
+            name="twin",
+            namespace=LaunchConfiguration("namespace"),
+            output="screen",
+            parameters=[LaunchConfiguration("params_file")],
+        ),
+        Node(
+            package="needle_twin",
+            executable="rig_node",
+            name="rig",
+            namespace=LaunchConfiguration("namespace"),
+            output="screen",
+            parameters=[PathJoinSubstitution([share, "parameters", "rig_driver.yaml"])],
+        ),
+    ])

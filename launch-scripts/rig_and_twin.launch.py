@@ -1,0 +1,39 @@
+"""Rig and twin: a recording is played, the twin predicts, both in simulated time."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    share = FindPackageShare("needle_twin")
+    return LaunchDescription([
+        DeclareLaunchArgument("bag", default_value=PathJoinSubstitution([share, "bags", "needle_insertion"])),
+        DeclareLaunchArgument("rate", default_value="1.0"),
+        DeclareLaunchArgument(
+            "params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
+        ),
+        DeclareLaunchArgument("log_level", default_value="info"),
+        Node(
+            package="needle_twin",
+            executable="twin_node",
+            name="twin",
+            output="screen",
+            parameters=[LaunchConfiguration("params_file"), {"use_sim_time": True}],
+            ros_arguments=["--log-level", LaunchConfiguration("log_level")],
+        ),
+        Node(
+            package="needle_twin",
+            executable="rig_node",
+            name="rig",
+            output="screen",
+            parameters=[
+                PathJoinSubstitution([share, "parameters", "rig_player.yaml"]),
+                # The model is built meanwhile.
+                {"bag": LaunchConfiguration("bag"), "rate": LaunchConfiguration("rate"), "delay": 8.0},
+            ],
+            ros_arguments=["--log-level", LaunchConfiguration("log_level")],
+        ),
+    ])

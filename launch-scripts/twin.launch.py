@@ -1,0 +1,27 @@
+"""The twin alone: your own rig publishes measured_js (or measured_cp) and measured_cf."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    share = FindPackageShare("needle_twin")
+    default = PathJoinSubstitution([share, "parameters", "twin.yaml"])
+    return LaunchDescription([
+        DeclareLaunchArgument("namespace", default_value=""),
+        DeclareLaunchArgument("params_file", default_value=default),
+        DeclareLaunchArgument("use_sim_time", default_value="false"),
+        DeclareLaunchArgument("log_level", default_value="info"),
+        Node(
+            package="needle_twin",
+            executable="twin_node",
+            name="twin",
+            namespace=LaunchConfiguration("namespace"),
+            output="screen",
+            parameters=[LaunchConfiguration("params_file"), {"use_sim_time": LaunchConfiguration("use_sim_time")}],
+            ros_arguments=["--log-level", LaunchConfiguration("log_level")],
+        ),
+    ])

@@ -1,0 +1,249 @@
+//! Listens to rig and twin as any third program could: keeps what they say, and records it into a bag.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use ros2_client::Client;
+
+use super::arguments::RosArguments;
+use super::environment::Environment;
+use super::graph::Graph;
+use super::messages::RosMessage;
+use super::messages::diagnostic_msgs::DiagnosticArray;
+use super::messages::geometry_msgs::{PoseArray, WrenchStamped};
+use super::messages::needle_twin::{ForceComparison, TissueModel, TissueState, TwinStatus};
+use super::messages::rosbag2_interfaces::Empty;
+use super::messages::sensor_msgs::{JointState, PointCloud2};
+use super::names::Names;
+use super::participant::{Input, Participant};
+use super::qos;
+use super::start::NodeError;
+use crate::bag::{BagWriter, Qos, TopicId};
+
+/// Messages that may wait between two looks: seconds at any sensible rate.
+const DEPTH: usize = 4000;
+
+/// A value with the stamp of its header and the wall time at which it came, both in ns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heard<T> {
+    /// Stamp of the header.
+    pub stamp_ns: i64,
+    /// When it was received.
+    pub received_ns: i64,
+    /// What was said.
+    pub value: T,
+}
+
+/// Jacobian and von Mises stress (Pa) at the reference points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PointFields {
+    /// Volume ratio.
+    pub jacobian: Vec<f64>,
+    /// Stress, Pa.
+    pub von_mises_pa: Vec<f64>,
+}
+
+/// Everything that was heard, in the order in which it came.
+#[derive(Debug, Default)]
+pub struct Observations {
+    /// The model, once the twin has built it.
+    pub model: Option<TissueModel>,
+    /// Depth of the first joint, m.
+    pub depths: Vec<Heard<f64>>,
+    /// Load cell, N.
+    pub measured: Vec<Heard<[f64; 3]>>,
+    /// Prediction, N.
+    pub predicted: Vec<Heard<[f64; 3]>>,
+    /// State of the twin.
+    pub status: Vec<Heard<TwinStatus>>,
+    /// Displacements.
+    pub tissue: Vec<Heard<TissueState>>,
+    /// Fields at the points.
+    pub fields: Vec<Heard<PointFields>>,
+    /// Positions of the targets, m.
+    pub targets: Vec<Heard<Vec<[f64; 3]>>>,
+    /// Last value of each key of `/diagnostics`.
+    pub diagnostics: BTreeMap<String, String>,
+    /// Comparisons that the twin published.
+    pub comparisons: u64,
+}
+
+/// Writes what is heard. A bag that can't be written is said once; the listening goes on.
+struct Recorder {
+    writer: BagWriter,
+    topics: BTreeMap<String, TopicId>,
+    failed: Option<String>,
+}
+
+impl Recorder {
+    fn write<M: RosMessage>(&mut self, topic: &str, qos: &Qos, [received, sent]: [i64; 2], message: &M) {
+        if self.failed.is_some() {
+            return;
+        }
+        let ns = |t: i64| u64::try_from(t).unwrap_or(0);
+        let id = match self.topics.get(topic) {
+            Some(id) => Ok(*id),
+            None => self.writer.add_topic::<M>(topic, qos),
+        };
+        let written = id.and_then(|id| {
+            self.topics.insert(topic.to_owned(), id);
+            self.writer.write(id, ns(received), ns(sent), message)
+        });
+        self.failed = written.err().map(|e| e.to_string());
+    }
+}
+
+/// See the module.
+pub struct Observer {
+    joint: Input<JointState>,
+    wrench: Input<WrenchStamped>,
+    force: Input<WrenchStamped>,
+    comparison: Input<ForceComparison>,
+    status: Input<TwinStatus>,
+    model: Input<TissueModel>,
+    tissue: Input<TissueState>,
+    points: Input<PointCloud2>,
+    targets: Input<PoseArray>,
+    diagnostics: Input<DiagnosticArray>,
+    resume: Client<Empty, Empty>,
+    asked: Option<Instant>,
+    resumed: bool,
+    graph: Graph,
+    recorder: Option<Recorder>,
+    /// What was heard so far.
+    pub heard: Observations,
+    // Last: a clean leave drops the endpoints before the node.
+    _participant: Participant,
+}
+
+impl Observer {
+    /// Joins the domain as node `/demo` and subscribes to everything that rig and twin publish in the root namespace.
+    /// What is heard goes into `bag`, if there is one.
+    ///
+    /// # Errors
+    /// [`NodeError`] if the network can't be joined.
+    pub fn join(environment: &Environment, bag: Option<BagWriter>) -> Result<Self, NodeError> {
+        let names = Names::new("demo", &RosArguments::default())?;
+        let mut participant = Participant::join(names, environment, &[], false)?;
+        Ok(Self {
+            joint: participant.subscription("measured_js", qos::reliable(DEPTH))?,
+            wrench: participant.subscription("measured_cf", qos::sensor(DEPTH))?,
+            force: participant.subscription("predicted_cf", qos::reliable(DEPTH))?,
+            comparison: participant.subscription("comparison", qos::reliable(DEPTH))?,
+            status: participant.subscription("status", qos::reliable(DEPTH))?,
+            model: participant.subscription("tissue_model", qos::latched())?,
+            tissue: participant.subscription("tissue_state", qos::sensor(100))?,
+            points: participant.subscription("tissue_points", qos::sensor(100))?,
+            targets: participant.subscription("targets", qos::reliable(100))?,
+            diagnostics: participant.subscription("/diagnostics", qos::reliable(100))?,
+            resume: participant.client("/rig/resume", "rosbag2_interfaces", "Resume")?,
+            asked: None,
+            resumed: false,
+            graph: participant.graph(),
+            recorder: bag.map(|writer| Recorder { writer, topics: BTreeMap::new(), failed: None }),
+            heard: Observations::default(),
+            _participant: participant,
+        })
+    }
+
+    /// Whether rig and twin are both heard.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        self.joint.publishers() > 0 && self.wrench.publishers() > 0 && self.force.publishers() > 0
+    }
+
+    /// Calls the rig's `~/resume` until it answers; true once it has.
+    pub fn resume_rig(&mut self) -> bool {
+        if !self.resumed && self.asked.is_none_or(|at| at.elapsed() > Duration::from_millis(500)) {
+            self.asked = Some(Instant::now());
+            if let Err(error) = self.resume.send_request(Empty::default()) {
+                tracing::warn!("~/resume could not be asked for: {error:?}");
+            }
+        }
+        self.resumed |= matches!(self.resume.receive_response(), Ok(Some(_)));
+        self.resumed
+    }
+
+    /// Takes everything that has come.
+    pub fn poll(&mut self) {
+        self.graph.poll();
+        let Self { heard, recorder, .. } = self;
+        let (reliable, best_effort) = (Qos::reliable(10), Qos::best_effort(5));
+        drain(&self.joint, recorder, &reliable, |m, [received, _]| {
+            if let Some(depth) = m.position.first() {
+                heard.depths.push(Heard { stamp_ns: m.header.stamp.nanos(), received_ns: received, value: *depth });
+            }
+        });
+        drain(&self.wrench, recorder, &reliable, |m, [received, _]| {
+            heard.measured.push(heard_force(&m, received));
+        });
+        drain(&self.force, recorder, &reliable, |m, [received, _]| {
+            heard.predicted.push(heard_force(&m, received));
+        });
+        drain(&self.comparison, recorder, &reliable, |_, _| heard.comparisons += 1);
+        drain(&self.status, recorder, &reliable, |m, [received, _]| {
+            heard.status.push(Heard { stamp_ns: m.header.stamp.nanos(), received_ns: received, value: m });
+        });
+        drain(&self.model, recorder, &Qos::transient_local(1), |m, _| heard.model = Some(m));
+        drain(&self.tissue, recorder, &best_effort, |m, [received, _]| {
+            heard.tissue.push(Heard { stamp_ns: m.header.stamp.nanos(), received_ns: received, value: m });
+        });
+        drain(&self.points, recorder, &best_effort, |m, [received, _]| {
+            let stamp_ns = m.header.stamp.nanos();
+            heard.fields.push(Heard { stamp_ns, received_ns: received, value: point_fields(&m) });
+        });
+        drain(&self.targets, recorder, &reliable, |m, [received, _]| {
+            let positions = m.poses.iter().map(|p| p.position.into()).collect();
+            heard.targets.push(Heard { stamp_ns: m.header.stamp.nanos(), received_ns: received, value: positions });
+        });
+        drain(&self.diagnostics, recorder, &reliable, |m, _| {
+            let values = m.status.into_iter().flat_map(|s| s.values);
+            heard.diagnostics.extend(values.map(|v| (v.key, v.value)));
+        });
+    }
+
+    /// Leaves the network and closes the bag: what was heard, and what could not be recorded.
+    #[must_use]
+    pub fn leave(self) -> (Observations, Option<String>) {
+        let failed = self.recorder.and_then(|recorder| match (recorder.failed, recorder.writer.finish()) {
+            (Some(error), _) => Some(error),
+            (None, finished) => finished.err().map(|e| e.to_string()),
+        });
+        (self.heard, failed)
+    }
+}
+
+fn drain<M: RosMessage + 'static>(
+    input: &Input<M>,
+    recorder: &mut Option<Recorder>,
+    qos: &Qos,
+    mut keep: impl FnMut(M, [i64; 2]),
+) {
+    while let Some((message, times)) = input.take_timed() {
+        if let Some(recorder) = recorder {
+            recorder.write(input.topic(), qos, times, &message);
+        }
+        keep(message, times);
+    }
+}
+
+fn heard_force(message: &WrenchStamped, received_ns: i64) -> Heard<[f64; 3]> {
+    Heard { stamp_ns: message.header.stamp.nanos(), received_ns, value: message.wrench.force.into() }
+}
+
+/// The scalar fields of a cloud; a field that it does not have stays empty.
+fn point_fields(cloud: &PointCloud2) -> PointFields {
+    let step = usize::try_from(cloud.point_step).unwrap_or(0);
+    let column = |name: &str| -> Vec<f64> {
+        let Some(offset) = cloud.fields.iter().find(|f| f.name == name).and_then(|f| usize::try_from(f.offset).ok())
+        else {
+            return Vec::new();
+        };
+        let value = |point: &[u8]| {
+            let bytes = point.get(offset..offset + 4)?.try_into().ok()?;
+            Some(f64::from(f32::from_le_bytes(bytes)))
+        };
+        if step == 0 { Vec::new() } else { cloud.data.chunks_exact(step).filter_map(value).collect() }
+    };
+    PointFields { jacobian: column("jacobian"), von_mises_pa: column("von_mises_pa") }
+}

@@ -1,0 +1,77 @@
+//! Small clouds, and the internal force on them, for tests of the numerical method itself.
+#![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
+
+use needle_twin::approximation::{Basis, Integration, Settings, ShapeTable};
+use needle_twin::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
+use needle_twin::scene::VolumeRatio;
+use needle_twin::solver::kernel::Kernel;
+use needle_twin::solver::pool::{Pool, Team};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::Rng;
+
+/// Sylgard 527 as in the presets, Pa.
+pub const MU: f64 = 1678.0;
+/// kappa = 2 mu (1 + nu) / (3 (1 - 2 nu)) at nu = 0.49, Pa.
+pub const KAPPA: f64 = 2.0 * MU * 1.49 / 0.06;
+
+pub const MMLS: Option<Basis> = Some(Basis::Quadratic { penalty: 1e-2 });
+pub const MLS: Option<Basis> = Some(Basis::Linear);
+pub const TET4: Option<Basis> = None;
+
+/// The three approximations, with the presets' penalty.
+pub const METHODS: [(&str, Option<Basis>); 3] = [("mmls", MMLS), ("mls", MLS), ("tet4", TET4)];
+
+/// Settings with the presets' support factor.
+pub fn settings(basis: Option<Basis>, integration: Integration) -> Settings {
+    Settings { basis, support_factor: 1.8, integration }
+}
+
+pub const HEIGHT: f64 = 0.017;
+pub const CAPTURE_RADIUS: f64 = 0.001;
+
+/// The presets' cylinder with a needle's path, and which nodes interpolate: base and path, as in a scene.
+pub fn cylinder_with_path() -> (Cloud, Vec<bool>) {
+    let path = Feature::Path { centre: [0.0; 2], capture_radius: CAPTURE_RADIUS, length: 0.011, spacing: 0.0005 };
+    let spacing = Spacing { far: 0.003, growth: 0.3, features: vec![path] };
+    let cloud = cloud::generate(&Domain::Cylinder { radius: 0.015, height: HEIGHT }, &spacing).unwrap();
+    let held = |(p, f): (&[f64; 3], &u8)| f & BASE != 0 || p[0].hypot(p[1]) <= CAPTURE_RADIUS * (1.0 + 1e-9);
+    let interpolating = cloud.points.iter().zip(&cloud.faces).map(held).collect();
+    (cloud, interpolating)
+}
+
+/// A cube of 20 mm with nodes about 4 mm apart.
+pub fn cube() -> Cloud {
+    cloud::generate(&Domain::Box { size: [0.02; 3] }, &Spacing { far: 0.004, growth: 0.3, features: vec![] }).unwrap()
+}
+
+/// Uniform in [0, 1).
+pub fn uniform(random: &mut ChaCha8Rng) -> f64 {
+    (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// A random point of the body: random barycentric coordinates in a random cell.
+pub fn inside(cloud: &Cloud, random: &mut ChaCha8Rng) -> [f64; 3] {
+    let cell = cloud.cells[(uniform(random) * cloud.cells.len() as f64) as usize];
+    let share: [f64; 4] = std::array::from_fn(|_| 0.01 + uniform(random));
+    let total: f64 = share.iter().sum();
+    std::array::from_fn(|k| (0..4).map(|a| share[a] * cloud.points[cell[a] as usize][k] / total).sum())
+}
+
+/// Internal force on every node, N, in double precision and with the presets' volume ratio.
+pub fn internal_force(points: &[[f64; 3]], cells: &[[u32; 4]], table: &ShapeTable, u: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let mut kernel = Kernel::<f64>::new(table, cells, points, MU, KAPPA, VolumeRatio::Projected);
+    let parts = kernel.parts();
+    Pool::new(1).run(&|team: &Team| parts.force(team, u));
+    // SAFETY: the only evaluation is over.
+    (0..points.len()).map(|n| unsafe { parts.node_force(n) }).collect()
+}
+
+/// Euclidean length.
+pub fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// a - b.
+pub fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| a[k] - b[k])
+}

@@ -1,0 +1,48 @@
+//! Coarse scenes, and poses for them, for tests of the twin.
+#![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
+
+use needle_twin::scene::{Override, Scene};
+use needle_twin::twin::{Prediction, StampedPose, Twin};
+
+/// A preset on a coarse cloud, for depths up to 3 mm.
+pub fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
+    let mut all = vec![
+        ("discretisation.spacing_m", "0.003"),
+        ("discretisation.edge_refinement", "0.5"),
+        ("motion.depth_m", "0.003"),
+    ];
+    if preset == "needle_insertion" {
+        all.push(("instrument.capture_radius_m", "0.001"));
+    }
+    let changes: Vec<_> = all.iter().chain(changes).map(|(path, value)| Override::text(path, value, "test")).collect();
+    Scene::preset(preset).unwrap().with(&changes).unwrap()
+}
+
+/// The twin's answer to a depth, m.
+pub fn at_depth(twin: &mut Twin, depth_m: f64) -> Prediction {
+    let pose = StampedPose { time_s: 0.0, pose: twin.pose_at_depth(depth_m) };
+    twin.step(pose).unwrap()
+}
+
+/// Moves from depth to depth in equal poses and returns all answers.
+pub fn travel(twin: &mut Twin, from_m: f64, to_m: f64, poses: u32) -> Vec<Prediction> {
+    let depth = |k| from_m + (to_m - from_m) * f64::from(k) / f64::from(poses);
+    (1..=poses).map(|k| at_depth(twin, depth(k))).collect()
+}
+
+/// Presses to a depth in poses of 50 um and stays there until the twin finds nothing left to do.
+pub fn press(twin: &mut Twin, depth_m: f64) -> Prediction {
+    travel(twin, 0.0, depth_m, (depth_m / 50e-6).ceil() as u32);
+    for _ in 0..2000 {
+        let answer = at_depth(twin, depth_m);
+        if answer.steps == 0 {
+            return answer;
+        }
+    }
+    at_depth(twin, depth_m)
+}
+
+/// All of an answer in digits that distinguish any two doubles.
+pub fn digits(answers: &[Prediction]) -> Vec<String> {
+    answers.iter().map(|a| format!("{a:?}")).collect()
+}

@@ -1,0 +1,102 @@
+//! Balance of forces: what the instrument feels, the base gives back; and what the force must not depend on.
+#![allow(clippy::unwrap_used)]
+
+mod clouds;
+mod coarse;
+
+use clouds::{METHODS, internal_force, minus, norm, settings, uniform};
+use coarse::{press, scene};
+use needle_twin::approximation::Integration;
+use needle_twin::approximation::table::Approximation;
+use needle_twin::twin::Twin;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// Depth of the indentations, m.
+const DEPTH: f64 = 1e-3;
+
+/// Vertical force at rest, N.
+fn force(changes: &[(&str, &str)]) -> f64 {
+    press(&mut Twin::new(&scene("indentation", changes)).unwrap(), DEPTH).force_n[2]
+}
+
+#[test]
+fn the_base_gives_back_the_force_of_the_instrument() {
+    for preset in ["indentation", "compression"] {
+        let mut twin = Twin::new(&scene(preset, &[])).unwrap();
+        let answer = press(&mut twin, DEPTH);
+        let total = std::array::from_fn(|k| answer.force_n[k] + answer.base_force_n[k]);
+        let gap = norm(total) / norm(answer.force_n);
+        println!("{preset}: {:.5} N, gap {:.3} %", answer.force_n[2], 100.0 * gap);
+        assert_eq!(answer.steps, 0, "{preset} comes to rest");
+        assert!(answer.force_n[2] > 0.05, "{preset}: the tissue pushes the instrument out");
+        assert!(gap < 0.005, "{preset}: {gap}");
+        // an axisymmetric problem on an irregular cloud: lateral forces are errors of discretisation
+        let side = answer.force_n[0].hypot(answer.force_n[1]) / answer.force_n[2];
+        assert!(side < 0.02, "{preset}: lateral force {side}");
+    }
+}
+
+/// The free nodes move on until their forces vanish; all the nodes' forces together vanish in any state.
+#[test]
+fn internal_forces_sum_to_zero_in_any_state() {
+    let (cloud, interpolating) = clouds::cylinder_with_path();
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let u: Vec<[f64; 3]> =
+        cloud.points.iter().map(|_| std::array::from_fn(|_| 1e-4 * (uniform(&mut random) - 0.5))).collect();
+    for (name, basis) in METHODS {
+        let settings = settings(basis, Integration::Gauss(1));
+        let table = Approximation::new(&cloud.points, &cloud.cells, interpolating.clone(), settings).table().unwrap();
+        let force = internal_force(&cloud.points, &cloud.cells, &table, &u);
+        let sum = force.iter().fold([0.0; 3], |s, f| std::array::from_fn(|k| s[k] + f[k]));
+        let total: f64 = force.iter().map(|f| norm(*f)).sum();
+        println!("{name}: sum {:.1e} of {total:.3} N", norm(sum));
+        assert!(total > 1e-3, "{name}: there are forces to sum");
+        assert!(norm(sum) < 1e-12 * total, "{name}: {:.1e} of {total} N", norm(sum));
+    }
+}
+
+#[test]
+fn a_mirrored_body_has_mirrored_forces() {
+    let (cloud, interpolating) = clouds::cylinder_with_path();
+    let mirror = |x: &[f64; 3]| [-x[0], x[1], x[2]];
+    let points: Vec<_> = cloud.points.iter().map(mirror).collect();
+    let cells: Vec<_> = cloud.cells.iter().map(|c| [c[0], c[2], c[1], c[3]]).collect();
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let u: Vec<[f64; 3]> =
+        points.iter().map(|_| std::array::from_fn(|_| 1e-4 * (uniform(&mut random) - 0.5))).collect();
+    let mirrored: Vec<_> = u.iter().map(mirror).collect();
+    for (name, basis) in METHODS {
+        let settings = settings(basis, Integration::Gauss(1));
+        let table = |points: &[[f64; 3]], cells: &[[u32; 4]]| {
+            Approximation::new(points, cells, interpolating.clone(), settings).table().unwrap()
+        };
+        let a = internal_force(&cloud.points, &cloud.cells, &table(&cloud.points, &cloud.cells), &u);
+        let b = internal_force(&points, &cells, &table(&points, &cells), &mirrored);
+        let largest = a.iter().map(|f| norm(*f)).fold(0.0, f64::max);
+        let off = a.iter().zip(&b).map(|(a, b)| norm(minus(mirror(a), *b))).fold(0.0, f64::max);
+        assert!(off < 1e-10 * largest, "{name}: {:.1e}", off / largest);
+    }
+}
+
+#[test]
+fn three_times_the_modulus_is_three_times_the_force() {
+    let ratio = force(&[("material.shear_modulus_pa", "5034.0")]) / force(&[]);
+    println!("force ratio {ratio:.6}");
+    assert!((ratio / 3.0 - 1.0).abs() < 0.003, "{ratio}");
+}
+
+#[test]
+fn single_precision_has_the_force_of_double() {
+    let off = force(&[("discretisation.precision", "f32")]) / force(&[("discretisation.precision", "f64")]) - 1.0;
+    println!("f32 against f64: {:.4} %", 100.0 * off);
+    assert!(off.abs() < 0.001, "{off}");
+}
+
+/// Poses ten times as dense and a tolerance ten times as tight ask for many more steps, not for another force.
+#[test]
+fn the_force_at_rest_does_not_depend_on_the_pace() {
+    let off = force(&[("stepping.tolerance", "0.001")]) / force(&[]) - 1.0;
+    println!("tight against default tolerance: {:.4} %", 100.0 * off);
+    assert!(off.abs() < 0.002, "{off}");
+}

@@ -1,0 +1,85 @@
+//! Contract of [`Twin::step`]: no memory is allocated per pose, in any phase, on any of the solver's threads.
+#![allow(clippy::unwrap_used)]
+
+mod coarse;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use coarse::scene;
+use needle_twin::twin::{Phase, StampedPose, Twin};
+
+/// The system's allocator, counting while told to. Freed memory counts too: a real-time loop must do neither.
+struct Counting;
+
+static COUNTS: AtomicBool = AtomicBool::new(false);
+static CALLS: AtomicU64 = AtomicU64::new(0);
+
+fn count() {
+    if COUNTS.load(Ordering::Relaxed) {
+        CALLS.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+// SAFETY: every call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promise.
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations during the poses from depth to depth, and the phases seen.
+fn calls(twin: &mut Twin, depths: &[f64]) -> (u64, Vec<Phase>) {
+    let mut phases = Vec::with_capacity(depths.len());
+    let before = CALLS.load(Ordering::SeqCst);
+    for depth in depths {
+        let pose = StampedPose { time_s: 0.0, pose: twin.pose_at_depth(*depth) };
+        COUNTS.store(true, Ordering::SeqCst);
+        let answer = twin.step(pose);
+        COUNTS.store(false, Ordering::SeqCst);
+        phases.push(answer.unwrap().phase);
+    }
+    (CALLS.load(Ordering::SeqCst) - before, phases)
+}
+
+/// One test in this file: another one's allocations would be counted too.
+#[test]
+fn a_step_allocates_nothing() {
+    COUNTS.store(true, Ordering::SeqCst);
+    drop(std::hint::black_box(vec![0u8; 100]));
+    COUNTS.store(false, Ordering::SeqCst);
+    assert!(CALLS.load(Ordering::SeqCst) >= 2, "the counter counts");
+    for (preset, changes) in
+        [("needle_insertion", &[("instrument.puncture_strain", "0.1")] as &[_]), ("indentation", &[])]
+    {
+        rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
+            let mut twin = Twin::new(&scene(preset, changes)).unwrap();
+            // the first poses wake the threads up
+            calls(&mut twin, &[-2e-3, -1e-3, 1e-5, 2e-5]);
+            let down = (1..=60).map(|k| f64::from(k) * 5e-5);
+            let up = (0..60).rev().map(|k| f64::from(k) * 5e-5);
+            let depths: Vec<f64> = down.chain(up).chain([-1e-3, 1e-3]).collect();
+            let (count, phases) = calls(&mut twin, &depths);
+            assert!(phases.contains(&Phase::Indentation) && phases.contains(&Phase::Approach), "{phases:?}");
+            assert_eq!(phases.contains(&Phase::Penetration), preset == "needle_insertion", "{phases:?}");
+            assert_eq!(count, 0, "{preset}: {count} calls of the allocator in {} poses", depths.len());
+        });
+    }
+}

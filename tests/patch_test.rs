@@ -1,0 +1,111 @@
+//! Patch test: a linear displacement prescribed on the whole boundary of a cube must come out linear inside. And the
+//! rigid motions: no force anywhere.
+#![allow(clippy::unwrap_used)]
+
+mod clouds;
+
+use approx::assert_abs_diff_eq;
+use clouds::{KAPPA, METHODS, MLS, MMLS, MU, TET4, internal_force, minus, norm, settings};
+use needle_twin::approximation::table::Approximation;
+use needle_twin::approximation::{Basis, Integration};
+use needle_twin::cloud::Cloud;
+use needle_twin::scene::{Precision, VolumeRatio};
+use needle_twin::solver::{Advance, Role, Solver, SolverSettings};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// Stretch, compression and shear of up to 10 %, and a change of volume of about 1 %.
+const A: [[f64; 3]; 3] = [[0.06, 0.08, -0.03], [0.02, -0.05, 0.1], [0.04, -0.02, 0.01]];
+
+fn linear(x: [f64; 3]) -> [f64; 3] {
+    A.map(|row| (0..3).map(|k| row[k] * x[k]).sum())
+}
+
+/// Largest error of the field at the cube's nodes and at random points, over the largest displacement.
+fn patch_error(cloud: &Cloud, basis: Option<Basis>, integration: Integration) -> f64 {
+    let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();
+    let settings = settings(basis, integration);
+    let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings);
+    let role = boundary.iter().map(|b| if *b { Role::Instrument } else { Role::Free }).collect();
+    let settings = SolverSettings {
+        shear_modulus: MU,
+        bulk_modulus: KAPPA,
+        volume_ratio: VolumeRatio::Projected,
+        precision: Precision::F64,
+        step_factor: 0.9,
+        threads: 1,
+    };
+    let mut solver = Solver::new(&approximation.table().unwrap(), &cloud.cells, &cloud.points, role, &settings);
+    for n in (0..boundary.len()).filter(|&n| boundary[n]) {
+        solver.prescribe(n, linear(cloud.points[n]));
+    }
+    // the deviation dies down as exp(-omega n), or faster: exp(-30) is round-off
+    let slowly = |times: f64| Advance { steps: (times / solver.slowest()).ceil() as u32, travel: 0.0 };
+    let (load, rest) = (slowly(2.0), slowly(30.0));
+    solver.advance(&load);
+    solver.advance(&rest);
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let mut at = cloud.points.clone();
+    at.extend((0..300).map(|_| clouds::inside(cloud, &mut random)));
+    let field = approximation.field(&at).unwrap();
+    let largest = at.iter().map(|x| norm(linear(*x))).fold(0.0, f64::max);
+    let error = |i: usize| norm(minus(field.at(i, solver.parameters()), linear(at[i])));
+    (0..at.len()).map(error).fold(0.0, f64::max) / largest
+}
+
+#[test]
+fn linear_tetrahedra_pass_exactly() {
+    let error = patch_error(&clouds::cube(), TET4, Integration::Gauss(1));
+    println!("tet4: {error:.2e}");
+    assert!(error < 1e-6, "{error:.1e}");
+}
+
+/// Meshless shape functions are no polynomials, so Gauss points integrate their gradients with an error, and a constant
+/// stress leaves forces on interior nodes. More points, or the cells' mean gradients, leave less.
+#[test]
+fn meshless_methods_pass_up_to_the_error_of_integration() {
+    let cloud = clouds::cube();
+    for (name, basis, bounds) in [("mmls", MMLS, [1.0, 1.0, 1.0]), ("mls", MLS, [1.0, 1.0, 1.0])] {
+        let rules = [Integration::Gauss(1), Integration::Gauss(4), Integration::Smoothed];
+        let errors = rules.map(|rule| patch_error(&cloud, basis, rule));
+        println!("{name}: {errors:.2e?} for {rules:?}");
+        for i in 0..3 {
+            assert!(errors[i] < bounds[i], "{name} {:?}: {:.2e}", rules[i], errors[i]);
+        }
+        assert!(errors[1] < errors[0], "{name}: more points per cell must not be worse: {errors:.2e?}");
+    }
+}
+
+#[test]
+fn rigid_motions_cause_no_force() {
+    let cloud = clouds::cube();
+    let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();
+    let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.9, -1.2, 0.4)).into_inner();
+    let shift = [0.004, -0.02, 0.01];
+    let translated = |_: [f64; 3]| shift;
+    let rotated = |x: [f64; 3]| {
+        let r = turn * nalgebra::Vector3::from(x);
+        std::array::from_fn(|k| r[k] - x[k] + shift[k])
+    };
+    let motions: [(&str, &dyn Fn([f64; 3]) -> [f64; 3]); 2] = [("translation", &translated), ("rotation", &rotated)];
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let at: Vec<_> = (0..300).map(|_| clouds::inside(&cloud, &mut random)).collect();
+    for (name, basis) in METHODS {
+        let approximation =
+            Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings(basis, Integration::Gauss(1)));
+        let (table, field) = (approximation.table().unwrap(), approximation.field(&at).unwrap());
+        for (motion, displacement) in motions {
+            let u: Vec<[f64; 3]> = cloud.points.iter().map(|x| displacement(*x)).collect();
+            let force = internal_force(&cloud.points, &cloud.cells, &table, &u);
+            let largest = force.iter().map(|f| norm(*f)).fold(0.0, f64::max);
+            // the force of a unit strain on a cell's face is mu h^2; kappa is 50 mu, and round-off is 1e-16
+            let unit = MU * 0.004 * 0.004;
+            println!("{name}, {motion}: {:.1e}", largest / unit);
+            assert!(largest < 1e-11 * unit, "{name}, {motion}: {:.1e} of mu h^2", largest / unit);
+            for (i, x) in at.iter().enumerate() {
+                let (got, want) = (field.at(i, &u), displacement(*x));
+                (0..3).for_each(|k| assert_abs_diff_eq!(got[k], want[k], epsilon = 1e-14));
+            }
+        }
+    }
+}
