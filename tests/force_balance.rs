@@ -6,7 +6,6 @@ mod coarse;
 
 use clouds::{METHODS, internal_force, minus, norm, settings, uniform};
 use coarse::{press, scene};
-use needle_twin::approximation::Integration;
 use needle_twin::approximation::table::Approximation;
 use needle_twin::twin::Twin;
 use rand_chacha::ChaCha8Rng;
@@ -45,7 +44,7 @@ fn internal_forces_sum_to_zero_in_any_state() {
     let u: Vec<[f64; 3]> =
         cloud.points.iter().map(|_| std::array::from_fn(|_| 1e-4 * (uniform(&mut random) - 0.5))).collect();
     for (name, basis) in METHODS {
-        let settings = settings(basis, Integration::Gauss(1));
+        let settings = settings(basis, 1);
         let table = Approximation::new(&cloud.points, &cloud.cells, interpolating.clone(), settings).table().unwrap();
         let force = internal_force(&cloud.points, &cloud.cells, &table, &u);
         let sum = force.iter().fold([0.0; 3], |s, f| std::array::from_fn(|k| s[k] + f[k]));
@@ -67,7 +66,7 @@ fn a_mirrored_body_has_mirrored_forces() {
         points.iter().map(|_| std::array::from_fn(|_| 1e-4 * (uniform(&mut random) - 0.5))).collect();
     let mirrored: Vec<_> = u.iter().map(mirror).collect();
     for (name, basis) in METHODS {
-        let settings = settings(basis, Integration::Gauss(1));
+        let settings = settings(basis, 1);
         let table = |points: &[[f64; 3]], cells: &[[u32; 4]]| {
             Approximation::new(points, cells, interpolating.clone(), settings).table().unwrap()
         };

@@ -6,8 +6,8 @@ mod clouds;
 
 use approx::assert_abs_diff_eq;
 use clouds::{KAPPA, METHODS, MLS, MMLS, MU, TET4, internal_force, minus, norm, settings};
+use needle_twin::approximation::Basis;
 use needle_twin::approximation::table::Approximation;
-use needle_twin::approximation::{Basis, Integration};
 use needle_twin::cloud::Cloud;
 use needle_twin::scene::{Precision, VolumeRatio};
 use needle_twin::solver::{Advance, Role, Solver, SolverSettings};
@@ -22,9 +22,9 @@ fn linear(x: [f64; 3]) -> [f64; 3] {
 }
 
 /// Largest error of the field at the cube's nodes and at random points, over the largest displacement.
-fn patch_error(cloud: &Cloud, basis: Option<Basis>, integration: Integration) -> f64 {
+fn patch_error(cloud: &Cloud, basis: Option<Basis>, points_per_cell: u32) -> f64 {
     let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();
-    let settings = settings(basis, integration);
+    let settings = settings(basis, points_per_cell);
     let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings);
     let role = boundary.iter().map(|b| if *b { Role::Instrument } else { Role::Free }).collect();
     let settings = SolverSettings {
@@ -55,24 +55,23 @@ fn patch_error(cloud: &Cloud, basis: Option<Basis>, integration: Integration) ->
 
 #[test]
 fn linear_tetrahedra_pass_exactly() {
-    let error = patch_error(&clouds::cube(), TET4, Integration::Gauss(1));
+    let error = patch_error(&clouds::cube(), TET4, 1);
     println!("tet4: {error:.2e}");
     assert!(error < 1e-6, "{error:.1e}");
 }
 
-/// Meshless shape functions are no polynomials, so Gauss points integrate their gradients with an error, and a constant
-/// stress leaves forces on interior nodes. More points, or the cells' mean gradients, leave less.
+/// Meshless shape functions of interior nodes do not vanish on the boundary between its nodes, and Gauss points
+/// integrate their gradients with an error, so a constant stress leaves forces inside and the test passes only up to
+/// them. On this cube of few nodes: about 6% of the largest displacement with one point per cell, 7% with four.
 #[test]
-fn meshless_methods_pass_up_to_the_error_of_integration() {
+fn meshless_methods_pass_up_to_the_error_of_boundary_and_integration() {
     let cloud = clouds::cube();
-    for (name, basis, bounds) in [("mmls", MMLS, [1.0, 1.0, 1.0]), ("mls", MLS, [1.0, 1.0, 1.0])] {
-        let rules = [Integration::Gauss(1), Integration::Gauss(4), Integration::Smoothed];
-        let errors = rules.map(|rule| patch_error(&cloud, basis, rule));
-        println!("{name}: {errors:.2e?} for {rules:?}");
-        for i in 0..3 {
-            assert!(errors[i] < bounds[i], "{name} {:?}: {:.2e}", rules[i], errors[i]);
+    for (name, basis) in [("mmls", MMLS), ("mls", MLS)] {
+        for points_per_cell in [1, 4] {
+            let error = patch_error(&cloud, basis, points_per_cell);
+            println!("{name}, {points_per_cell} points per cell: {error:.3}");
+            assert!(error < 0.09, "{name}, {points_per_cell} points per cell: {error:.3}");
         }
-        assert!(errors[1] < errors[0], "{name}: more points per cell must not be worse: {errors:.2e?}");
     }
 }
 
@@ -91,8 +90,7 @@ fn rigid_motions_cause_no_force() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let at: Vec<_> = (0..300).map(|_| clouds::inside(&cloud, &mut random)).collect();
     for (name, basis) in METHODS {
-        let approximation =
-            Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings(basis, Integration::Gauss(1)));
+        let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings(basis, 1));
         let (table, field) = (approximation.table().unwrap(), approximation.field(&at).unwrap());
         for (motion, displacement) in motions {
             let u: Vec<[f64; 3]> = cloud.points.iter().map(|x| displacement(*x)).collect();

@@ -56,7 +56,7 @@ fn a_reset_twin_repeats_itself_bit_by_bit() {
             &[("instrument.puncture_strain", "0.05")][..usize::from(preset == "needle_insertion")],
         ))
         .unwrap();
-        let mut run = |twin: &mut Twin| {
+        let run = |twin: &mut Twin| {
             let mut answers = vec![at_depth(twin, -1e-3)];
             answers.extend(travel(twin, -1e-3, depth, poses));
             answers.extend(travel(twin, depth, 0.5 * depth, poses / 2));

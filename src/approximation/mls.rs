@@ -1,14 +1,16 @@
 //! Moving least squares and its modified form (MMLS): shape functions and their exact derivatives at a point.
 //!
-//! u_h(x) = p^T(x) a(x), where a minimises J = sum_j w_j (p^T(x_j) a - u_j)^2 + sum_k eta a_k^2, the last sum over
-//! the six quadratic coefficients (Joldes et al. 2015). With M = sum_j w_j p_j p_j^T + H:
+//! u_h(x) = p^T(x) a(x), where a minimises J = sum_j w_j (p^T(x_j) a - u_j)^2 + eta sum_j w_j sum_k (r_j^2 a_k)^2, the
+//! last sum over the six quadratic coefficients (Joldes et al. 2015; weighted and scaled so that eta has no dimension
+//! and a factor on the weights or a node at the rim of its support changes nothing). With M = sum_j w_j p_j p_j^T + H,
+//! H = eta sum_j w_j (r_j / L)^4 diag(0, 0, 0, 0, 1, ..., 1):
 //!
 //! ```text
 //! phi_j   = w_j p_j . y                        M y   = p(x)
 //! phi_j,k = w_j,k p_j . y + w_j p_j . z_k      M z_k = p_,k(x) - M_,k y
 //! ```
 //!
-//! Coordinates are xi = (X - x)/L with L the mean support radius, so eta has no dimension and p(x) = e_1.
+//! Coordinates are xi = (X - x)/L with L the mean support radius, so p(x) = e_1 and M is well conditioned.
 
 use super::weight::Weight;
 
@@ -74,9 +76,9 @@ impl Fit {
         self.p.clear();
         self.p.extend(neighbours.iter().map(|n| monomials(n.offset, inv_l)));
         let mut m = [[0.0; N]; N];
-        let mut weight_sum = 0.0;
+        let mut penalty = 0.0;
         for (n, p) in neighbours.iter().zip(&self.p) {
-            weight_sum += n.weight.0;
+            penalty += n.weight.0 * (n.radius * inv_l).powi(4);
             for r in 0..N {
                 let wp = n.weight.0 * p[r];
                 for c in 0..=r {
@@ -84,9 +86,8 @@ impl Fit {
                 }
             }
         }
-        // eta is relative to the sum of the weights: a weight function may be multiplied by any factor.
         for k in 4..N {
-            m[k][k] += eta * weight_sum;
+            m[k][k] += eta * penalty;
         }
         cholesky(&mut m)?;
         let mut y = [0.0; N];
@@ -95,12 +96,19 @@ impl Fit {
         self.value.clear();
         self.value.extend(neighbours.iter().zip(&self.p).map(|(n, p)| n.weight.0 * dot(p, &y)));
         if with_gradient {
-            self.derivatives::<N>(neighbours, &m, &y, inv_l);
+            self.derivatives::<N>(neighbours, &m, &y, inv_l, eta);
         }
         Ok(())
     }
 
-    fn derivatives<const N: usize>(&mut self, neighbours: &[Neighbour], m: &[[f64; N]; N], y: &[f64; N], inv_l: f64) {
+    fn derivatives<const N: usize>(
+        &mut self,
+        neighbours: &[Neighbour],
+        m: &[[f64; N]; N],
+        y: &[f64; N],
+        inv_l: f64,
+        eta: f64,
+    ) {
         let mut z = [[0.0; N]; 3];
         for (n, p) in neighbours.iter().zip(&self.p) {
             let py = dot(p, y);
@@ -112,6 +120,9 @@ impl Fit {
             }
         }
         for (k, zk) in z.iter_mut().enumerate() {
+            // H varies with the point through the sum of the weights
+            let penalty: f64 = neighbours.iter().map(|n| weight_gradient(n, k) * (n.radius * inv_l).powi(4)).sum();
+            (4..N).for_each(|r| zk[r] -= eta * penalty * y[r]);
             zk[k + 1] += inv_l;
             solve(m, zk);
         }
@@ -147,7 +158,8 @@ fn cholesky<const N: usize>(m: &mut [[f64; N]; N]) -> Result<(), Singular> {
         for k in 0..c {
             m[c][c] -= m[c][k] * m[c][k];
         }
-        if !(m[c][c] > PIVOT * diagonal) {
+        // a pivot that is not a number is no better than one that is too small
+        if m[c][c].is_nan() || m[c][c] <= PIVOT * diagonal {
             return Err(Singular);
         }
         let root = m[c][c].sqrt();

@@ -6,4 +6,4 @@ pub mod table;
 pub mod weight;
 
 pub use mls::Basis;
-pub use table::{ApproximationError, Field, Integration, Settings, ShapeTable};
+pub use table::{ApproximationError, Field, Settings, ShapeTable};

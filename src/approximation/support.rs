@@ -126,8 +126,7 @@ impl Supports {
         }
     }
 
-    /// Nodes whose support holds x, in node order. `scale` multiplies every radius from the given list of candidates
-    /// (1 for the cloud's own supports; larger values only reach nodes that share the point's box).
+    /// Nodes whose support holds x, in node order, with their weights there. Overwrites `out`.
     pub fn at(&self, x: [f64; 3], out: &mut Vec<Neighbour>) {
         out.clear();
         let b: [usize; 3] =
@@ -151,7 +150,7 @@ impl Supports {
         &self.radii
     }
 
-    /// Multiplies one node's radius and enters it anew is not possible; a repaired cloud is indexed again.
+    /// Nodes, m.
     #[must_use]
     pub fn points(&self) -> &[[f64; 3]] {
         &self.points

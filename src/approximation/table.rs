@@ -25,16 +25,6 @@ pub enum ApproximationError {
     },
 }
 
-/// Where the integrand is sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Integration {
-    /// Gradients at 1, 4 or 5 Gauss points per cell.
-    Gauss(u32),
-    /// One point per cell with the cell's mean gradient, (1/V) sum over its faces of phi_j n A: interior forces of a
-    /// constant stress cancel exactly, as in stabilised conforming integration.
-    Smoothed,
-}
-
 /// Shape functions: basis, support and integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -42,8 +32,8 @@ pub struct Settings {
     pub basis: Option<Basis>,
     /// alpha of the support radii.
     pub support_factor: f64,
-    /// Integration.
-    pub integration: Integration,
+    /// Gauss points per cell: 1, 4 or 5.
+    pub points_per_cell: u32,
 }
 
 /// Per integration point: support nodes, gradients, volume, cell.
@@ -140,12 +130,9 @@ impl Approximation {
     /// # Errors
     /// [`ApproximationError::Singular`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let rows: Vec<Vec<Row>> = match (self.settings.basis, self.settings.integration) {
-            (None, _) => self.cells.par_iter().map(|c| vec![self.linear(c)]).collect(),
-            (Some(basis), Integration::Gauss(n)) => {
-                self.cells.par_iter().map(|c| self.gauss(c, basis, n)).collect::<Result<_, _>>()?
-            }
-            (Some(basis), Integration::Smoothed) => self.smoothed(basis)?,
+        let rows: Vec<Vec<Row>> = match self.settings.basis {
+            None => self.cells.par_iter().map(|c| vec![self.linear(c)]).collect(),
+            Some(basis) => self.cells.par_iter().map(|c| self.gauss(c, basis)).collect::<Result<_, _>>()?,
         };
         Ok(assemble(&rows))
     }
@@ -187,10 +174,10 @@ impl Approximation {
         Row { volume, nodes: c.to_vec(), gradient: gradient.to_vec() }
     }
 
-    fn gauss(&self, c: &[u32; 4], basis: Basis, n: u32) -> Result<Vec<Row>, ApproximationError> {
+    fn gauss(&self, c: &[u32; 4], basis: Basis) -> Result<Vec<Row>, ApproximationError> {
         let x = self.corners(c);
         let (volume, _) = tetrahedron(&x);
-        gauss_points(n)
+        gauss_points(self.settings.points_per_cell)
             .iter()
             .map(|(bary, weight)| {
                 let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
@@ -201,50 +188,6 @@ impl Approximation {
                 })
             })
             .collect()
-    }
-
-    fn smoothed(&self, basis: Basis) -> Result<Vec<Vec<Row>>, ApproximationError> {
-        let (faces, of_cell) = faces(&self.cells);
-        let values: Vec<Vec<(u32, f64)>> = faces
-            .par_iter()
-            .map(|f| {
-                let x = f.map(|n| self.points[n as usize]);
-                let at = std::array::from_fn(|k| (x[0][k] + x[1][k] + x[2][k]) / 3.0);
-                self.with_fit(at, basis, false, |n, fit| {
-                    n.iter().map(|n| n.node).zip(fit.value.iter().copied()).collect()
-                })
-            })
-            .collect::<Result<_, _>>()?;
-        Ok(self
-            .cells
-            .par_iter()
-            .zip(&of_cell)
-            .map(|(c, cell_faces)| vec![self.smoothed_cell(c, cell_faces, &values)])
-            .collect())
-    }
-
-    /// Face f of a tetrahedron is opposite corner f, and n A / V = -3 grad lambda_f.
-    fn smoothed_cell(&self, c: &[u32; 4], cell_faces: &[u32; 4], values: &[Vec<(u32, f64)>]) -> Row {
-        let (volume, lambda) = tetrahedron(&self.corners(c));
-        let mut entries: Vec<(u32, [f64; 3])> = Vec::new();
-        for f in 0..4 {
-            for &(node, phi) in &values[cell_faces[f] as usize] {
-                entries.push((node, lambda[f].map(|g| -3.0 * g * phi)));
-            }
-        }
-        entries.sort_by_key(|e| e.0);
-        let mut row = Row { volume, nodes: Vec::new(), gradient: Vec::new() };
-        for (node, g) in entries {
-            if row.nodes.last() == Some(&node) {
-                if let Some(last) = row.gradient.last_mut() {
-                    (0..3).for_each(|k| last[k] += g[k]);
-                }
-            } else {
-                row.nodes.push(node);
-                row.gradient.push(g);
-            }
-        }
-        row
     }
 
     fn barycentric(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
@@ -305,26 +248,4 @@ fn gauss_points(n: u32) -> Vec<([f64; 4], f64)> {
         5 => std::iter::once(([0.25; 4], -0.8)).chain(vertex(0.5).map(|p| (p, 0.45))).collect(),
         _ => vec![([0.25; 4], 1.0)],
     }
-}
-
-/// Unique faces (sorted corners) and, per cell, the face opposite each corner.
-fn faces(cells: &[[u32; 4]]) -> (Vec<[u32; 3]>, Vec<[u32; 4]>) {
-    let mut all: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * cells.len());
-    for (i, c) in cells.iter().enumerate() {
-        for f in 0..4 {
-            let mut face = [c[(f + 1) % 4], c[(f + 2) % 4], c[(f + 3) % 4]];
-            face.sort_unstable();
-            all.push((face, (4 * i + f) as u32));
-        }
-    }
-    all.par_sort_unstable();
-    let mut unique: Vec<[u32; 3]> = Vec::with_capacity(all.len() / 2 + 1);
-    let mut of_cell = vec![[0; 4]; cells.len()];
-    for (face, slot) in all {
-        if unique.last() != Some(&face) {
-            unique.push(face);
-        }
-        of_cell[slot as usize / 4][slot as usize % 4] = (unique.len() - 1) as u32;
-    }
-    (unique, of_cell)
 }

@@ -117,6 +117,8 @@ pub struct Solver {
     pub(super) mass: Vec<f64>,
     pub(super) role: Vec<Role>,
     pub(super) path: Vec<Path>,
+    /// Eigenvector and eigenvalue estimates of the undeformed state.
+    pub(super) first_probe: (Vec<[f64; 3]>, f64),
     /// Present estimate of the eigenvector of the largest eigenvalue of M^-1 K, and scratch for its image.
     pub(super) probe: Vec<[f64; 3]>,
     pub(super) scratch: Vec<[f64; 3]>,
@@ -152,6 +154,7 @@ impl Solver {
             saved: State::new(nodes),
             mass: bound_masses(table, nodes, kappa + 4.0 / 3.0 * mu),
             path: vec![Path::default(); nodes],
+            first_probe: (Vec::new(), 0.0),
             probe: noise(&role),
             scratch: vec![[0.0; 3]; nodes],
             slowest: 0.0,
@@ -168,6 +171,8 @@ impl Solver {
         solver.mass.iter_mut().for_each(|m| *m *= scale);
         solver.largest /= scale;
         solver.slowest = sway_frequency(&solver.mass, points, table.volume.iter().sum(), mu);
+        solver.first_probe = (solver.probe.clone(), solver.largest);
+        step::evaluate(&mut solver);
         solver
     }
 
@@ -225,6 +230,9 @@ impl Solver {
         self.path.fill(Path::default());
         self.usual_travel = 0.0;
         with_kernel!(&mut self.kernel, k => k.activate_all());
+        self.probe.copy_from_slice(&self.first_probe.0);
+        self.largest = self.first_probe.1;
+        step::evaluate(self);
     }
 
     /// Smallest volume ratio at the last evaluation.

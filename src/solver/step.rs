@@ -190,6 +190,17 @@ impl Nodes<'_> {
     }
 }
 
+/// Evaluates the internal force at the present nodal parameters, so that deformation, energy and smallest volume ratio
+/// are those of the state and not of a probe.
+pub(super) fn evaluate(solver: &mut Solver) {
+    let u = Dealt::new(&mut solver.state.u);
+    with_kernel!(&mut solver.kernel, k => {
+        let parts = k.parts();
+        // SAFETY: `u` is only read.
+        solver.pool.run(&|team: &Team| parts.force(team, unsafe { u.read() }));
+    });
+}
+
 /// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
 pub(super) fn probe(solver: &mut Solver) {
     let largest = solver.probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));

@@ -1,7 +1,7 @@
 //! From scene to twin: cloud, shape table, solver, contact. Done once.
 
 use crate::approximation::table::Approximation;
-use crate::approximation::{ApproximationError, Basis, Integration, Settings, ShapeTable};
+use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use crate::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
 use crate::instrument::{Bonded, Contact, NeedlePath};
 use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene, Shape};
@@ -77,7 +77,7 @@ fn settings(scene: &Scene) -> Settings {
             Method::Tet4 => None,
         },
         support_factor: d.support_factor,
-        integration: Integration::Gauss(d.points_per_cell),
+        points_per_cell: d.points_per_cell,
     }
 }
 

@@ -37,11 +37,12 @@ impl Twin {
         if let Some(contact) = &mut self.contact {
             (phase, event) = contact.impose(&tip, &mut self.solver);
             let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt();
-            // above the surface nothing moves the tissue
-            let idle = phase == Phase::Approach && self.phase == Phase::Approach;
-            let steps = if idle { 0 } else { self.pace.steps(distance, self.solver.slowest()) };
+            // above the surface the instrument moves, but not the tissue
+            let apart = phase == Phase::Approach && self.phase == Phase::Approach;
+            let (distance, travel) = if apart { (0.0, 0.0) } else { (distance, -moved[2]) };
+            let steps = self.pace.steps(distance, self.solver.slowest());
             if steps > 0 {
-                balance = self.advance_safely(steps, -moved[2], tip.depth)?;
+                balance = self.advance_safely(steps, travel, tip.depth)?;
                 self.pace.judge(&balance);
                 taken = steps;
             }

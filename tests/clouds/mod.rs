@@ -1,7 +1,7 @@
 //! Small clouds, and the internal force on them, for tests of the numerical method itself.
 #![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
 
-use needle_twin::approximation::{Basis, Integration, Settings, ShapeTable};
+use needle_twin::approximation::{Basis, Settings, ShapeTable};
 use needle_twin::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
 use needle_twin::scene::VolumeRatio;
 use needle_twin::solver::kernel::Kernel;
@@ -22,8 +22,8 @@ pub const TET4: Option<Basis> = None;
 pub const METHODS: [(&str, Option<Basis>); 3] = [("mmls", MMLS), ("mls", MLS), ("tet4", TET4)];
 
 /// Settings with the presets' support factor.
-pub fn settings(basis: Option<Basis>, integration: Integration) -> Settings {
-    Settings { basis, support_factor: 1.8, integration }
+pub fn settings(basis: Option<Basis>, points_per_cell: u32) -> Settings {
+    Settings { basis, support_factor: 1.8, points_per_cell }
 }
 
 pub const HEIGHT: f64 = 0.017;

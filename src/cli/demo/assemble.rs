@@ -103,14 +103,18 @@ fn depth_at(answers: &[Answer], time_s: f64) -> f64 {
 
 fn health(run: &mut Run, heard: &Observations) {
     let peak = heard.status.iter().map(|s| s.value.predicted_n.abs()).fold(0.0, f64::max);
+    // The status relates the imbalance to the peak so far, which is next to nothing at first contact.
+    let (mut so_far, mut imbalance_n) = (0.0_f64, 0.0_f64);
     for Heard { value: status, .. } in heard.status.iter().filter(|s| s.value.poses_answered > 0) {
         run.min_jacobian = run.min_jacobian.min(status.min_jacobian);
-        run.force_imbalance = run.force_imbalance.max(status.force_imbalance);
+        so_far = so_far.max(status.predicted_n.abs());
+        imbalance_n = imbalance_n.max(status.force_imbalance * so_far);
         run.constraint_error_m = run.constraint_error_m.max(status.constraint_error_m);
         if status.predicted_n.abs() >= 0.1 * peak {
             run.max_kinetic_to_strain_energy = run.max_kinetic_to_strain_energy.max(status.kinetic_to_strain_energy);
         }
     }
+    run.force_imbalance = if peak > 0.0 { imbalance_n / peak } else { 0.0 };
     let Some(Heard { value: last, .. }) = heard.status.last() else { return };
     run.steps = last.steps;
     run.missed_deadlines = last.missed_deadlines;

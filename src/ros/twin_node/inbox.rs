@@ -130,6 +130,7 @@ impl Inbox {
 }
 
 #[cfg(test)]
+#[allow(clippy::panic)] // a test may fail loudly
 mod tests {
     use super::*;
 
