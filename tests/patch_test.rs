@@ -86,7 +86,8 @@ fn rigid_motions_cause_no_force() {
         let r = turn * nalgebra::Vector3::from(x);
         std::array::from_fn(|k| r[k] - x[k] + shift[k])
     };
-    let motions: [(&str, &dyn Fn([f64; 3]) -> [f64; 3]); 2] = [("translation", &translated), ("rotation", &rotated)];
+    type Motion<'a> = (&'a str, &'a dyn Fn([f64; 3]) -> [f64; 3]);
+    let motions: [Motion; 2] = [("translation", &translated), ("rotation", &rotated)];
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let at: Vec<_> = (0..300).map(|_| clouds::inside(&cloud, &mut random)).collect();
     for (name, basis) in METHODS {

@@ -35,9 +35,9 @@ pub trait Real:
     fn gather(local: &[u16], gradient: &[[Self; 3]], u: &[[Self; 4]]) -> [[Self; 4]; 3];
     /// f_j += V P grad phi_j, with V P by columns: the inner loop of pass 2.
     fn scatter(local: &[u16], gradient: &[[Self; 3]], columns: &[[Self; 4]; 3], force: &mut [[Self; 4]]);
-    /// [`Block::deform_points`] compiled for this machine.
+    /// `Block::deform_points` compiled for this machine.
     fn dispatch_deform(block: &mut Block<Self>);
-    /// [`Block::stress_points`] compiled for this machine.
+    /// `Block::stress_points` compiled for this machine.
     fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self);
 }
 
