@@ -39,6 +39,8 @@ fn every_reading_is_answered_and_compared_at_its_own_time() {
     assert_eq!(metrics["poses"], 50);
     assert_eq!(metrics["scene"], "compression");
     assert_eq!(metrics["timing"]["simulated_s"], 0.098);
+    let imbalance = metrics["stability"]["force_imbalance"].as_f64().unwrap();
+    assert!(imbalance < 0.5, "instrument and base push against each other, not together: {imbalance}");
     assert!(metrics["measured_source"].as_str().unwrap().contains("rig"));
     let csv = std::fs::read_to_string(out.join("force.csv")).unwrap();
     let rows: Vec<Vec<&str>> = csv.lines().skip(1).map(|line| line.split(',').collect()).collect();

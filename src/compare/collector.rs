@@ -111,8 +111,8 @@ impl Collector {
         self.energy_ratio.push(health.kinetic_to_strain_energy);
         self.run.min_jacobian = self.run.min_jacobian.min(health.min_jacobian);
         self.run.constraint_error_m = self.run.constraint_error_m.max(health.constraint_error_m);
-        // The tissue is pushed by the instrument with -force_n and by the base with base_force_n.
-        let unbalanced = std::array::from_fn(|k| prediction.base_force_n[k] - prediction.force_n[k]);
+        // Both are forces of the tissue on what holds it: at rest they sum to zero.
+        let unbalanced = std::array::from_fn(|k| prediction.base_force_n[k] + prediction.force_n[k]);
         self.imbalance_n = self.imbalance_n.max(norm(unbalanced));
         self.peak_n = self.peak_n.max(norm(prediction.force_n));
     }
