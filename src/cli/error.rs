@@ -7,6 +7,7 @@ use crate::bag::BagError;
 use crate::report::ReportError;
 use crate::ros::start::NodeError;
 use crate::scene::SceneError;
+use crate::study::accuracy::StudyError;
 use crate::twin::BuildError;
 
 /// Why a command failed: what, where, what to do. Printed once, at the edge.
@@ -41,6 +42,9 @@ pub enum CliError {
     /// The bag can't be read.
     #[error(transparent)]
     Bag(#[from] BagError),
+    /// A study can't be run.
+    #[error("study: {0}")]
+    Study(#[from] StudyError),
     /// The output can't be written.
     #[error(transparent)]
     Report(#[from] ReportError),

@@ -13,6 +13,7 @@ mod replay;
 mod scene;
 pub mod scene_file;
 mod solve;
+mod study;
 mod summary;
 
 use std::ffi::OsString;
@@ -43,6 +44,7 @@ enum Command {
     Demo(demo::Arguments),
     Replay(replay::Arguments),
     Solve(solve::Arguments),
+    Study(study::Arguments),
     Scene(scene::Arguments),
     Bag(bag::Arguments),
     /// The program `twin_node`, for `demo`
@@ -88,6 +90,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Demo(arguments)) => demo::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
+        Some(Command::Study(arguments)) => study::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
         Some(Command::Bag(arguments)) => bag::run(arguments),
         // What a newcomer types first shows what the program is.

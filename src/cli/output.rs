@@ -9,7 +9,7 @@ use crate::report;
 
 /// A folder for results that is known to be writable. If nothing is ever written, it goes again.
 pub(super) struct OutputFolder {
-    path: PathBuf,
+    pub path: PathBuf,
     made_here: bool,
 }
 

@@ -7,6 +7,7 @@
 mod csv;
 mod embed;
 mod error;
+mod error_plot;
 mod files;
 mod force_plot;
 mod metrics;
@@ -31,6 +32,7 @@ pub use page::report_html;
 pub use vtu::{final_vtu, write_series};
 
 use crate::compare::Run;
+use crate::study::accuracy::{self, Row};
 use files::Rendered;
 use std::path::{Path, PathBuf};
 
@@ -67,4 +69,21 @@ pub fn force_svg(run: &Run) -> String {
 /// [`ReportError::Picture`] if it can't be drawn.
 pub fn force_png(run: &Run) -> Result<Vec<u8>, ReportError> {
     force_plot::force_plot(run).to_png("force.png", PNG_SCALE)
+}
+
+/// Writes `accuracy.csv` and, for each scene of the rows, `accuracy_SCENE.svg` and `.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_accuracy(out: &Path, rows: &[Row]) -> Result<Vec<PathBuf>, ReportError> {
+    let mut rendered = vec![Rendered::new("accuracy.csv", accuracy::csv(rows))];
+    let mut scenes: Vec<&str> = rows.iter().map(|r| r.case.preset).collect();
+    scenes.dedup();
+    for scene in scenes {
+        let of: Vec<&Row> = rows.iter().filter(|r| r.case.preset == scene).collect();
+        let picture = error_plot::error_plot(scene, &of);
+        rendered.push(Rendered::new(format!("accuracy_{scene}.svg"), picture.to_svg()));
+        rendered.push(Rendered::new(format!("accuracy_{scene}.png"), picture.to_png("accuracy_SCENE.png", PNG_SCALE)?));
+    }
+    files::write(out, &rendered)
 }

@@ -1,0 +1,88 @@
+//! `needle_twin study`: what a discretisation costs and how near it comes to independent solutions.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::interrupt::Interrupt;
+use super::options::ThreadOptions;
+use super::output::OutputFolder;
+use super::{CliError, Outcome, print, warn};
+use crate::report;
+use crate::study::accuracy::{self, StudyError};
+
+/// Presets that have a reference solution.
+const PRESETS: [&str; 3] = ["compression", "indentation", "needle_insertion"];
+
+/// Study the method: accuracy against cost
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    study: Study,
+}
+
+#[derive(Debug, Subcommand)]
+enum Study {
+    Accuracy(Accuracy),
+}
+
+/// Refine the clouds of the presets and compare force and displacement, at rest, with independent finite elements
+#[derive(Debug, Args)]
+struct Accuracy {
+    /// Preset to study (may be repeated) [default: all three]
+    #[arg(long = "scene", value_name = "NAME")]
+    scenes: Vec<String>,
+
+    /// Coarser clouds, fewer methods, half the depth: about two minutes
+    #[arg(long)]
+    quick: bool,
+
+    /// Write accuracy.csv and a picture per scene into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    #[command(flatten)]
+    threads: ThreadOptions,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
+    let Study::Accuracy(accuracy) = &arguments.study;
+    accuracy.run()
+}
+
+impl Accuracy {
+    fn run(&self) -> Result<Outcome, CliError> {
+        if let Some(unknown) = self.scenes.iter().find(|s| !PRESETS.contains(&s.as_str())) {
+            return Err(StudyError::NoReference(unknown.clone()).into());
+        }
+        let wanted = |p: &&str| self.scenes.is_empty() || self.scenes.iter().any(|s| s == p);
+        let presets: Vec<&'static str> = PRESETS.into_iter().filter(wanted).collect();
+        let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
+        let cases = accuracy::cases(&presets, self.quick);
+        let bar = ProgressBar::new(cases.len() as u64);
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {elapsed}  {msg}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        let interrupt = Interrupt::listen();
+        let mut rows = Vec::new();
+        let mut complete = true;
+        for case in cases {
+            if interrupt.pressed() {
+                warn(&format!("interrupted after {} runs", rows.len()));
+                complete = false;
+                break;
+            }
+            bar.set_message(format!("{}, {}, spacing x {}", case.preset, case.variant.name, case.spacing));
+            rows.push(self.threads.install(|| case.run())??);
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        print(&accuracy::table(&rows))?;
+        if let Some(folder) = folder {
+            for path in report::write_accuracy(&folder.path, &rows)? {
+                print(&format!("{}\n", path.display()))?;
+            }
+        }
+        Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
+    }
+}

@@ -1,0 +1,81 @@
+//! Independent finite-element solutions of the presets (`bags/reference/`, whose README says how they were made and
+//! how far they can be trusted). The solver shares no code with them.
+
+/// Displacement of one material point of the indentation at [`DISPLACEMENT_DEPTH_M`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointDisplacement {
+    /// Distance from the axis in the undeformed state, m.
+    pub radius_m: f64,
+    /// Depth below the top in the undeformed state, m.
+    pub below_top_m: f64,
+    /// Displacement away from the axis, m.
+    pub radial_m: f64,
+    /// Displacement upwards, m.
+    pub vertical_m: f64,
+}
+
+/// Depth of the indentation at which displacements are known, m.
+pub const DISPLACEMENT_DEPTH_M: f64 = 0.004;
+/// Radius on the top surface within which the reference itself is uncertain (the edge of the disc is singular), m.
+const NEAR_EDGE_M: f64 = 0.006;
+
+/// (depth in m, force in N) of a preset, by rising depth; `None` for a scene without a reference.
+#[must_use]
+pub fn force(preset: &str) -> Option<Vec<(f64, f64)>> {
+    let table = match preset {
+        "compression" => include_str!("../../bags/reference/compression_force.csv"),
+        "indentation" => include_str!("../../bags/reference/indentation_force.csv"),
+        "needle_insertion" => include_str!("../../bags/reference/needle_force_capture_radius_0.50mm.csv"),
+        _ => return None,
+    };
+    Some(rows::<2>(table).map(|[depth, force]| (depth, force)).collect())
+}
+
+/// Displacements of the indentation: on the axis, and of the top surface beyond 6 mm radius.
+#[must_use]
+pub fn indentation_displacements() -> Vec<PointDisplacement> {
+    let axis = rows::<2>(include_str!("../../bags/reference/indentation_axis_at_4mm.csv"));
+    let top = rows::<3>(include_str!("../../bags/reference/indentation_top_surface_at_4mm.csv"));
+    let on_axis = axis.map(|[below_top_m, vertical_m]| PointDisplacement {
+        radius_m: 0.0,
+        below_top_m,
+        radial_m: 0.0,
+        vertical_m,
+    });
+    let on_top = top.map(|[radius_m, radial_m, vertical_m]| PointDisplacement {
+        radius_m,
+        below_top_m: 0.0,
+        radial_m,
+        vertical_m,
+    });
+    on_axis.chain(on_top.filter(|p| p.radius_m >= NEAR_EDGE_M)).collect()
+}
+
+/// The first N columns of the lines of a table that holds numbers there.
+fn rows<const N: usize>(table: &str) -> impl Iterator<Item = [f64; N]> {
+    table.lines().filter_map(|line| {
+        let mut columns = line.split(',').map(|c| c.trim().parse::<f64>());
+        let mut row = [0.0; N];
+        for value in &mut row {
+            *value = columns.next()?.ok()?;
+        }
+        Some(row)
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tables_are_whole() {
+        assert_eq!(force("compression").unwrap().len(), 10);
+        assert_eq!(force("indentation").unwrap()[7], (0.004, 0.340319));
+        assert_eq!(force("needle_insertion").unwrap().last().copied(), Some((0.01, 0.0674753)));
+        assert_eq!(force("other"), None);
+        let points = indentation_displacements();
+        assert!(points.iter().any(|p| p.radius_m == 0.0) && points.iter().any(|p| p.radius_m > 0.014));
+        assert!(points.iter().all(|p| p.below_top_m == 0.0 || p.radius_m == 0.0));
+    }
+}
