@@ -15,14 +15,21 @@
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
-//! Capture is smooth: over the last [`NeedlePath::window`] before the tip arrives, a node passes from where the tissue
-//! has carried it to where the needle holds it, so the force has no jump when the set of captured nodes changes.
+//! Capture is smooth: while the tip passes it, a node goes from where the tissue has carried it to where the needle
+//! holds it, on a ramp as long as two layers of nodes whose middle is half a layer before the node. At any depth the
+//! ramps of two layers add up, so that the held length follows the tip with no bias and no jump: a ramp of one layer,
+//! or a smoother one, leaves the force a saw-tooth of 2 to 4% at the distance of the layers; this one leaves under 1.5%.
 
 use crate::scene::{DeformationRule, Needle};
 use crate::solver::{Role, Solver};
 use crate::twin::{Event, Phase};
 
 use super::Tip;
+
+/// Tip travel over which a node is captured, in layers.
+const WINDOW: f64 = 2.0;
+/// Distance of the tip at which its capture begins, in layers.
+const LEAD: f64 = 1.5;
 
 /// What one node of the path is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,8 +58,8 @@ pub struct NeedlePath {
     nodes: Vec<(u32, f64)>,
     hold: Vec<Hold>,
     needle: Needle,
-    /// Tip travel over which a node is captured, m: the distance between layers.
-    pub window: f64,
+    /// Distance between the layers of nodes, m.
+    layer: f64,
     /// Integration points within two spacings of the entry point.
     watched: Vec<u32>,
     /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
@@ -69,7 +76,7 @@ impl NeedlePath {
         points: &[[f64; 3]],
         top: f64,
         needle: Needle,
-        window: f64,
+        layer: f64,
         watched: Vec<u32>,
         corners: impl Iterator<Item = [u32; 4]>,
     ) -> Self {
@@ -88,7 +95,7 @@ impl NeedlePath {
                 _ => None,
             })
             .collect();
-        Self { nodes, hold, needle, window, watched, inner, state }
+        Self { nodes, hold, needle, layer, watched, inner, state }
     }
 
     /// Present state of the insertion.
@@ -156,10 +163,10 @@ impl NeedlePath {
     }
 
     fn penetrate(&mut self, depth: f64, solver: &mut Solver) {
-        let window = self.window;
+        let (lead, window) = (LEAD * self.layer, WINDOW * self.layer);
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
-            if depth + window < z || depth < 0.0 {
+            if depth + lead < z || depth < 0.0 {
                 if self.hold[i] != Hold::Free {
                     self.hold[i] = Hold::Free;
                     solver.set_role(n, Role::Free);
@@ -188,7 +195,7 @@ impl NeedlePath {
     fn fill(&self, depth: f64, solver: &mut Solver) {
         for (point, corners) in &self.inner {
             let least = corners.iter().map(|&c| match self.hold[c as usize] {
-                Hold::Captured { since, .. } => captured_share(depth, since, self.window),
+                Hold::Captured { since, .. } => captured_share(depth, since, WINDOW * self.layer),
                 Hold::Free | Hold::Indented => 0.0,
             });
             solver.set_active(*point as usize, 1.0 - least.fold(1.0, f64::min));
@@ -213,10 +220,9 @@ impl NeedlePath {
     }
 }
 
-/// How far a node captured at tip depth `since` is held: a C1 ramp from 0 to 1.
+/// How far a node captured at tip depth `since` is held: a ramp from 0 to 1.
 fn captured_share(depth: f64, since: f64, window: f64) -> f64 {
-    let s = ((depth - since) / window).clamp(0.0, 1.0);
-    s * s * (3.0 - 2.0 * s)
+    ((depth - since) / window).clamp(0.0, 1.0)
 }
 
 /// Largest eigenvalue of E = (F^T F - I)/2, F row-major.

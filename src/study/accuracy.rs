@@ -18,6 +18,8 @@ const POSES_PER_DEPTH: usize = 25;
 const LONGEST_REST: usize = 400;
 /// Time between two poses, s.
 const POSE_PERIOD_S: f64 = 0.01;
+/// Inertial error that is tolerated: small against the errors under study.
+const TOLERANCE: &str = "0.003";
 /// Directions from the axis in which each reference displacement is compared, rad.
 const AZIMUTHS: [f64; 4] = [0.3, 1.9, 3.4, 5.0];
 /// The outermost points of the reference lie outside a cylinder of chords, m.
@@ -128,6 +130,7 @@ impl Case {
         let mut keys = vec![
             Override::text("discretisation.spacing_m", &format!("{spacing}"), "study"),
             Override::text("motion.depth_m", &format!("{}", self.depth_m), "study"),
+            Override::text("stepping.tolerance", TOLERANCE, "study"),
         ];
         keys.extend(self.variant.keys.iter().map(|(path, value)| Override::text(path, value, "study")));
         let mut scene = preset.with(&keys)?;

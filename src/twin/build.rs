@@ -123,7 +123,7 @@ fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, 
     match &instrument.kind {
         InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Contact::Bonded(Bonded::new(held.to_vec())),
         InstrumentKind::Needle(needle) => {
-            let window = layer_distance(held, cloud, top);
+            let layer = layer_distance(held, cloud, top);
             let [x, y] = instrument.entry.map(|m| m.get());
             let corners = || table.cell.iter().map(|&c| cloud.cells[c as usize]);
             let near = |c: &[u32; 4]| {
@@ -133,7 +133,7 @@ fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, 
             };
             let watched =
                 (0..table.cell.len() as u32).filter(|&p| near(&cloud.cells[table.cell[p as usize] as usize])).collect();
-            Contact::Needle(Box::new(NeedlePath::new(held, &cloud.points, top, *needle, window, watched, corners())))
+            Contact::Needle(Box::new(NeedlePath::new(held, &cloud.points, top, *needle, layer, watched, corners())))
         }
     }
 }
