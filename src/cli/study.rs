@@ -64,6 +64,7 @@ impl Accuracy {
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {elapsed}  {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         let interrupt = Interrupt::listen();
+        print(&accuracy::heading())?;
         let mut rows = Vec::new();
         let mut complete = true;
         for case in cases {
@@ -73,11 +74,13 @@ impl Accuracy {
                 break;
             }
             bar.set_message(format!("{}, {}, spacing x {}", case.preset, case.variant.name, case.spacing));
-            rows.push(self.threads.install(|| case.run())??);
+            let row = self.threads.install(|| case.run())??;
+            bar.suspend(|| print(&row.line()))?;
+            rows.push(row);
             bar.inc(1);
         }
         bar.finish_and_clear();
-        print(&accuracy::table(&rows))?;
+        print(&accuracy::orders(&rows))?;
         if let Some(folder) = folder {
             for path in report::write_accuracy(&folder.path, &rows)? {
                 print(&format!("{}\n", path.display()))?;

@@ -275,30 +275,41 @@ pub fn observed_order<'a>(rows: impl Iterator<Item = &'a Row>, error: impl Fn(&R
     (square > 0.0).then(|| points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / square)
 }
 
-/// The table for people.
+/// Headings of [`Row::line`].
 #[must_use]
-pub fn table(rows: &[Row]) -> String {
-    let mut out = format!(
+pub fn heading() -> String {
+    format!(
         "{:<17} {:<16} {:>6} {:>7} {:>12} {:>12} {:>10} {:>7} {:>9}\n",
         "scene", "method", "nodes", "points", "largest dF/F", "last dF/F", "|du|/depth", "steps", "ns/point"
-    );
-    let percent = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{:+.2} %", 100.0 * x));
-    for row in rows {
-        let _ = writeln!(
-            out,
-            "{:<17} {:<16} {:>6} {:>7} {:>12} {:>12} {:>10} {:>7} {:>9.0}{}",
-            row.case.preset,
-            row.case.variant.name,
-            row.nodes,
-            row.integration_points,
-            format!("{:.2} %", 100.0 * row.largest_force_error()),
-            percent(row.last_force_error()),
-            row.displacement_error.map_or_else(|| "-".to_owned(), |e| format!("{:.2} %", 100.0 * e)),
-            row.steps,
-            row.ns_per_point,
-            row.ended.as_ref().map_or_else(String::new, |why| format!("  ended {why}")),
-        );
+    )
+}
+
+impl Row {
+    /// A line of the table for people.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let percent = |x: f64| format!("{:.2} %", 100.0 * x);
+        let or_dash = |x: Option<String>| x.unwrap_or_else(|| "-".to_owned());
+        format!(
+            "{:<17} {:<16} {:>6} {:>7} {:>12} {:>12} {:>10} {:>7} {:>9.0}{}\n",
+            self.case.preset,
+            self.case.variant.name,
+            self.nodes,
+            self.integration_points,
+            percent(self.largest_force_error()),
+            or_dash(self.last_force_error().map(|e| format!("{:+.2} %", 100.0 * e))),
+            or_dash(self.displacement_error.map(percent)),
+            self.steps,
+            self.ns_per_point,
+            self.ended.as_ref().map_or_else(String::new, |why| format!("  ended {why}")),
+        )
     }
+}
+
+/// Observed orders of the rows, a line per scene and method.
+#[must_use]
+pub fn orders(rows: &[Row]) -> String {
+    let mut out = String::new();
     for (preset, name) in groups(rows) {
         let of = || rows.iter().filter(|r| r.case.preset == preset && r.case.variant.name == name);
         let order = |q: Option<f64>| q.map_or_else(|| "-".to_owned(), |q| format!("{q:.1}"));
@@ -376,7 +387,8 @@ mod tests {
         assert!((order - 2.0).abs() < 1e-12, "{order}");
         assert_eq!(observed_order(rows[..1].iter(), |r| Some(r.largest_force_error())), None);
         assert_eq!(observed_order(rows.iter(), |r| r.displacement_error), None);
-        assert!(table(&rows).contains("force 2.0, displacement -"));
+        assert!(orders(&rows).contains("force 2.0, displacement -"));
+        assert_eq!(heading().len(), rows[0].line().len());
         assert_eq!(csv(&rows).lines().count(), 4);
     }
 
