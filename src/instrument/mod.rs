@@ -26,6 +26,17 @@ pub struct Tip {
     pub offset: [f64; 3],
     /// Depth along the instrument's axis.
     pub depth: f64,
+    /// Where the instrument's axis goes: lateral way per metre upwards from the tip; zero for a vertical instrument.
+    pub slope: [f64; 2],
+}
+
+impl Tip {
+    /// Lateral place of the instrument's axis at a reference depth below the top, relative to the entry point, m.
+    #[must_use]
+    pub fn axis_at(&self, z: f64) -> [f64; 2] {
+        let rise = -self.offset[2] - z;
+        std::array::from_fn(|k| self.offset[k] + self.slope[k] * rise)
+    }
 }
 
 impl Contact {

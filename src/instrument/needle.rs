@@ -12,6 +12,10 @@
 //! Cells whose corners are all held are filled by the needle: they carry no stress. Their strain (u_r = 0 and C_D along
 //! the axis, a volume ratio of 1 - C_D) is an artefact of the kinematic rule, and its pressure would leak into the tissue.
 //!
+//! *Lateral motion and tilt* of an inserted needle carry the captured nodes along, as a rigid needle does: each moves
+//! sideways as the axis has moved at its depth since its capture. What the needle has pierced beside the path's line
+//! stays beside it.
+//!
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
@@ -38,8 +42,8 @@ enum Hold {
     Free,
     /// Held by the tip before the puncture.
     Indented,
-    /// Captured since tip depth `since`, from displacement `from`.
-    Captured { since: f64, from: [f64; 3] },
+    /// Captured since tip depth `since`, from displacement `from`, with the needle `beside` its layer of nodes.
+    Captured { since: f64, from: [f64; 3], beside: [f64; 2] },
 }
 
 /// State of the insertion.
@@ -105,7 +109,8 @@ impl NeedlePath {
     }
 
     pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
-        let depth = tip.depth;
+        // the nodes' depths are vertical
+        let depth = -tip.offset[2];
         if !self.state.punctured {
             if depth <= 0.0 {
                 self.release_all(solver);
@@ -116,12 +121,12 @@ impl NeedlePath {
                 return (Phase::Indentation, None);
             }
             self.state = Insertion { punctured: true, deepest: depth };
-            self.penetrate(depth, solver);
+            self.penetrate(tip, solver);
             return (Phase::Penetration, Some(Event::Puncture { depth_m: depth }));
         }
         let retracting = depth < self.state.deepest;
         self.state.deepest = self.state.deepest.max(depth);
-        self.penetrate(depth, solver);
+        self.penetrate(tip, solver);
         if depth <= 0.0 {
             // out of the tissue: the next insertion follows the same channel from the surface
             self.state.deepest = 0.0;
@@ -162,7 +167,8 @@ impl NeedlePath {
         }
     }
 
-    fn penetrate(&mut self, depth: f64, solver: &mut Solver) {
+    fn penetrate(&mut self, tip: &Tip, solver: &mut Solver) {
+        let depth = -tip.offset[2];
         let (lead, window) = (LEAD * self.layer, WINDOW * self.layer);
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
@@ -173,22 +179,39 @@ impl NeedlePath {
                 }
                 continue;
             }
-            let (since, from) = match self.hold[i] {
-                Hold::Captured { since, from } => (since, from),
+            let (since, from, beside) = match self.hold[i] {
+                Hold::Captured { since, from, beside } => (since, from, beside),
                 held => {
                     if held == Hold::Free {
                         solver.set_role(n, Role::Instrument);
                     }
-                    let capture = (depth, solver.parameters()[n]);
-                    self.hold[i] = Hold::Captured { since: capture.0, from: capture.1 };
-                    capture
+                    let (axis, layer) = (tip.axis_at(z), self.layer_shift(z, solver));
+                    let beside = [axis[0] - layer[0], axis[1] - layer[1]];
+                    let from = solver.parameters()[n];
+                    self.hold[i] = Hold::Captured { since: depth, from, beside };
+                    (depth, from, beside)
                 }
             };
-            let along = self.follow(depth, z);
+            let (axis, along) = (tip.axis_at(z), self.follow(depth, z));
+            let to = [axis[0] - beside[0], axis[1] - beside[1], -along];
             let s = captured_share(depth, since, window);
-            solver.prescribe(n, [(1.0 - s) * from[0], (1.0 - s) * from[1], (1.0 - s) * from[2] - s * along]);
+            solver.prescribe(n, std::array::from_fn(|k| (1.0 - s) * from[k] + s * to[k]));
         }
         self.fill(depth, solver);
+    }
+
+    /// Mean lateral displacement of the path's layer of nodes at depth z, m.
+    fn layer_shift(&self, z: f64, solver: &Solver) -> [f64; 2] {
+        let near = 0.25 * self.layer;
+        let first = self.nodes.partition_point(|(_, d)| *d < z - near);
+        let layer = self.nodes[first..].iter().take_while(|(_, d)| *d <= z + near);
+        let (mut sum, mut count) = ([0.0; 2], 0.0);
+        for (n, _) in layer {
+            let u = solver.parameters()[*n as usize];
+            sum = [sum[0] + u[0], sum[1] + u[1]];
+            count += 1.0;
+        }
+        if count > 0.0 { sum.map(|x| x / count) } else { sum }
     }
 
     /// The needle takes the place of the tissue in the cells that it fills.

@@ -57,6 +57,7 @@ impl Twin {
             steps_since_refresh: 0,
             steps: 0,
             tip: [0.0; 3],
+            shaft: [0.0; 2],
             phase: Phase::Approach,
         })
     }

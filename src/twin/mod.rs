@@ -164,6 +164,8 @@ pub struct Twin {
     steps: u64,
     /// Tip of the last pose relative to the entry point, m.
     tip: [f64; 3],
+    /// Where the instrument's axis met the undeformed top at the last pose, relative to the entry point, m.
+    shaft: [f64; 2],
     phase: Phase,
 }
 

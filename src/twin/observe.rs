@@ -5,7 +5,7 @@ use crate::material::neo_hookean::{cofactor, determinant, first_piola};
 use crate::scene::InstrumentKind;
 use crate::solver::Role;
 
-use super::Twin;
+use super::{Phase, Twin};
 
 impl Twin {
     /// Displacement of the field at every reference point, m. Overwrites `out`.
@@ -61,10 +61,19 @@ impl Twin {
         .fold(0.0, f64::max)
     }
 
-    /// How far beside its path the tip may be, m.
+    /// Whether a needle is in the tissue.
+    pub(super) fn inserted(&self) -> bool {
+        matches!(self.phase, Phase::Penetration | Phase::Retraction)
+    }
+
+    /// How far beside its path the tip may be, m: a needle enters on its path, and may then be moved sideways by as much
+    /// as it is deep.
     pub(super) fn side_reach(&self) -> f64 {
         match self.scene.instrument.as_ref().map(|i| &i.kind) {
-            Some(InstrumentKind::Needle(n)) => 0.5 * n.capture_radius.get(),
+            Some(InstrumentKind::Needle(n)) => {
+                let entering = 0.5 * n.capture_radius.get();
+                if self.inserted() { entering.max(-self.tip[2]) } else { entering }
+            }
             _ => f64::INFINITY,
         }
     }

@@ -17,8 +17,10 @@ const INVERTED: f64 = 1e-3;
 const RUNAWAY: f64 = 10.0;
 /// Strain energy, over mu V, below which the ratio means nothing.
 const ENERGY_FLOOR: f64 = 1e-6;
-/// Largest tilt of the instrument's axis (sine), and largest distance of a needle's tip from its path in capture radii.
+/// Largest tilt of the instrument's axis (sine).
 const ALIGNMENT: f64 = 0.02;
+/// Largest tilt of an inserted needle (sine).
+const INSERTED_ALIGNMENT: f64 = 0.35;
 
 impl Twin {
     /// Advances the tissue to a pose and predicts the force.
@@ -36,7 +38,10 @@ impl Twin {
         let mut balance = self.solver.balance();
         if let Some(contact) = &mut self.contact {
             (phase, event) = contact.impose(&tip, &mut self.solver);
-            let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt();
+            // a needle that tilts moves the tissue even if its tip stays
+            let shaft = tip.axis_at(0.0);
+            let tilted = (shaft[0] - self.shaft[0]).hypot(shaft[1] - self.shaft[1]);
+            let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt().max(tilted);
             // above the surface the instrument moves, but not the tissue
             let apart = phase == Phase::Approach && self.phase == Phase::Approach;
             let (distance, travel) = if apart { (0.0, 0.0) } else { (distance, -moved[2]) };
@@ -48,6 +53,7 @@ impl Twin {
             }
         }
         self.tip = tip.offset;
+        self.shaft = tip.axis_at(0.0);
         self.phase = phase;
         self.steps += u64::from(taken);
         Ok(Prediction {
@@ -85,6 +91,7 @@ impl Twin {
         self.steps_since_save = 0;
         self.steps_since_refresh = 0;
         self.tip = [0.0; 3];
+        self.shaft = [0.0; 2];
         self.phase = Phase::Approach;
     }
 
@@ -114,9 +121,11 @@ impl Twin {
         if (length - 1.0).abs() > 1e-3 {
             return refuse(format!("its axis has length {length:.4}, not 1"));
         }
-        if axis[0].hypot(axis[1]) > ALIGNMENT || axis[2] > 0.0 {
+        let tilt = if self.inserted() { INSERTED_ALIGNMENT } else { ALIGNMENT };
+        if axis[0].hypot(axis[1]) > tilt || axis[2] > 0.0 {
             return refuse(format!(
-                "its axis ({:.3}, {:.3}, {:.3}) is not that of the scene's instrument, (0, 0, -1)",
+                "its axis ({:.3}, {:.3}, {:.3}) is not that of the scene's instrument, (0, 0, -1); a tilt of {tilt} \
+                 (sine) is taken now",
                 axis[0], axis[1], axis[2]
             ));
         }
@@ -137,7 +146,7 @@ impl Twin {
                 self.side_reach()
             ));
         }
-        Ok(Tip { offset, depth })
+        Ok(Tip { offset, depth, slope: [axis[0] / axis[2], axis[1] / axis[2]] })
     }
 
     /// Advances; on trouble goes back to the saved state and tries again with smaller steps.
