@@ -7,12 +7,14 @@
 //! ```text
 //! J_a = sum_g V_g J_g / (4 V_a)        over the integration points of the cells of node a
 //! J_P = sum_a V_a N_aP J_a / V_P       V_P = sum_a V_a N_aP
-//! W_vol = sum_P V_P (kappa - kappa_s)/2 (J_P - 1)^2 + sum_g V_g kappa_s/2 (J_g - 1)^2
-//! p_g = mean over the cell's corners a of sum_P N_aP (kappa - kappa_s) (J_P - 1)  +  kappa_s (J_g - 1)
+//! W_vol = sum_P V_P (kappa - kappa_s)/2 (J_P - 1)^2 + sum_g V_g kappa_s/2 (J_g - 1)^2 / J_g
+//! p_g = mean over the cell's corners a of sum_P N_aP (kappa - kappa_s) (J_P - 1)  +  kappa_s/2 (1 - 1/J_g^2)
 //! ```
 //!
 //! kappa_s, a few shear moduli, keeps the volume ratio of single points in check: modes that the coarse pressure does
-//! not see would otherwise resist by shear alone. It does not grow with kappa, so it does not lock either.
+//! not see would otherwise resist by shear alone. It does not grow with kappa, so it does not lock either. The
+//! divisor J_g keeps single points from collapsing at a singular edge, where the coarse pressure does not see them: it costs
+//! 0.6% of the force of an indentation of 4 mm, and without it that scene's motion ends at 5.8 of its 10 mm.
 
 use rayon::prelude::*;
 

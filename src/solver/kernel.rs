@@ -9,7 +9,7 @@
 //! conservative. With the pointwise volume ratio p = kappa (J_g - 1) and the coarse nodes are idle.
 
 use crate::approximation::ShapeTable;
-use crate::material::neo_hookean::{cofactor, determinant, distortional_energy, first_piola};
+use crate::material::neo_hookean::{MIN_JACOBIAN, cofactor, determinant, distortional_energy, first_piola};
 use crate::scene::VolumeRatio;
 
 use super::block::{Block, Shares};
@@ -41,6 +41,8 @@ struct Constants<T> {
     projected: f64,
     /// Bulk modulus of the pointwise part, Pa.
     pointwise: T,
+    /// Whether the pointwise part resists collapse, see [`super::dilatation`]; if not it is the law's own.
+    barrier: bool,
 }
 
 /// The kernel's memory during a job, dealt to the team's threads.
@@ -91,7 +93,12 @@ impl<T: Real> Kernel<T> {
             coarse_pressure: vec![0.0; dilatation.count],
             coarse_volume,
             nodes,
-            constants: Constants { mu: T::of(mu), projected: kappa - pointwise, pointwise: T::of(pointwise) },
+            constants: Constants {
+                mu: T::of(mu),
+                projected: kappa - pointwise,
+                pointwise: T::of(pointwise),
+                barrier: volume_ratio == VolumeRatio::Projected,
+            },
             blocks,
         }
     }
@@ -291,12 +298,12 @@ impl<T: Real> Block<T> {
             }
         }
         self.force.fill([T::default(); 4]);
-        T::dispatch_stress(self, constants.mu, constants.pointwise);
+        T::dispatch_stress(self, constants.mu, constants.pointwise, constants.barrier);
     }
 
     #[inline(always)]
     fn pressure_at(&self, p: usize, j: T, constants: &Constants<T>) -> T {
-        self.projected_pressure(p) + constants.pointwise * (j - T::of(1.0))
+        self.projected_pressure(p) + pointwise_pressure(j, constants.pointwise, constants.barrier).0
     }
 
     #[inline(always)]
@@ -307,20 +314,19 @@ impl<T: Real> Block<T> {
 
     /// The loop over points of pass 2.
     #[inline(always)]
-    pub(super) fn stress_points(&mut self, mu: T, pointwise: T) {
-        let half = T::of(0.5);
+    pub(super) fn stress_points(&mut self, mu: T, pointwise: T, barrier: bool) {
         let mut energy = T::default();
         for p in 0..self.volume.len() {
             let f = gradient(&self.deformation[p]);
             let cof = cofactor(&f);
             let j = determinant(&f, &cof);
-            let dilation = j - T::of(1.0);
-            let pressure = self.projected_pressure(p) + pointwise * dilation;
+            let (own, stored) = pointwise_pressure(j, pointwise, barrier);
+            let pressure = self.projected_pressure(p) + own;
             let volume = self.active[p] * self.volume[p];
             if volume == T::default() {
                 continue;
             }
-            energy += volume * (distortional_energy(&f, j, mu) + half * pointwise * dilation * dilation);
+            energy += volume * (distortional_energy(&f, j, mu) + stored);
             let s = first_piola(&f, &cof, j, mu, pressure);
             let columns: [[T; 4]; 3] =
                 std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
@@ -329,6 +335,18 @@ impl<T: Real> Block<T> {
         }
         self.energy = energy.get();
     }
+}
+
+/// U'(J) and U(J) of the pointwise part: kappa_s/2 (J - 1)^2, over J if it resists collapse.
+#[inline(always)]
+fn pointwise_pressure<T: Real>(j: T, kappa: T, barrier: bool) -> (T, T) {
+    let (one, half) = (T::of(1.0), T::of(0.5));
+    let dilation = j - one;
+    if !barrier {
+        return (kappa * dilation, half * kappa * dilation * dilation);
+    }
+    let inverse = one / j.max(T::of(MIN_JACOBIAN));
+    (half * kappa * dilation * (j + one) * inverse * inverse, half * kappa * dilation * dilation * inverse)
 }
 
 /// sum_j u_j (x) grad phi_j by columns. Two sets of accumulators hide the latency of the additions.

@@ -38,7 +38,7 @@ pub trait Real:
     /// `Block::deform_points` compiled for this machine.
     fn dispatch_deform(block: &mut Block<Self>);
     /// `Block::stress_points` compiled for this machine.
-    fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self);
+    fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self, barrier: bool);
 }
 
 macro_rules! real {
@@ -51,8 +51,8 @@ macro_rules! real {
 
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        fn $stress(block: &mut Block<$t>, mu: $t, pointwise: $t) {
-            block.stress_points(mu, pointwise);
+        fn $stress(block: &mut Block<$t>, mu: $t, pointwise: $t, barrier: bool) {
+            block.stress_points(mu, pointwise, barrier);
         }
 
         impl Real for $t {
@@ -90,13 +90,13 @@ macro_rules! real {
                 }
                 block.deform_points();
             }
-            fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self) {
+            fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self, barrier: bool) {
                 #[cfg(target_arch = "x86_64")]
                 if has_fma() {
                     // SAFETY: the processor has both features.
-                    return unsafe { $stress(block, mu, pointwise) };
+                    return unsafe { $stress(block, mu, pointwise, barrier) };
                 }
-                block.stress_points(mu, pointwise);
+                block.stress_points(mu, pointwise, barrier);
             }
         }
     };
