@@ -124,6 +124,20 @@ pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f
     (0.5 * scale * product, stress)
 }
 
+/// J^-2/3 C.
+#[must_use]
+pub fn unimodular(f: &Gradient<f64>, j: f64) -> Symmetric {
+    let r = j.max(MIN_JACOBIAN).inverse_cube_root();
+    let dot = |a: usize, b: usize| r * r * (f[a] * f[b] + f[3 + a] * f[3 + b] + f[6 + a] * f[6 + b]);
+    [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)]
+}
+
+/// X : Y.
+#[must_use]
+pub fn contract(x: &Symmetric, y: &Symmetric) -> f64 {
+    x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + 2.0 * (x[3] * y[3] + x[4] * y[4] + x[5] * y[5])
+}
+
 /// Pi = J^2/3 F^-1 P of a stress without pressure, Pa.
 #[must_use]
 pub fn reference_stress(cof: &Gradient<f64>, j: f64, p: &Gradient<f64>) -> Symmetric {

@@ -6,7 +6,7 @@
 
 use crate::material::neo_hookean::{cofactor, determinant};
 use crate::material::ogden::Symmetric;
-use crate::material::prony::{self, MOST_TERMS, reference_stress};
+use crate::material::prony::{MOST_TERMS, contract, reference_stress, unimodular};
 use crate::material::{Law, Prony};
 
 use super::block::Block;
@@ -121,6 +121,7 @@ impl<T: Real> Block<T> {
             let f = gradient(&self.deformation[p]).map(Real::get);
             let cof = cofactor(&f);
             let j = determinant(&f, &cof);
+            let c = unimodular(&f, j);
             let (w, stress) = law.distortion(&f, &cof, j);
             let new = reference_stress(&cof, j, &stress);
             let mut total = new.map(|x| long_term * x);
@@ -131,20 +132,14 @@ impl<T: Real> Block<T> {
                     h[k] = increment.decay[i] * h[k] + increment.ramp[i] * (new[k] - old[k]);
                     total[k] += h[k];
                 }
-                sums.held[i] += volume * prony::held(&f, &cof, j, h).0;
-                sums.terms[i] += volume * square(h);
+                sums.held[i] += 0.5 * volume * contract(h, &c);
+                sums.terms[i] += volume * contract(h, h);
             }
             history[0] = new;
             sums.elastic += volume * w;
-            sums.total += volume * square(&total);
-            let held = prony::held(&f, &cof, j, &memory.held[p]).0;
-            sums.work += volume * (memory.elastic * w + held);
+            sums.total += volume * contract(&total, &total);
+            sums.work += volume * (memory.elastic * w + 0.5 * contract(&memory.held[p], &c));
         }
         memory.now.sums = sums;
     }
-}
-
-/// X : X.
-fn square(x: &Symmetric) -> f64 {
-    x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + 2.0 * (x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
 }
