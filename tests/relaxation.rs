@@ -191,26 +191,38 @@ fn the_energy_is_the_work_done() {
     let role: Vec<Role> = cloud.points.iter().zip(&cloud.faces).map(role).collect();
     let mut solver = solver(&cloud, role.clone(), law(&SHARES, &TIMES));
     let still = Advance { steps: (8.0 / solver.slowest()).ceil() as u32, travel: 0.0 };
-    let (mut work, mut before, mut most) = (0.0, 0.0, 0.0f64);
-    for k in 1..=60 {
-        let depth = |k: i32| 2e-3 * (f64::from(k) / 60.0 * std::f64::consts::PI).sin();
-        (0..role.len())
-            .filter(|&n| role[n] == Role::Instrument)
-            .for_each(|n| solver.prescribe(n, [0.0, 0.0, -depth(k)]));
-        solver.relax_until(0.05 * f64::from(k));
-        // there, and then to rest
-        solver.advance(&still);
-        solver.advance(&still);
-        solver.commit(0.05 * f64::from(k));
-        let force = solver.balance().instrument[2];
-        work += 0.5 * (before + force) * (depth(k) - depth(k - 1));
-        before = force;
-        most = most.max(work);
-        let stored = solver.balance().strain;
-        assert!((stored - work).abs() < 0.01 * most.max(1e-5), "pose {k}: {stored:.4e} J, work {work:.4e} J");
-    }
-    println!("{:.1} % of {most:.3e} J is lost in the cycle", 100.0 * work / most);
-    assert!(work > 0.05 * most, "a cycle costs energy");
+    // largest difference, largest work and work of the whole cycle
+    let mut cycle = |poses: i32| {
+        solver.reset();
+        let (mut off, mut most, mut work) = (0.0f64, 0.0f64, 0.0);
+        for k in 1..=poses {
+            let share = |k: i32| f64::from(k) / f64::from(poses);
+            let depth = |k: i32| 2e-3 * (share(k) * std::f64::consts::PI).sin();
+            // the force falls with no work done, then the body moves and comes to rest
+            solver.relax_again(3.0 * share(k));
+            let before = solver.balance().instrument[2];
+            let held = (0..role.len()).filter(|&n| role[n] == Role::Instrument);
+            held.for_each(|n| solver.prescribe(n, [0.0, 0.0, -depth(k)]));
+            solver.advance(&still);
+            solver.advance(&still);
+            solver.commit(3.0 * share(k));
+            let balance = solver.balance();
+            work += 0.5 * (before + balance.instrument[2]) * (depth(k) - depth(k - 1));
+            most = most.max(work);
+            off = off.max((balance.strain - work).abs());
+        }
+        (off / most, most, work / most)
+    };
+    let (coarse, fine) = (cycle(30), cycle(120));
+    println!(
+        "{:.1} % of {:.3e} J is lost in the cycle; energy and work differ by {:.2} %, {:.2} %",
+        100.0 * fine.2,
+        fine.1,
+        100.0 * coarse.0,
+        100.0 * fine.0
+    );
+    assert!(fine.2 > 0.05, "a cycle costs energy");
+    assert!(fine.0 < 0.02 && fine.0 < 0.4 * coarse.0, "in shorter increments they agree: {} {}", coarse.0, fine.0);
 }
 
 fn at(twin: &mut Twin, time_s: f64, depth_m: f64) -> Prediction {
@@ -245,7 +257,7 @@ fn long_term_ratio(nu: f64) -> f64 {
 /// makes no difference, the force falls by the long-term share.
 #[test]
 fn a_held_indentation_relaxes_to_the_long_term_force() {
-    for (ratio, nu) in [("projected", 0.499), ("projected", 0.49), ("pointwise", 0.49)] {
+    for (ratio, nu) in [("averaged", 0.499), ("projected", 0.49), ("pointwise", 0.49)] {
         let [nu_text, long_nu] = [nu, long_term_ratio(nu)].map(|nu| nu.to_string());
         let common = ("discretisation.volume_ratio", ratio);
         let elastic = |mu: &str, nu: &str| {
@@ -265,10 +277,7 @@ fn a_held_indentation_relaxes_to_the_long_term_force() {
         for k in [10, 40, 100, 300, 2999] {
             let (t, share) = (0.01 * (k as f64 + 1.0), curve[k].0 / instant);
             println!("{ratio}, {nu}: after {t:.2} s {share:.4}, series {:.4}", relaxation(t));
-            assert!(
-                nu < 0.499 || ratio == "projected" || (share / relaxation(t) - 1.0).abs() < 0.01,
-                "after {t} s {share}"
-            );
+            assert!(nu < 0.499 || (share / relaxation(t) - 1.0).abs() < 0.01, "after {t} s {share}");
         }
         let steps: u32 = curve.iter().map(|c| c.1).sum();
         println!("{ratio}, {nu}: {steps} steps in 30 s of rest");
@@ -279,7 +288,8 @@ fn a_held_indentation_relaxes_to_the_long_term_force() {
             end / instant,
             100.0 * off
         );
-        assert!(off.abs() < 0.03, "{ratio}, {nu}: {off}");
+        // the projected volume ratio's kappa_s stays that of the instant, which on this coarse cloud costs 0.8 %
+        assert!(off.abs() < if ratio == "projected" { 0.015 } else { 0.01 }, "{ratio}, {nu}: {off}");
         assert!(curve[2000..].iter().filter(|c| c.1 > 0).count() < 50, "{ratio}: the relaxed tissue rests");
     }
 }

@@ -222,7 +222,11 @@ impl Key {
             Kind::Boolean => trimmed.parse().map_or_else(|_| Value::from(trimmed), Value::Boolean),
             Kind::Integer(..) | Kind::OneOf(_) => number(trimmed),
             Kind::Real(_) => number(trimmed),
-            Kind::Point | Kind::List(..) => numbers(trimmed).map_or_else(|| Value::from(trimmed), Value::of_numbers),
+            Kind::Point => match numbers(trimmed).map(Value::of_numbers) {
+                Some(point @ Value::Point(_)) => point,
+                _ => Value::from(trimmed),
+            },
+            Kind::List(..) => numbers(trimmed).map_or_else(|| Value::from(trimmed), Value::List),
         };
         self.check(&value, path, place)
     }
