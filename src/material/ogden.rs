@@ -159,7 +159,7 @@ pub fn eigenvalues(a: &Symmetric) -> [f64; 3] {
     let squares = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + 2.0 * (a[3] * a[3] + a[4] * a[4] + a[5] * a[5]);
     let p = (squares / 6.0).sqrt();
     // all equal to round-off; a NaN goes this way as well, and on into the result
-    if !(p > f64::EPSILON * mean) {
+    if p.is_nan() || p <= f64::EPSILON * mean {
         return [mean + p; 3];
     }
     let det =

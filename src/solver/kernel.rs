@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Pass 2 is the exact derivative of the energy that pass 1 defines (see [`super::dilatation`]), so the force is
-//! conservative. With the pointwise volume ratio p = kappa (J_g - 1) and the coarse nodes are idle.
+//! conservative. With the pointwise volume ratio p = kappa u'(J_g) and the coarse nodes are idle.
 
 use crate::approximation::ShapeTable;
 use crate::material::neo_hookean::{cofactor, determinant};
