@@ -270,18 +270,18 @@ fn a_held_indentation_relaxes_to_the_long_term_force() {
         let off = instant / elastic("1678", &nu_text) - 1.0;
         assert!(off.abs() < 1e-3, "{ratio}, {nu}: a jump is elastic, {off}");
         let mut curve = Vec::new();
-        for k in 1..=3000 {
-            let answer = at(&mut twin, 0.01 * f64::from(k), HELD);
+        for k in 1..=1000 {
+            let answer = at(&mut twin, 0.02 * f64::from(k), HELD);
             curve.push((answer.force_n[2], answer.steps));
         }
-        for k in [10, 40, 100, 300, 2999] {
-            let (t, share) = (0.01 * (k as f64 + 1.0), curve[k].0 / instant);
+        for k in [5, 20, 50, 150, 999] {
+            let (t, share) = (0.02 * (k as f64 + 1.0), curve[k].0 / instant);
             println!("{ratio}, {nu}: after {t:.2} s {share:.4}, series {:.4}", relaxation(t));
             assert!(nu < 0.499 || (share / relaxation(t) - 1.0).abs() < 0.01, "after {t} s {share}");
         }
         let steps: u32 = curve.iter().map(|c| c.1).sum();
-        println!("{ratio}, {nu}: {steps} steps in 30 s of rest");
-        let end = curve[2999].0;
+        println!("{ratio}, {nu}: {steps} steps in 20 s of rest");
+        let end = curve[999].0;
         let off = end / elastic("839", &long_nu) - 1.0;
         println!(
             "{ratio}, {nu}: in the end {:.4} of the instant, {:.2} % off the long-term elastic force",
@@ -290,7 +290,7 @@ fn a_held_indentation_relaxes_to_the_long_term_force() {
         );
         // the projected volume ratio's kappa_s stays that of the instant, which on this coarse cloud costs 0.8 %
         assert!(off.abs() < if ratio == "projected" { 0.015 } else { 0.01 }, "{ratio}, {nu}: {off}");
-        assert!(curve[2000..].iter().filter(|c| c.1 > 0).count() < 50, "{ratio}: the relaxed tissue rests");
+        assert!(curve[900..].iter().filter(|c| c.1 > 0).count() < 20, "{ratio}: the relaxed tissue rests");
     }
 }
 

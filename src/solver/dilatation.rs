@@ -27,7 +27,7 @@ pub const COARSENING: f64 = 1.5;
 const REACH: f64 = 2.0;
 /// Reach in spacings beyond which a linear fit is given up.
 const WIDEST: f64 = 20.0;
-/// kappa_s / mu.
+/// kappa_s / mu, with the initial, instantaneous mu.
 pub const POINTWISE_BULK: f64 = 3.0;
 
 /// N_aP by node: coarse indices and values.
