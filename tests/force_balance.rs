@@ -83,6 +83,31 @@ fn three_times_the_modulus_is_three_times_the_force() {
     let ratio = force(&[("material.shear_modulus_pa", "5034.0")]) / force(&[]);
     println!("force ratio {ratio:.6}");
     assert!((ratio / 3.0 - 1.0).abs() < 0.003, "{ratio}");
+    let ogden = |moduli| {
+        force(&[
+            ("material.model", "ogden"),
+            ("material.ogden_shear_moduli_pa", moduli),
+            ("material.ogden_exponents", "2, -4"),
+            ("material.volumetric", "logarithmic"),
+        ])
+    };
+    let ratio = ogden("3000, 2034") / ogden("1000, 678");
+    println!("force ratio {ratio:.6} with Ogden's law");
+    assert!((ratio / 3.0 - 1.0).abs() < 0.003, "{ratio}");
+}
+
+/// The law with exponent 2 in the twin, through the kernel's other loop.
+#[test]
+fn ogden_with_exponent_2_has_the_neo_hookean_force() {
+    let ogden = [
+        ("material.model", "ogden"),
+        ("material.ogden_shear_moduli_pa", "1678"),
+        ("material.ogden_exponents", "2"),
+        ("discretisation.precision", "f64"),
+    ];
+    let off = force(&ogden) / force(&ogden[3..]) - 1.0;
+    println!("Ogden against neo-Hooke: {off:.1e}");
+    assert!(off.abs() < 1e-6, "{off}");
 }
 
 #[test]

@@ -9,6 +9,7 @@ use clouds::{KAPPA, METHODS, MLS, MMLS, MU, TET4, internal_force, minus, norm, s
 use needle_twin::approximation::Basis;
 use needle_twin::approximation::table::Approximation;
 use needle_twin::cloud::Cloud;
+use needle_twin::material::Law;
 use needle_twin::scene::{Precision, VolumeRatio};
 use needle_twin::solver::{Advance, Role, Solver, SolverSettings};
 use rand_chacha::ChaCha8Rng;
@@ -28,8 +29,7 @@ fn patch_error(cloud: &Cloud, basis: Option<Basis>, points_per_cell: u32) -> f64
     let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings);
     let role = boundary.iter().map(|b| if *b { Role::Instrument } else { Role::Free }).collect();
     let settings = SolverSettings {
-        shear_modulus: MU,
-        bulk_modulus: KAPPA,
+        law: Law::neo_hookean(MU, KAPPA),
         volume_ratio: VolumeRatio::Projected,
         precision: Precision::F64,
         step_factor: 0.9,

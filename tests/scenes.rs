@@ -98,6 +98,11 @@ fn every_key_can_be_set_to_what_it_is() {
             Override::text("sample.shape", "box", "test"),
             Override::text("sample.size_x_m", "0.03", "test"),
             Override::text("sample.size_y_m", "0.02", "test"),
+            Override::text("material.model", "ogden", "test"),
+            Override::text("material.ogden_shear_moduli_pa", "1000, 678.5, 0.25", "test"),
+            Override::text("material.ogden_exponents", "[2, -4.7, 10]", "test"),
+            Override::text("material.prony_shares", "0.25", "test"),
+            Override::text("material.prony_times_s", "[1.5]", "test"),
         ])
         .unwrap();
     for key in KEYS {
@@ -125,7 +130,9 @@ fn every_key_can_be_changed() {
         let new = match (&key.kind, &old) {
             (Kind::Text, _) => Value::from("another"),
             (Kind::Word(words), Value::Text(old)) => match words.iter().find(|word| *word != old) {
-                Some(word) if path != "sample.shape" && path != "instrument.kind" => Value::from(*word),
+                Some(word) if !["sample.shape", "instrument.kind", "material.model"].contains(&path.as_str()) => {
+                    Value::from(*word)
+                }
                 _ => continue, // one word only, or a change of kind, which has its own test
             },
             (Kind::Real(_), Value::Real(x)) if path.ends_with("radius_m") => Value::Real(x * 1.5),
@@ -134,11 +141,60 @@ fn every_key_can_be_changed() {
             (Kind::OneOf(_), _) => Value::Integer(4),
             (Kind::Boolean, Value::Boolean(yes)) => Value::Boolean(!yes),
             (Kind::Point, _) => Value::Point([0.001, 0.002, 0.003]),
+            (Kind::List(..), _) => continue, // comes in pairs, which have a test of their own
             (kind, value) => panic!("{path}: {value} in {kind:?}"),
         };
         let changed = whole.with(&[Override::typed(&path, new.clone(), "test")]).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(changed.get(&path), Some(new), "{path}");
         assert_ne!(changed, whole, "{path} reaches the scene");
+    }
+}
+
+#[test]
+fn lists_of_a_material_come_in_pairs() {
+    let change = |pairs: &[(&str, &str)]| {
+        let changes: Vec<_> = pairs.iter().map(|(path, value)| Override::text(path, value, "--set")).collect();
+        Scene::preset("compression").unwrap().with(&changes)
+    };
+    let ogden = |moduli, exponents| {
+        [
+            ("material.model", "ogden"),
+            ("material.ogden_shear_moduli_pa", moduli),
+            ("material.ogden_exponents", exponents),
+        ]
+    };
+    let scene = change(&ogden("1000, 678", "[2, -4]")).unwrap();
+    assert_eq!(scene.material.shear_modulus.get(), 1678.0, "the sum of the terms");
+    assert_eq!(scene.get("material.ogden_exponents"), Some(Value::List(vec![2.0, -4.0])));
+    assert_eq!(scene.get("material.shear_modulus_pa"), None, "said by the terms");
+    let relaxing = change(&[("material.prony_shares", "[0.3, 0.2]"), ("material.prony_times_s", "0.5, 10")]).unwrap();
+    assert_eq!(
+        (relaxing.material.prony.shares(), relaxing.material.prony.times()),
+        (&[0.3, 0.2][..], &[0.5, 10.0][..])
+    );
+    for (changes, parts) in [
+        (&ogden("1000, 678", "2")[..], &["material.ogden_exponents", "1 numbers", "has 2"] as &[&str]),
+        (&ogden("1678", "0"), &["material.ogden_exponents", "0.0", "0.01"]),
+        (&ogden("[]", "[]"), &["material.ogden_exponents", "at least one term"]),
+        (&ogden("1678, -10", "2, 4"), &["ogden_shear_moduli_pa", "-10", "(0, ", "unstable", "a_k / 2"]),
+        (&ogden("1678", "31"), &["ogden_exponents", "31", "[-30, 30]"]),
+        (&ogden("1,1,1,1,1,1,1", "1,1,1,1,1,1,1"), &["ogden_shear_moduli_pa", "at most 6"]),
+        (&ogden("soft", "2"), &["ogden_shear_moduli_pa", "soft", "list of"]),
+        (&ogden("1678", "2")[..1], &["material.ogden_exponents", "missing"]),
+        (&[("material.ogden_exponents", "2")], &["material.ogden_exponents", "neo_hookean", "ogden"]),
+        (&[("material.model", "ogdn")], &["ogdn", "did you mean ogden"]),
+        (&[("material.volumetric", "log")], &["log", "quadratic, logarithmic"]),
+        (&[("material.prony_share", "0.5")], &["material.prony_share", "material.prony_shares"]),
+        (&[("material.prony_shares", "0.5")], &["material.prony_times_s", "0 numbers", "has 1"]),
+        (
+            &[("material.prony_shares", "0.5, 0.5"), ("material.prony_times_s", "1, 2")],
+            &["material.prony_shares", "sum is 1", "liquid"],
+        ),
+        (&[("material.prony_shares", "1.5"), ("material.prony_times_s", "1")], &["prony_shares", "1.5", "(0, 1)"]),
+        (&[("material.prony_shares", "0.5"), ("material.prony_times_s", "0")], &["prony_times_s", "0.0", "(0, "]),
+        (&[("material.prony_shares", "0.5"), ("material.prony_times_s", "-1")], &["prony_times_s", "-1.0", "(0, "]),
+    ] {
+        assert_names(&refusal(change(changes)), parts);
     }
 }
 
@@ -345,6 +401,8 @@ fn random_scene() -> impl Strategy<Value = Vec<(String, Value)>> {
                 (_, Kind::Integer(low, high)) => Value::Integer(low + ((high - low) as f64 * f) as i64),
                 (_, Kind::Boolean) => Value::Boolean(pick(2) == 0),
                 (_, Kind::Point) => Value::Point([height * 0.3 * (f - 0.5), height * 0.1 * f, height * f]),
+                ("material.prony_shares", _) => vec![0.01 + 0.5 * f, 0.4].into(),
+                (_, Kind::List(range, _)) => vec![range.high * (0.1 + 0.9 * f), range.high * (0.05 + 0.9 * f)].into(),
                 (_, Kind::Real(range)) => (range.low + (range.high - range.low) * (0.001 + 0.998 * f)).into(),
             };
             let path = key.path.replace("targets.", "targets.0.");

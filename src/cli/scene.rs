@@ -101,6 +101,7 @@ fn value_json(value: Value) -> serde_json::Value {
         Value::Integer(i) => json!(i),
         Value::Boolean(yes) => json!(yes),
         Value::Point(point) => json!(point),
+        Value::List(numbers) => json!(numbers),
     }
 }
 

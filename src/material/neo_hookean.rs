@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The volumetric pressure p is an argument of its own, because the cure for volumetric locking computes it from
-//! an averaged volume ratio. Valid for J > 0; the kernel flags points at which J falls below [`MIN_JACOBIAN`].
+//! an averaged volume ratio, and because there are other energies of volume ([`super::volumetric`]). Valid for J > 0; the kernel flags points at which J falls below [`MIN_JACOBIAN`].
 
 use crate::solver::real::Real;
 

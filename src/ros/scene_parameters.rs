@@ -64,6 +64,7 @@ fn to_parameter(value: &Value) -> ParameterValue {
         Value::Integer(v) => ParameterValue::Integer(*v),
         Value::Boolean(v) => ParameterValue::Boolean(*v),
         Value::Point(v) => ParameterValue::DoubleArray(v.to_vec()),
+        Value::List(v) => ParameterValue::DoubleArray(v.clone()),
     }
 }
 
@@ -74,11 +75,8 @@ fn to_value(value: &ParameterValue) -> Option<Value> {
         ParameterValue::Integer(v) => Value::Integer(*v),
         ParameterValue::Double(v) => Value::Real(*v),
         ParameterValue::String(v) => Value::Text(v.clone()),
-        ParameterValue::DoubleArray(v) => Value::Point(<[f64; 3]>::try_from(v.as_slice()).ok()?),
-        ParameterValue::IntegerArray(v) => {
-            let v: Vec<f64> = v.iter().map(|v| *v as f64).collect();
-            Value::Point(<[f64; 3]>::try_from(v.as_slice()).ok()?)
-        }
+        ParameterValue::DoubleArray(v) => Value::of_numbers(v.clone()),
+        ParameterValue::IntegerArray(v) => Value::of_numbers(v.iter().map(|v| *v as f64).collect()),
         _ => return None,
     })
 }

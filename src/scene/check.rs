@@ -2,14 +2,20 @@
 
 use super::size::MEMORY_LIMIT;
 use super::values::Values;
-use super::{Dimension, Instrument, InstrumentKind, Scene, SceneError, Shape, Value};
+use super::{Dimension, Instrument, InstrumentKind, MaterialModel, Scene, SceneError, Shape, Value};
 
 /// Most poses that a scene's own motion may have.
 const MOST_POSES: f64 = 1e7;
 
+/// Smallest size of an Ogden exponent: below, the powers' differences drown in round-off.
+const LEAST_EXPONENT: f64 = 0.01;
+/// Largest sum of the Prony shares.
+const MOST_RELAXING: f64 = 0.999;
+
 /// Refuses a scene whose parts contradict each other.
 pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     let check = Check { scene, values };
+    check.material()?;
     check.spacing()?;
     check.instrument()?;
     check.dimension()?;
@@ -27,6 +33,30 @@ impl Check<'_> {
     fn refuse<T>(&self, key: &str, reason: String) -> Result<T, SceneError> {
         let value = self.values.value(key).map_or_else(|_| "absent".to_owned(), |value: Value| value.to_string());
         Err(SceneError::Inconsistent { place: self.values.place(key), key: key.to_owned(), value, reason })
+    }
+
+    fn material(&self) -> Result<(), SceneError> {
+        let material = &self.scene.material;
+        if material.model == MaterialModel::Ogden {
+            const KEY: &str = "material.ogden_exponents";
+            if material.ogden.terms().is_empty() {
+                return self.refuse(KEY, "Ogden's law needs at least one term".to_owned());
+            }
+            if material.ogden.terms().iter().any(|t| t.exponent.abs() < LEAST_EXPONENT) {
+                return self.refuse(
+                    KEY,
+                    format!("an exponent of 0 makes a term 0/0; at least {LEAST_EXPONENT} in size is needed"),
+                );
+            }
+        }
+        let relaxing = 1.0 - material.prony.long_term_share();
+        if relaxing > MOST_RELAXING {
+            return self.refuse(
+                "material.prony_shares",
+                format!("their sum is {relaxing}; at most {MOST_RELAXING}, or the material flows like a liquid"),
+            );
+        }
+        Ok(())
     }
 
     fn spacing(&self) -> Result<(), SceneError> {

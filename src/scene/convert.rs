@@ -1,5 +1,7 @@
 //! Raw values to typed scene and back: one line per key in each direction.
 
+use crate::material::{Ogden, Prony, Volumetric};
+
 use super::values::Values;
 use super::{
     DeformationRule, Dimension, Discretisation, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre, Material,
@@ -33,9 +35,24 @@ fn sample(v: &Values) -> Result<Sample, SceneError> {
 }
 
 fn material(v: &Values) -> Result<Material, SceneError> {
+    let model = word(v, "material.model", MaterialModel::from_word)?;
+    let ogden = match model {
+        MaterialModel::NeoHookean => Ogden::default(),
+        MaterialModel::Ogden => {
+            pair(v, "material.ogden_exponents", "material.ogden_shear_moduli_pa", |exponents, moduli| {
+                Ogden::new(moduli, exponents)
+            })?
+        }
+    };
     Ok(Material {
-        model: word(v, "material.model", MaterialModel::from_word)?,
-        shear_modulus: Pascals(real(v, "material.shear_modulus_pa")?),
+        model,
+        shear_modulus: match model {
+            MaterialModel::NeoHookean => Pascals(real(v, "material.shear_modulus_pa")?),
+            MaterialModel::Ogden => Pascals(ogden.shear_modulus()),
+        },
+        ogden,
+        volumetric: word(v, "material.volumetric", Volumetric::from_word)?,
+        prony: pair(v, "material.prony_times_s", "material.prony_shares", |times, shares| Prony::new(shares, times))?,
         poisson_ratio: PoissonRatio(real(v, "material.poisson_ratio")?),
         density: KilogramsPerCubicMetre(real(v, "material.density_kg_per_m3")?),
     })
@@ -101,6 +118,22 @@ fn real(v: &Values, path: &str) -> Result<f64, SceneError> {
     v.value(path)?.as_real().ok_or_else(|| not_of_type(v, path))
 }
 
+fn list(v: &Values, path: &str) -> Result<Vec<f64>, SceneError> {
+    v.value(path)?.as_list().ok_or_else(|| not_of_type(v, path))
+}
+
+/// What two lists of the same length make.
+fn pair<T>(v: &Values, first: &str, second: &str, make: impl Fn(&[f64], &[f64]) -> Option<T>) -> Result<T, SceneError> {
+    let (a, b) = (list(v, first)?, list(v, second)?);
+    // the lengths of both lists are in range, so they can only differ
+    make(&a, &b).ok_or_else(|| SceneError::Inconsistent {
+        place: v.place(first),
+        key: first.to_owned(),
+        value: Value::from(a.clone()).to_string(),
+        reason: format!("{} numbers, but {second} has {}: one of each makes a term", a.len(), b.len()),
+    })
+}
+
 fn metres(v: &Values, path: &str) -> Result<Metres, SceneError> {
     real(v, path).map(Metres)
 }
@@ -142,10 +175,7 @@ pub(super) fn to_values(scene: &Scene) -> Values {
     v.put("name", scene.name.as_str());
     v.put("description", scene.description.as_str());
     put_sample(&mut v, &scene.sample);
-    v.put("material.model", scene.material.model.as_str());
-    v.put("material.shear_modulus_pa", scene.material.shear_modulus.get());
-    v.put("material.poisson_ratio", scene.material.poisson_ratio.get());
-    v.put("material.density_kg_per_m3", scene.material.density.get());
+    put_material(&mut v, &scene.material);
     if let Some(instrument) = &scene.instrument {
         put_instrument(&mut v, instrument);
     }
@@ -178,6 +208,23 @@ fn put_sample(v: &mut Values, sample: &Sample) {
         }
     }
     v.put("sample.height_m", sample.shape.height().get());
+}
+
+fn put_material(v: &mut Values, material: &Material) {
+    v.put("material.model", material.model.as_str());
+    match material.model {
+        MaterialModel::NeoHookean => v.put("material.shear_modulus_pa", material.shear_modulus.get()),
+        MaterialModel::Ogden => {
+            let terms = material.ogden.terms();
+            v.put("material.ogden_shear_moduli_pa", terms.iter().map(|t| t.shear_modulus).collect::<Vec<_>>());
+            v.put("material.ogden_exponents", terms.iter().map(|t| t.exponent).collect::<Vec<_>>());
+        }
+    }
+    v.put("material.volumetric", material.volumetric.as_str());
+    v.put("material.prony_shares", material.prony.shares().to_vec());
+    v.put("material.prony_times_s", material.prony.times().to_vec());
+    v.put("material.poisson_ratio", material.poisson_ratio.get());
+    v.put("material.density_kg_per_m3", material.density.get());
 }
 
 fn put_instrument(v: &mut Values, instrument: &Instrument) {

@@ -19,6 +19,8 @@ pub enum Kind {
     Boolean,
     /// Three numbers.
     Point,
+    /// A list of numbers, each in the range, at most so many.
+    List(Range, usize),
 }
 
 /// One key of a scene.
@@ -73,6 +75,16 @@ impl Key {
 
     pub(super) const fn point(path: &'static str, unit: &'static str, description: &'static str) -> Self {
         Self::new(path, Kind::Point, unit, description)
+    }
+
+    pub(super) const fn list(
+        path: &'static str,
+        range: Range,
+        most: usize,
+        unit: &'static str,
+        description: &'static str,
+    ) -> Self {
+        Self::new(path, Kind::List(range, most), unit, description)
     }
 
     /// Gives the default.
@@ -130,6 +142,7 @@ impl Key {
             }
             Kind::Boolean => "true or false".to_owned(),
             Kind::Point => format!("three finite numbers [x, y, z]{unit}"),
+            Kind::List(range, most) => format!("list of at most {most} numbers, each in {range}{unit}"),
         }
     }
 
@@ -151,6 +164,10 @@ impl Key {
             (Kind::Integer(low, high), Value::Integer(i)) => ((low..=high).contains(i), value.clone()),
             (Kind::OneOf(choices), Value::Integer(i)) => (choices.contains(i), value.clone()),
             (Kind::Point, Value::Point(p)) => (p.iter().all(|x| x.is_finite()), value.clone()),
+            (Kind::List(range, most), Value::List(_) | Value::Point(_) | Value::Real(_) | Value::Integer(_)) => {
+                let list = value.as_list().unwrap_or_default();
+                (list.len() <= most && list.iter().all(|x| range.contains(*x)), Value::List(list))
+            }
             _ => {
                 return Err(SceneError::WrongType {
                     place: place.to_owned(),
@@ -205,7 +222,11 @@ impl Key {
             Kind::Boolean => trimmed.parse().map_or_else(|_| Value::from(trimmed), Value::Boolean),
             Kind::Integer(..) | Kind::OneOf(_) => number(trimmed),
             Kind::Real(_) => number(trimmed),
-            Kind::Point => point(trimmed).map_or_else(|| Value::from(trimmed), Value::Point),
+            Kind::Point => match numbers(trimmed).map(Value::of_numbers) {
+                Some(point @ Value::Point(_)) => point,
+                _ => Value::from(trimmed),
+            },
+            Kind::List(..) => numbers(trimmed).map_or_else(|| Value::from(trimmed), Value::List),
         };
         self.check(&value, path, place)
     }
@@ -220,11 +241,13 @@ fn number(text: &str) -> Value {
     plain.parse::<f64>().map_or_else(|_| Value::from(text), Value::Real)
 }
 
-/// `[x, y, z]` or `x, y, z`.
-fn point(text: &str) -> Option<[f64; 3]> {
+/// `[x, y, z]` or `x, y, z`, any number of them.
+fn numbers(text: &str) -> Option<Vec<f64>> {
     let inner = text.strip_prefix('[').map_or(Some(text), |rest| rest.strip_suffix(']'))?;
-    let numbers: Vec<f64> = inner.split(',').map(|x| number(x.trim()).as_real()).collect::<Option<_>>()?;
-    numbers.try_into().ok()
+    if inner.trim().is_empty() {
+        return text.starts_with('[').then(Vec::new);
+    }
+    inner.split(',').map(|x| number(x.trim()).as_real()).collect()
 }
 
 /// Text without the quotes that a shell user may have kept from TOML.

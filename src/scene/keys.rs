@@ -3,6 +3,8 @@
 //! Parsing, validation, `--set`, error messages, `scene show --keys` and parameter descriptors all read
 //! [`KEYS`]; a new key is one entry here and one line in each direction of `convert.rs`.
 
+use crate::material::{Volumetric, ogden, prony};
+
 use super::{
     DeformationRule, Dimension, InstrumentKind, MaterialModel, Method, Precision, Range, SceneError, Shape,
     VolumeRatio, key::Key,
@@ -10,6 +12,8 @@ use super::{
 
 const CYLINDER: (&str, &[&str]) = ("sample.shape", &["cylinder"]);
 const BOX: (&str, &[&str]) = ("sample.shape", &["box"]);
+const NEO_HOOKEAN: (&str, &[&str]) = ("material.model", &["neo_hookean"]);
+const OGDEN: (&str, &[&str]) = ("material.model", &["ogden"]);
 const NEEDLE: (&str, &[&str]) = ("instrument.kind", &["needle"]);
 const NOT_PLATE: (&str, &[&str]) = ("instrument.kind", &["indenter", "needle"]);
 
@@ -25,8 +29,56 @@ pub static KEYS: &[Key] = &[
     Key::real("sample.size_y_m", Range::above(0.0, 10.0), "m", "Edge of the box along y.").only(BOX),
     Key::real("sample.height_m", Range::above(0.0, 10.0), "m", "Height; the top face is at z = height."),
     // material
-    Key::word("material.model", MaterialModel::WORDS, "Constitutive law.").or("neo_hookean"),
-    Key::real("material.shear_modulus_pa", Range::above(0.0, 1e12), "Pa", "Small-strain shear modulus mu."),
+    Key::word("material.model", MaterialModel::WORDS, "Constitutive law of the change of shape.").or("neo_hookean"),
+    Key::real(
+        "material.shear_modulus_pa",
+        Range::above(0.0, 1e12),
+        "Pa",
+        "Small-strain shear modulus mu; the instantaneous one where the material relaxes.",
+    )
+    .only(NEO_HOOKEAN),
+    Key::list(
+        "material.ogden_shear_moduli_pa",
+        Range::above(0.0, 1e12),
+        ogden::MOST_TERMS,
+        "Pa",
+        "mu_k of W = sum 2 mu_k / a_k^2 (l1^a_k + l2^a_k + l3^a_k - 3); their sum is the initial shear modulus.",
+    )
+    .because(
+        "a term with a negative modulus makes the tissue unstable; the constants of a source that writes \
+         W = sum mu_k / a_k (...) are to be multiplied by a_k / 2",
+    )
+    .only(OGDEN),
+    Key::list(
+        "material.ogden_exponents",
+        Range::closed(-30.0, 30.0),
+        ogden::MOST_TERMS,
+        "",
+        "a_k of the same terms, in the same order; the exponent 2 is the neo-Hookean law.",
+    )
+    .only(OGDEN),
+    Key::word(
+        "material.volumetric",
+        Volumetric::WORDS,
+        "Energy of a change of volume: quadratic, or logarithmic, which grows without bound as the volume goes to 0.",
+    )
+    .or("quadratic"),
+    Key::list(
+        "material.prony_shares",
+        Range::open(0.0, 1.0),
+        prony::MOST_TERMS,
+        "",
+        "g_i: shares of the instantaneous stiffness in shear that relax; empty: elastic.",
+    )
+    .or("[]"),
+    Key::list(
+        "material.prony_times_s",
+        Range::above(0.0, 1e9),
+        prony::MOST_TERMS,
+        "s",
+        "tau_i: the times in which they relax, in the same order.",
+    )
+    .or("[]"),
     Key::real("material.poisson_ratio", Range::open(-1.0, 0.5), "", "Poisson's ratio nu.").because(
         "at 0.5 the bulk modulus 2 mu (1 + nu) / (3 (1 - 2 nu)) is infinite, and so is the number of explicit steps: \
          0.49 to 0.499 serves for nearly incompressible tissue",

@@ -6,6 +6,8 @@
 //! `convert` → [`Scene`] → `check` (do the parts fit together?). `--set` and parameters meet the file at the raw
 //! values, so that all of them obey the same types, ranges and messages.
 
+use crate::material::{Distortional, Law, Ogden, Prony, Volumetric};
+
 mod check;
 mod convert;
 mod edit;
@@ -96,8 +98,14 @@ impl Shape {
 pub struct Material {
     /// Which law.
     pub model: MaterialModel,
-    /// Small-strain shear modulus mu.
+    /// Small-strain shear modulus mu, instantaneous where the material relaxes; Ogden: the sum of its terms.
     pub shear_modulus: Pascals,
+    /// Terms of Ogden's law; none for the other model.
+    pub ogden: Ogden,
+    /// Energy of a change of volume.
+    pub volumetric: Volumetric,
+    /// Relaxation of the change of shape; no terms: elastic.
+    pub prony: Prony,
     /// Poisson's ratio nu.
     pub poisson_ratio: PoissonRatio,
     /// Density of the reference configuration.
@@ -111,13 +119,29 @@ impl Material {
         let nu = self.poisson_ratio.get();
         2.0 * self.shear_modulus.get() * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))
     }
+
+    /// The law with all its constants.
+    #[must_use]
+    pub fn law(&self) -> Law {
+        Law {
+            distortional: match self.model {
+                MaterialModel::NeoHookean => Distortional::NeoHookean { shear_modulus: self.shear_modulus.get() },
+                MaterialModel::Ogden => Distortional::Ogden(self.ogden),
+            },
+            volumetric: self.volumetric,
+            bulk_modulus: self.bulk_modulus(),
+            prony: self.prony,
+        }
+    }
 }
 
 /// Which constitutive law (`material.model`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaterialModel {
-    /// `neo_hookean`: W = mu/2 (J^-2/3 I1 - 3) + kappa/2 (J - 1)^2.
+    /// `neo_hookean`: W = mu/2 (J^-2/3 I1 - 3).
     NeoHookean,
+    /// `ogden`: W = sum_k 2 mu_k / a_k^2 (lb_1^a_k + lb_2^a_k + lb_3^a_k - 3).
+    Ogden,
 }
 
 /// The rigid instrument that meets the top face.

@@ -137,14 +137,14 @@ fn to_value(value: &DeValue<'_>) -> Option<Value> {
         DeValue::Integer(digits) => i64::from_str_radix(digits.as_str(), digits.radix()).ok().map(Value::Integer),
         DeValue::Float(digits) => digits.as_str().parse().ok().map(Value::Real),
         DeValue::Boolean(yes) => Some(Value::Boolean(*yes)),
-        DeValue::Array(list) => point(list),
+        DeValue::Array(list) => numbers(list),
         DeValue::Datetime(_) | DeValue::Table(_) => None,
     }
 }
 
-fn point(list: &DeArray<'_>) -> Option<Value> {
-    let numbers: Option<Vec<f64>> = list.iter().map(|x| to_value(x.get_ref())?.as_real()).collect();
-    numbers?.try_into().ok().map(Value::Point)
+fn numbers(list: &DeArray<'_>) -> Option<Value> {
+    let numbers: Vec<f64> = list.iter().map(|x| to_value(x.get_ref())?.as_real()).collect::<Option<_>>()?;
+    Some(Value::of_numbers(numbers))
 }
 
 const fn kind_of(value: &DeValue<'_>) -> &'static str {

@@ -42,8 +42,13 @@ impl Scene {
             Precision::F64 => 8.0,
         };
         let points = nodes * CELLS_PER_NODE * f64::from(d.points_per_cell);
+        // Per point of a relaxing material: H, and twice Pi and every h_i, of six components each.
+        let memory = match self.material.prony.len() {
+            0 => 0.0,
+            terms => 48.0 * (1.0 + 2.0 * (1.0 + terms as f64)),
+        };
         // Per support node: an index and three components of the gradient.
-        Estimate { nodes, bytes: points * support * (4.0 + 3.0 * float) + nodes * BYTES_PER_NODE }
+        Estimate { nodes, bytes: points * (support * (4.0 + 3.0 * float) + memory) + nodes * BYTES_PER_NODE }
     }
 
     /// Smallest spacing that stays within [`MEMORY_LIMIT`].

@@ -15,6 +15,8 @@ pub enum Value {
     Boolean(bool),
     /// A position, m.
     Point([f64; 3]),
+    /// A list of numbers; three of them are read as a [`Value::Point`] and taken for a list where the key is one.
+    List(Vec<f64>),
 }
 
 impl Value {
@@ -27,6 +29,7 @@ impl Value {
             Self::Integer(_) => "a whole number",
             Self::Boolean(_) => "true or false",
             Self::Point(_) => "three numbers",
+            Self::List(_) => "a list of numbers",
         }
     }
 
@@ -37,6 +40,22 @@ impl Value {
             Self::Real(x) => Some(x),
             Self::Integer(i) => Some(i as f64),
             _ => None,
+        }
+    }
+
+    /// A point where there are three numbers, a list otherwise: what the text alone can say.
+    #[must_use]
+    pub fn of_numbers(numbers: Vec<f64>) -> Self {
+        <[f64; 3]>::try_from(numbers).map_or_else(Self::List, Self::Point)
+    }
+
+    /// The numbers in it, a single one being taken for a list of one.
+    #[must_use]
+    pub fn as_list(&self) -> Option<Vec<f64>> {
+        match self {
+            Self::List(numbers) => Some(numbers.clone()),
+            Self::Point(point) => Some(point.to_vec()),
+            _ => self.as_real().map(|x| vec![x]),
         }
     }
 
@@ -59,6 +78,10 @@ impl fmt::Display for Value {
             Self::Integer(i) => write!(f, "{i}"),
             Self::Boolean(yes) => write!(f, "{yes}"),
             Self::Point([x, y, z]) => write!(f, "[{}, {}, {}]", Number(*x), Number(*y), Number(*z)),
+            Self::List(numbers) => {
+                let numbers: Vec<String> = numbers.iter().map(|x| Number(*x).to_string()).collect();
+                write!(f, "[{}]", numbers.join(", "))
+            }
         }
     }
 }
@@ -97,6 +120,12 @@ impl From<bool> for Value {
 impl From<&str> for Value {
     fn from(text: &str) -> Self {
         Self::Text(text.to_owned())
+    }
+}
+
+impl From<Vec<f64>> for Value {
+    fn from(numbers: Vec<f64>) -> Self {
+        Self::List(numbers)
     }
 }
 

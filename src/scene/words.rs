@@ -1,5 +1,7 @@
 //! The words that a scene file uses for its choices, each tied to its type in one place.
 
+use crate::material::Volumetric;
+
 use super::{DeformationRule, Dimension, InstrumentKind, MaterialModel, Method, Precision, Shape, VolumeRatio};
 
 /// Ties the variants of a plain enum to their words.
@@ -29,7 +31,8 @@ macro_rules! words {
     };
 }
 
-words!(MaterialModel: NeoHookean = "neo_hookean");
+words!(MaterialModel: NeoHookean = "neo_hookean", Ogden = "ogden");
+words!(Volumetric: Quadratic = "quadratic", Logarithmic = "logarithmic");
 words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Full = "full");

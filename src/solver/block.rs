@@ -7,6 +7,7 @@
 use crate::approximation::ShapeTable;
 
 use super::dilatation::Dilatation;
+use super::memory::Memory;
 use super::real::Real;
 
 /// Support entries per block: gradients of about 200 kB stream through, the few hundred nodes stay in cache.
@@ -55,6 +56,8 @@ pub struct Block<T> {
     pub min_jacobian: f64,
     /// Strain energy of the block's points less the projected volumetric part, at the last evaluation, J.
     pub energy: f64,
+    /// What the points of a relaxing material remember.
+    pub memory: Memory,
 }
 
 /// Where each global index's shares lie: block and local index, in block order.
@@ -122,6 +125,7 @@ impl<T: Real> Block<T> {
             force: vec![[T::default(); 4]; count],
             min_jacobian: 1.0,
             energy: 0.0,
+            memory: Memory::default(),
             nodes,
             coarse,
         }

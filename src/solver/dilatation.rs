@@ -7,9 +7,11 @@
 //! ```text
 //! J_a = sum_g V_g J_g / (4 V_a)        over the integration points of the cells of node a
 //! J_P = sum_a V_a N_aP J_a / V_P       V_P = sum_a V_a N_aP
-//! W_vol = sum_P V_P (kappa - kappa_s)/2 (J_P - 1)^2 + sum_g V_g kappa_s/2 (J_g - 1)^2 / J_g
-//! p_g = mean over the cell's corners a of sum_P N_aP (kappa - kappa_s) (J_P - 1)  +  kappa_s/2 (1 - 1/J_g^2)
+//! W_vol = sum_P V_P (kappa - kappa_s) u(J_P) + sum_g V_g kappa_s/2 (J_g - 1)^2 / J_g
+//! p_g = mean over the cell's corners a of sum_P N_aP (kappa - kappa_s) u'(J_P)  +  kappa_s/2 (1 - 1/J_g^2)
 //! ```
+//!
+//! with kappa u the volumetric energy, (J - 1)^2 / 2 or another (see [`crate::material::volumetric`]).
 //!
 //! kappa_s, a few shear moduli, keeps the volume ratio of single points in check: modes that the coarse pressure does
 //! not see would otherwise resist by shear alone. It does not grow with kappa, so it does not lock either. The
@@ -27,7 +29,7 @@ pub const COARSENING: f64 = 1.5;
 const REACH: f64 = 2.0;
 /// Reach in spacings beyond which a linear fit is given up.
 const WIDEST: f64 = 20.0;
-/// kappa_s / mu.
+/// kappa_s / mu, with the initial, instantaneous mu.
 pub const POINTWISE_BULK: f64 = 3.0;
 
 /// N_aP by node: coarse indices and values.

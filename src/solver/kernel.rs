@@ -6,14 +6,17 @@
 //! ```
 //!
 //! Pass 2 is the exact derivative of the energy that pass 1 defines (see [`super::dilatation`]), so the force is
-//! conservative. With the pointwise volume ratio p = kappa (J_g - 1) and the coarse nodes are idle.
+//! conservative. With the pointwise volume ratio p = kappa u'(J_g) and the coarse nodes are idle.
 
 use crate::approximation::ShapeTable;
-use crate::material::neo_hookean::{MIN_JACOBIAN, cofactor, determinant, distortional_energy, first_piola};
+use crate::material::neo_hookean::{cofactor, determinant};
+use crate::material::{Law, Volumetric};
 use crate::scene::VolumeRatio;
 
 use super::block::{Block, Shares};
 use super::dilatation::{Dilatation, POINTWISE_BULK};
+use super::memory::Memory;
+use super::points::{Constants, PointLaw, Relaxing};
 use super::pool::{Dealt, Team};
 use super::real::Real;
 
@@ -23,41 +26,30 @@ pub const NODES_PER_DEAL: usize = 256;
 /// Internal-force kernel of one model.
 #[derive(Clone, Debug)]
 pub struct Kernel<T> {
-    blocks: Vec<Block<T>>,
+    pub(super) blocks: Vec<Block<T>>,
     node_shares: Shares,
     coarse_shares: Shares,
     /// V_P, m^3.
     coarse_volume: Vec<f64>,
-    /// (kappa - kappa_s) (J_P - 1) at the last evaluation, Pa.
+    /// (kappa - kappa_s) u'(J_P) at the last evaluation, Pa.
     coarse_pressure: Vec<f64>,
     nodes: usize,
-    constants: Constants<T>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Constants<T> {
-    mu: T,
-    /// Bulk modulus of the projected part, Pa; 0 with the pointwise volume ratio.
-    projected: f64,
-    /// Bulk modulus of the pointwise part, Pa.
-    pointwise: T,
-    /// Whether the pointwise part resists collapse, see [`super::dilatation`]; if not it is the law's own.
-    barrier: bool,
+    pub(super) constants: Constants,
 }
 
 /// The kernel's memory during a job, dealt to the team's threads.
 pub struct Parts<'a, T> {
-    blocks: Dealt<'a, Block<T>>,
+    pub(super) blocks: Dealt<'a, Block<T>>,
     pressure: Dealt<'a, f64>,
-    kernel: Fixed<'a, T>,
+    pub(super) kernel: Fixed<'a>,
 }
 
 #[derive(Clone, Copy)]
-struct Fixed<'a, T> {
+pub(super) struct Fixed<'a> {
     node_shares: &'a Shares,
     coarse_shares: &'a Shares,
     coarse_volume: &'a [f64],
-    constants: Constants<T>,
+    pub(super) constants: Constants,
 }
 
 impl<T: Real> Kernel<T> {
@@ -67,17 +59,18 @@ impl<T: Real> Kernel<T> {
         table: &ShapeTable,
         cells: &[[u32; 4]],
         points: &[[f64; 3]],
-        mu: f64,
-        kappa: f64,
+        law: &Law,
         volume_ratio: VolumeRatio,
     ) -> Self {
         let nodes = points.len();
+        let (mu, kappa) = (law.shear_modulus(), law.bulk_modulus);
         let (dilatation, pointwise) = match volume_ratio {
             VolumeRatio::Projected => (Dilatation::projected(points, cells), kappa.min(POINTWISE_BULK * mu)),
             VolumeRatio::Averaged => (Dilatation::nodal(nodes), 0.0),
             VolumeRatio::Pointwise => (Dilatation { start: vec![0; nodes + 1], ..Dilatation::default() }, kappa),
         };
-        let blocks = Block::partition(table, cells, &dilatation);
+        let mut blocks = Block::partition(table, cells, &dilatation);
+        blocks.iter_mut().for_each(|b| b.memory = Memory::new(&law.prony, b.volume.len()));
         let mut coarse_volume = vec![0.0; dilatation.count];
         for (p, v) in table.volume.iter().enumerate() {
             for n in cells[table.cell[p] as usize] {
@@ -94,10 +87,10 @@ impl<T: Real> Kernel<T> {
             coarse_volume,
             nodes,
             constants: Constants {
-                mu: T::of(mu),
+                law: *law,
                 projected: kappa - pointwise,
-                pointwise: T::of(pointwise),
-                barrier: volume_ratio == VolumeRatio::Projected,
+                pointwise,
+                resists_collapse: volume_ratio == VolumeRatio::Projected,
             },
             blocks,
         }
@@ -156,27 +149,24 @@ impl<T: Real> Kernel<T> {
     #[must_use]
     pub fn energy(&self) -> f64 {
         let projected: f64 = if self.constants.projected > 0.0 {
-            let squares = self.coarse_pressure.iter().zip(&self.coarse_volume).map(|(p, v)| v * p * p);
-            squares.sum::<f64>() / (2.0 * self.constants.projected)
+            let (kappa, volumetric) = (self.constants.projected, self.constants.law.volumetric);
+            let density = |p: f64| kappa * volumetric.energy(volumetric.dilation(p / kappa));
+            self.coarse_pressure.iter().zip(&self.coarse_volume).map(|(p, v)| v * density(*p)).sum()
         } else {
             0.0
         };
         self.blocks.iter().map(|b| b.energy).sum::<f64>() + projected
     }
 
-    /// Calls `visit(point, F, p, V)` for every integration point of the last evaluation: deformation gradient
-    /// (row-major), pressure dU/dJ in Pa, volume in m^3.
-    pub fn for_points(&self, mut visit: impl FnMut(usize, [f64; 9], f64, f64)) {
+    /// Calls `visit(point, F, P, V)` for every integration point of the last evaluation: deformation gradient and first
+    /// Piola-Kirchhoff stress in Pa (row-major), volume in m^3.
+    pub fn for_points(&self, mut visit: impl FnMut(usize, [f64; 9], [f64; 9], f64)) {
         for b in &self.blocks {
+            let law = Relaxing { constants: &self.constants, memory: &b.memory };
             for p in 0..b.volume.len() {
-                let f = gradient(&b.deformation[p]);
-                let j = determinant(&f, &cofactor(&f));
-                visit(
-                    b.first_point + p,
-                    f.map(Real::get),
-                    b.pressure_at(p, j, &self.constants).get(),
-                    b.volume[p].get(),
-                );
+                let f = gradient(&b.deformation[p]).map(Real::get);
+                let (_, stress): (f64, _) = law.at(p, &f, b.projected_pressure(p).get());
+                visit(b.first_point + p, f, stress, b.volume[p].get());
             }
         }
     }
@@ -208,7 +198,12 @@ impl<T: Real> Parts<'_, T> {
             let shares = self.kernel.coarse_shares.of_index(p).iter();
             let dilation: f64 = shares.map(|&(b, l)| blocks[b as usize].coarse_dilation[l as usize]).sum();
             let volume = self.kernel.coarse_volume[p];
-            *out = if volume > 0.0 { self.kernel.constants.projected * dilation / volume } else { 0.0 };
+            let constants = &self.kernel.constants;
+            *out = match constants.law.volumetric {
+                _ if volume <= 0.0 => 0.0,
+                Volumetric::Quadratic => constants.projected * dilation / volume,
+                other => constants.projected * other.slope(dilation / volume),
+            };
         }
     }
 
@@ -231,7 +226,7 @@ impl<T: Real> Parts<'_, T> {
 
 /// Row-major F from its columns.
 #[inline(always)]
-fn gradient<T: Real>(columns: &[[T; 4]; 3]) -> [T; 9] {
+pub(super) fn gradient<T: Real>(columns: &[[T; 4]; 3]) -> [T; 9] {
     std::array::from_fn(|i| columns[i % 3][i / 3])
 }
 
@@ -285,7 +280,7 @@ impl<T: Real> Block<T> {
     }
 
     /// Pass 2.
-    fn stress(&mut self, coarse_pressure: &[f64], constants: &Constants<T>) {
+    fn stress(&mut self, coarse_pressure: &[f64], constants: &Constants) {
         if !self.coarse.is_empty() {
             for a in 0..self.nodes.len() {
                 let entries = self.coarse_start[a] as usize..self.coarse_start[a + 1] as usize;
@@ -298,12 +293,14 @@ impl<T: Real> Block<T> {
             }
         }
         self.force.fill([T::default(); 4]);
-        T::dispatch_stress(self, constants.mu, constants.pointwise, constants.barrier);
-    }
-
-    #[inline(always)]
-    fn pressure_at(&self, p: usize, j: T, constants: &Constants<T>) -> T {
-        self.projected_pressure(p) + pointwise_pressure(j, constants.pointwise, constants.barrier).0
+        // the usual law has a loop of its own, with no choices in it
+        if let Some(plain) = constants.plain() {
+            return T::dispatch_stress(self, &plain);
+        }
+        let memory = std::mem::take(&mut self.memory);
+        T::dispatch_stress(self, &Relaxing { constants, memory: &memory });
+        self.energy += memory.offset;
+        self.memory = memory;
     }
 
     #[inline(always)]
@@ -314,20 +311,16 @@ impl<T: Real> Block<T> {
 
     /// The loop over points of pass 2.
     #[inline(always)]
-    pub(super) fn stress_points(&mut self, mu: T, pointwise: T, barrier: bool) {
+    pub(super) fn stress_points<L: PointLaw<T>>(&mut self, law: &L) {
         let mut energy = T::default();
         for p in 0..self.volume.len() {
-            let f = gradient(&self.deformation[p]);
-            let cof = cofactor(&f);
-            let j = determinant(&f, &cof);
-            let (own, stored) = pointwise_pressure(j, pointwise, barrier);
-            let pressure = self.projected_pressure(p) + own;
             let volume = self.active[p] * self.volume[p];
             if volume == T::default() {
                 continue;
             }
-            energy += volume * (distortional_energy(&f, j, mu) + stored);
-            let s = first_piola(&f, &cof, j, mu, pressure);
+            let f = gradient(&self.deformation[p]);
+            let (density, s) = law.at(p, &f, self.projected_pressure(p));
+            energy += volume * density;
             let columns: [[T; 4]; 3] =
                 std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
             let range = self.start[p] as usize..self.start[p + 1] as usize;
@@ -335,18 +328,6 @@ impl<T: Real> Block<T> {
         }
         self.energy = energy.get();
     }
-}
-
-/// U'(J) and U(J) of the pointwise part: kappa_s/2 (J - 1)^2, over J if it resists collapse.
-#[inline(always)]
-fn pointwise_pressure<T: Real>(j: T, kappa: T, barrier: bool) -> (T, T) {
-    let (one, half) = (T::of(1.0), T::of(0.5));
-    let dilation = j - one;
-    if !barrier {
-        return (kappa * dilation, half * kappa * dilation * dilation);
-    }
-    let inverse = one / j.max(T::of(MIN_JACOBIAN));
-    (half * kappa * dilation * (j + one) * inverse * inverse, half * kappa * dilation * dilation * inverse)
 }
 
 /// sum_j u_j (x) grad phi_j by columns. Two sets of accumulators hide the latency of the additions.

@@ -3,8 +3,11 @@
 pub mod block;
 pub mod dilatation;
 pub mod kernel;
+mod memory;
+mod points;
 pub mod pool;
 pub mod real;
+mod relax;
 #[cfg(target_arch = "x86_64")]
 mod simd;
 mod state;

@@ -4,6 +4,7 @@ use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 use super::block::Block;
+use super::points::PointLaw;
 
 /// What the kernel needs of a floating-point type.
 pub trait Real:
@@ -38,7 +39,7 @@ pub trait Real:
     /// `Block::deform_points` compiled for this machine.
     fn dispatch_deform(block: &mut Block<Self>);
     /// `Block::stress_points` compiled for this machine.
-    fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self, barrier: bool);
+    fn dispatch_stress<L: PointLaw<Self>>(block: &mut Block<Self>, law: &L);
 }
 
 macro_rules! real {
@@ -51,8 +52,8 @@ macro_rules! real {
 
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        fn $stress(block: &mut Block<$t>, mu: $t, pointwise: $t, barrier: bool) {
-            block.stress_points(mu, pointwise, barrier);
+        fn $stress<L: PointLaw<$t>>(block: &mut Block<$t>, law: &L) {
+            block.stress_points(law);
         }
 
         impl Real for $t {
@@ -90,13 +91,13 @@ macro_rules! real {
                 }
                 block.deform_points();
             }
-            fn dispatch_stress(block: &mut Block<Self>, mu: Self, pointwise: Self, barrier: bool) {
+            fn dispatch_stress<L: PointLaw<Self>>(block: &mut Block<Self>, law: &L) {
                 #[cfg(target_arch = "x86_64")]
                 if has_fma() {
                     // SAFETY: the processor has both features.
-                    return unsafe { $stress(block, mu, pointwise, barrier) };
+                    return unsafe { $stress(block, law) };
                 }
-                block.stress_points(mu, pointwise, barrier);
+                block.stress_points(law);
             }
         }
     };

@@ -5,6 +5,7 @@
 //! mass in proportion to its own bound, so fine and coarse regions share one critical step.
 
 use crate::approximation::ShapeTable;
+use crate::material::Law;
 use crate::scene::{Precision, VolumeRatio};
 
 use super::kernel::Kernel;
@@ -31,10 +32,8 @@ pub enum Role {
 /// What the solver needs besides cloud and shape table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolverSettings {
-    /// mu, Pa.
-    pub shear_modulus: f64,
-    /// kappa, Pa.
-    pub bulk_modulus: f64,
+    /// The material.
+    pub law: Law,
     /// Which volume ratio the pressure sees.
     pub volume_ratio: VolumeRatio,
     /// Precision of the kernel.
@@ -82,12 +81,14 @@ pub(super) struct State {
     pub f: Vec<[f64; 3]>,
     /// Factor on every mass: 1, or more where the deformed tissue's stable step is smaller.
     pub mass_factor: f64,
+    /// When the material's memory was last brought up to date, s; `None` before the first pose.
+    pub time: Option<f64>,
 }
 
 impl State {
     fn new(nodes: usize) -> Self {
         let zero = vec![[0.0; 3]; nodes];
-        Self { u: zero.clone(), q: zero.clone(), tangent: zero.clone(), f: zero, mass_factor: 1.0 }
+        Self { u: zero.clone(), q: zero.clone(), tangent: zero.clone(), f: zero, mass_factor: 1.0, time: None }
     }
 
     pub fn copy_from(&mut self, other: &Self) {
@@ -96,6 +97,7 @@ impl State {
         self.tangent.copy_from_slice(&other.tangent);
         self.f.copy_from_slice(&other.f);
         self.mass_factor = other.mass_factor;
+        self.time = other.time;
     }
 
     fn clear(&mut self) {
@@ -103,6 +105,7 @@ impl State {
             v.fill([0.0; 3]);
         }
         self.mass_factor = 1.0;
+        self.time = None;
     }
 }
 
@@ -141,10 +144,11 @@ impl Solver {
         role: Vec<Role>,
         settings: &SolverSettings,
     ) -> Self {
-        let (mu, kappa, ratio) = (settings.shear_modulus, settings.bulk_modulus, settings.volume_ratio);
+        let (law, ratio) = (&settings.law, settings.volume_ratio);
+        let (mu, kappa) = (law.shear_modulus(), law.bulk_modulus);
         let kernel = match settings.precision {
-            Precision::F32 => AnyKernel::F32(Kernel::new(table, cells, points, mu, kappa, ratio)),
-            Precision::F64 => AnyKernel::F64(Kernel::new(table, cells, points, mu, kappa, ratio)),
+            Precision::F32 => AnyKernel::F32(Kernel::new(table, cells, points, law, ratio)),
+            Precision::F64 => AnyKernel::F64(Kernel::new(table, cells, points, law, ratio)),
         };
         let nodes = points.len();
         let mut solver = Self {
@@ -209,12 +213,14 @@ impl Solver {
     /// Keeps the present state, to come back to with [`Solver::restore`].
     pub fn save(&mut self) {
         self.saved.copy_from(&self.state);
+        with_kernel!(&mut self.kernel, k => k.save_memory());
     }
 
     /// Back to the kept state, with every mass multiplied by `factor` from there on.
     pub fn restore(&mut self, factor: f64) {
         let saved = &self.saved;
         self.state.copy_from(saved);
+        with_kernel!(&mut self.kernel, k => k.restore_memory());
         self.state.mass_factor *= factor;
         // velocities that led into trouble are not worth keeping
         self.state.q.fill([0.0; 3]);
@@ -229,7 +235,10 @@ impl Solver {
         self.saved.clear();
         self.path.fill(Path::default());
         self.usual_travel = 0.0;
-        with_kernel!(&mut self.kernel, k => k.activate_all());
+        with_kernel!(&mut self.kernel, k => {
+            k.activate_all();
+            k.clear_memory();
+        });
         self.probe.copy_from_slice(&self.first_probe.0);
         self.largest = self.first_probe.1;
         step::evaluate(self);
@@ -252,8 +261,9 @@ impl Solver {
         with_kernel!(&mut self.kernel, k => k.set_active(point, share));
     }
 
-    /// Calls `visit(point, F, p, V)` for every integration point: F row-major, pressure dU/dJ in Pa, volume in m^3.
-    pub fn for_points(&self, visit: impl FnMut(usize, [f64; 9], f64, f64)) {
+    /// Calls `visit(point, F, P, V)` for every integration point: F and first Piola-Kirchhoff stress (Pa) row-major,
+    /// volume in m^3.
+    pub fn for_points(&self, visit: impl FnMut(usize, [f64; 9], [f64; 9], f64)) {
         with_kernel!(&self.kernel, k => k.for_points(visit));
     }
 

@@ -162,8 +162,7 @@ fn make_solver(scene: &Scene, cloud: &Cloud, held: &[u32], table: &ShapeTable) -
         &cloud.points,
         role,
         &SolverSettings {
-            shear_modulus: scene.material.shear_modulus.get(),
-            bulk_modulus: scene.material.bulk_modulus(),
+            law: scene.material.law(),
             volume_ratio: d.volume_ratio,
             precision: d.precision,
             step_factor: scene.stepping.step_factor,

@@ -1,7 +1,7 @@
 //! What can be asked of the tissue between poses: the field at nodes and targets, volume ratio, stress.
 
 use crate::instrument::Contact;
-use crate::material::neo_hookean::{cofactor, determinant, first_piola};
+use crate::material::neo_hookean::{cofactor, determinant};
 use crate::scene::InstrumentKind;
 use crate::solver::Role;
 
@@ -17,16 +17,14 @@ impl Twin {
 
     /// Volume ratio J and von Mises (Cauchy) stress in Pa, averaged to the reference points. Overwrites both.
     pub fn jacobian_and_stress(&self, jacobian: &mut Vec<f64>, von_mises_pa: &mut Vec<f64>) {
-        let mu = self.scene.material.shear_modulus.get();
         for v in [&mut *jacobian, &mut *von_mises_pa] {
             v.clear();
             v.resize(self.points.len(), 0.0);
         }
         let mut weight = vec![0.0; self.points.len()];
-        self.solver.for_points(|point, f, pressure, volume| {
-            let cof = cofactor(&f);
-            let j = determinant(&f, &cof);
-            let stress = von_mises(&f, &first_piola(&f, &cof, j, mu, pressure), j);
+        self.solver.for_points(|point, f, stress, volume| {
+            let j = determinant(&f, &cofactor(&f));
+            let stress = von_mises(&f, &stress, j);
             for n in self.cells[self.cell_of_point[point] as usize].map(|n| n as usize) {
                 weight[n] += volume;
                 jacobian[n] += volume * j;

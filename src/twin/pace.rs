@@ -15,6 +15,8 @@ const LENGTH: f64 = 2.0;
 const FORCE_FLOOR: f64 = 0.01;
 /// Steps of one relaxation towards equilibrium at rest, over 1/omega.
 const RELAXATION: f64 = 0.5;
+/// Relative change of the stress by relaxation, over what the tolerance allows, that a resting instrument waits for.
+const PATIENCE: f64 = 0.1;
 /// The gap, over what the tolerance allows, at which a resting instrument needs no more steps.
 const QUIET: f64 = 0.1;
 /// Largest factor on the steps that the tolerance asks for.
@@ -36,6 +38,8 @@ pub(super) struct Pace {
     boost: f64,
     /// Most steps that there is time for.
     pub limit: u32,
+    /// Relative change of the stress by relaxation since the last step.
+    pending: f64,
 }
 
 impl Pace {
@@ -50,17 +54,24 @@ impl Pace {
             gap: 0.0,
             boost: 1.0,
             limit: u32::MAX,
+            pending: 0.0,
         }
     }
 
-    /// Steps for a pose that is `travel` metres from the last one.
-    pub fn steps(&self, travel: f64, slowest: f64) -> u32 {
+    /// Steps for a pose that is `travel` metres from the last one, while relaxation has changed the stress by the
+    /// share `unrest`.
+    pub fn steps(&mut self, travel: f64, slowest: f64, unrest: f64) -> u32 {
         let s = &self.stepping;
+        self.pending += unrest;
         if travel > 0.0 {
             let wanted = self.boost * travel / (s.tolerance * slowest * self.length);
             return (wanted.ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
-        if self.gap < QUIET { 0 } else { ((RELAXATION / slowest).ceil() as u32).min(self.most()) }
+        if self.gap >= QUIET {
+            return ((RELAXATION / slowest).ceil() as u32).min(self.most());
+        }
+        // Relaxation of the same material everywhere changes forces more than places: one step finds most of it.
+        u32::from(self.pending > PATIENCE * s.tolerance)
     }
 
     /// Most steps that a pose may cost.
@@ -70,6 +81,7 @@ impl Pace {
 
     /// Learns from the balance after a pose.
     pub fn judge(&mut self, balance: &Balance) {
+        self.pending = 0.0;
         let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let force = norm(balance.instrument);
         self.peak = self.peak.max(force);
@@ -84,5 +96,6 @@ impl Pace {
         self.imbalance = 0.0;
         self.gap = 0.0;
         self.boost = 1.0;
+        self.pending = 0.0;
     }
 }

@@ -45,11 +45,14 @@ impl Twin {
             // above the surface the instrument moves, but not the tissue
             let apart = phase == Phase::Approach && self.phase == Phase::Approach;
             let (distance, travel) = if apart { (0.0, 0.0) } else { (distance, -moved[2]) };
-            let steps = self.pace.steps(distance, self.solver.slowest());
+            let unrest = self.solver.unrest(pose.time_s);
+            let steps = self.pace.steps(distance, self.solver.slowest(), unrest);
             if steps > 0 {
-                balance = self.advance_safely(steps, travel, tip.depth)?;
+                balance = self.advance_safely(steps, travel, tip.depth, pose.time_s)?;
                 self.pace.judge(&balance);
                 taken = steps;
+            } else {
+                self.solver.rest(pose.time_s);
             }
         }
         self.tip = tip.offset;
@@ -150,11 +153,13 @@ impl Twin {
     }
 
     /// Advances; on trouble goes back to the saved state and tries again with smaller steps.
-    fn advance_safely(&mut self, steps: u32, travel: f64, depth: f64) -> Result<Balance, Halt> {
+    fn advance_safely(&mut self, steps: u32, travel: f64, depth: f64, time_s: f64) -> Result<Balance, Halt> {
         if self.steps_since_refresh >= REFRESH {
             self.solver.refresh_step();
             self.steps_since_refresh = 0;
         }
+        // after the estimate, which takes the force of the last step for that of the present state
+        self.solver.relax_until(time_s);
         self.solver.advance(&Advance { steps, travel });
         self.steps_since_refresh += steps;
         self.steps_since_save += steps;
@@ -162,6 +167,7 @@ impl Twin {
         let mut finer = steps.max(SAVE);
         for _ in 0..TRIES {
             if self.trouble(&balance).is_none() {
+                self.solver.commit(time_s);
                 if self.steps_since_save >= SAVE {
                     self.solver.save();
                     self.steps_since_save = 0;
@@ -170,13 +176,17 @@ impl Twin {
             }
             finer = finer.saturating_mul(2);
             self.solver.restore(2.0);
+            self.solver.relax_again(time_s);
             self.solver.refresh_step();
             self.solver.advance(&Advance { steps: finer, travel: 0.0 });
             self.steps += u64::from(finer);
             balance = self.solver.balance();
         }
         match self.trouble(&balance) {
-            None => Ok(balance),
+            None => {
+                self.solver.commit(time_s);
+                Ok(balance)
+            }
             Some(reason) => Err(Halt::Diverged { reason, step: self.steps, depth_m: depth }),
         }
     }

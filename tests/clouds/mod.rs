@@ -3,6 +3,7 @@
 
 use needle_twin::approximation::{Basis, Settings, ShapeTable};
 use needle_twin::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
+use needle_twin::material::Law;
 use needle_twin::scene::VolumeRatio;
 use needle_twin::solver::kernel::Kernel;
 use needle_twin::solver::pool::{Pool, Team};
@@ -59,7 +60,7 @@ pub fn inside(cloud: &Cloud, random: &mut ChaCha8Rng) -> [f64; 3] {
 
 /// Internal force on every node, N, in double precision and with the presets' volume ratio.
 pub fn internal_force(points: &[[f64; 3]], cells: &[[u32; 4]], table: &ShapeTable, u: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let mut kernel = Kernel::<f64>::new(table, cells, points, MU, KAPPA, VolumeRatio::Projected);
+    let mut kernel = Kernel::<f64>::new(table, cells, points, &Law::neo_hookean(MU, KAPPA), VolumeRatio::Projected);
     let parts = kernel.parts();
     Pool::new(1).run(&|team: &Team| parts.force(team, u));
     // SAFETY: the only evaluation is over.

@@ -1,0 +1,109 @@
+//! The law at one integration point, as the loop of pass 2 sees it.
+
+use crate::material::neo_hookean::{Gradient, MIN_JACOBIAN, cofactor, determinant, distortional_energy, first_piola};
+use crate::material::{Distortional, Law, Volumetric};
+
+use super::memory::Memory;
+use super::real::Real;
+
+/// Material and how its bulk modulus is shared out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Constants {
+    pub law: Law,
+    /// Bulk modulus of the projected part, Pa; 0 with the pointwise volume ratio.
+    pub projected: f64,
+    /// Bulk modulus of the pointwise part, Pa.
+    pub pointwise: f64,
+    /// Whether the pointwise part resists collapse, see [`super::dilatation`]; if not it is the law's own.
+    pub resists_collapse: bool,
+}
+
+impl Constants {
+    /// The constants of the neo-Hookean law with quadratic volumetric energy and no relaxation, if it is that.
+    pub fn plain<T: Real>(&self) -> Option<NeoHookean<T>> {
+        match self.law {
+            Law {
+                distortional: Distortional::NeoHookean { shear_modulus },
+                volumetric: Volumetric::Quadratic,
+                prony,
+                ..
+            } if prony.is_empty() => Some(NeoHookean {
+                mu: T::of(shear_modulus),
+                pointwise: T::of(self.pointwise),
+                resists_collapse: self.resists_collapse,
+            }),
+            _ => None,
+        }
+    }
+}
+
+/// Energy density and stress of one point.
+pub trait PointLaw<T: Real> {
+    /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of point
+    /// `p` of the block, from its deformation gradient and projected pressure.
+    fn at(&self, p: usize, f: &Gradient<T>, projected: T) -> (T, Gradient<T>);
+}
+
+/// [`crate::material::neo_hookean`] in the kernel's own precision.
+pub(super) struct NeoHookean<T> {
+    mu: T,
+    pointwise: T,
+    resists_collapse: bool,
+}
+
+impl<T: Real> PointLaw<T> for NeoHookean<T> {
+    #[inline(always)]
+    fn at(&self, _: usize, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
+        let cof = cofactor(f);
+        let j = determinant(f, &cof);
+        let (energy, own) = if self.resists_collapse {
+            collapse(j, self.pointwise)
+        } else {
+            let dilation = j - T::of(1.0);
+            (T::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
+        };
+        let energy = distortional_energy(f, j, self.mu) + energy;
+        (energy, first_piola(f, &cof, j, self.mu, projected + own))
+    }
+}
+
+/// Any law, with memory if it relaxes. In double precision: logarithms and nearly equal stretches need the digits.
+pub(super) struct Relaxing<'a> {
+    pub constants: &'a Constants,
+    pub memory: &'a Memory,
+}
+
+impl<T: Real> PointLaw<T> for Relaxing<'_> {
+    #[inline]
+    fn at(&self, p: usize, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
+        let (energy, stress) = self.evaluate(p, &f.map(Real::get), projected.get());
+        (T::of(energy), stress.map(T::of))
+    }
+}
+
+impl Relaxing<'_> {
+    fn evaluate(&self, p: usize, f: &Gradient<f64>, projected: f64) -> (f64, Gradient<f64>) {
+        let Constants { law, pointwise, resists_collapse, .. } = self.constants;
+        let cof = cofactor(f);
+        let j = determinant(f, &cof);
+        let (own, pressure) = if *resists_collapse {
+            collapse(j, *pointwise)
+        } else {
+            (pointwise * law.volumetric.energy(j - 1.0), pointwise * law.volumetric.slope(j - 1.0))
+        };
+        let (energy, stress) = match self.memory.held.get(p) {
+            Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, held),
+            None => law.distortion(f, &cof, j),
+        };
+        (energy + own, std::array::from_fn(|i| stress[i] + (projected + pressure) * cof[i]))
+    }
+}
+
+/// Energy kappa_s/2 (J - 1)^2 / J and pressure kappa_s/2 (1 - 1/J^2) of a part that resists collapse.
+#[inline(always)]
+fn collapse<T: Real>(j: T, kappa: T) -> (T, T) {
+    let (one, half) = (T::of(1.0), T::of(0.5));
+    let dilation = j - one;
+    let inverse = one / j.max(T::of(MIN_JACOBIAN));
+    (half * kappa * dilation * dilation * inverse, half * kappa * dilation * (j + one) * inverse * inverse)
+}
