@@ -91,6 +91,33 @@ pub enum Fault {
         /// Node number.
         node: u32,
     },
+    /// Cells that hang together in several bodies.
+    #[error(
+        "it consists of {bodies} bodies that are not joined; node {node} is in another one than node 0: keep one, or \
+         merge the nodes where they meet"
+    )]
+    Separate {
+        /// Number of bodies.
+        bodies: usize,
+        /// A node of the second one.
+        node: usize,
+    },
+}
+
+impl Fault {
+    /// Nodes that it names and that exist.
+    pub(super) fn nodes(&self) -> Vec<usize> {
+        let all = |nodes: &[u32]| nodes.iter().map(|n| *n as usize).collect();
+        match self {
+            Self::Empty | Self::UnknownNode { .. } => Vec::new(),
+            Self::NotFinite { node, .. } | Self::Isolated { node, .. } | Self::Separate { node, .. } => vec![*node],
+            Self::Duplicate { first, second, .. } => vec![*first, *second],
+            Self::Inverted { nodes, .. } | Self::Flat { nodes, .. } => all(nodes),
+            Self::Overlap { nodes, .. } => all(nodes),
+            Self::NonManifold { a, b, .. } => all(&[*a, *b]),
+            Self::Pinched { node } => all(&[*node]),
+        }
+    }
 }
 
 /// Triangles that belong to one cell only, outward, in order of their cells.
@@ -156,7 +183,36 @@ pub fn check(points: &[Point], cells: &[[u32; 4]]) -> Result<Vec<[u32; 3]>, Faul
     volumes(points, cells)?;
     let surface = surface(points.len(), cells)?;
     closed(&surface)?;
+    joined(points.len(), cells)?;
     Ok(surface)
+}
+
+/// All cells hang together by their nodes.
+fn joined(points: usize, cells: &[[u32; 4]]) -> Result<(), Fault> {
+    let mut parent: Vec<u32> = (0..points as u32).collect();
+    let mut root = |mut n: u32, to: Option<u32>| {
+        while parent[n as usize] != n {
+            let up = parent[parent[n as usize] as usize];
+            parent[n as usize] = up;
+            n = up;
+        }
+        if let Some(to) = to {
+            parent[n as usize] = to;
+        }
+        n
+    };
+    for c in cells {
+        for &n in &c[1..] {
+            let to = root(c[0], None);
+            root(n, Some(to));
+        }
+    }
+    let first = root(0, None);
+    let bodies = (0..points as u32).filter(|&n| root(n, None) == n).count();
+    match (0..points as u32).find(|&n| root(n, None) != first) {
+        Some(node) => Err(Fault::Separate { bodies, node: node as usize }),
+        None => Ok(()),
+    }
 }
 
 fn used_nodes(points: &[Point], cells: &[[u32; 4]]) -> Result<(), Fault> {

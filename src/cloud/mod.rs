@@ -1,4 +1,4 @@
-//! Where the points are: nodes and background cells of an upright cylinder or box.
+//! Where the points are: nodes and background cells of an upright cylinder or box, or of an imported mesh ([`import`]).
 //!
 //! ```text
 //! domain, spacing ─► edges ─► packing (faces, interior, relaxation) ─► order ─► delaunay ─► improve ─► check ─► Cloud
@@ -22,6 +22,7 @@ mod domain;
 mod edges;
 mod error;
 mod grid;
+pub mod import;
 mod improve;
 mod order;
 mod packing;
