@@ -112,6 +112,7 @@ fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, fields: 
     }
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    twin.warnings().iter().for_each(|warning| progress.warn(warning));
     progress.count(readings.len());
     let duration_s = readings.first().zip(readings.last()).map(|(first, last)| last.time_s - first.time_s);
     let mut collector = Collector::new(&twin, "replay", build_s, Keep { fields, duration_s });

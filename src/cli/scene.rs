@@ -8,7 +8,9 @@ use serde_json::{Map, json};
 use super::options::SetOptions;
 use super::{CliError, Outcome, print, scene_file};
 use crate::scene::keys::{KEYS, SECTIONS};
+use crate::scene::size::Estimate;
 use crate::scene::{Key, PRESETS, Scene, Value};
+use crate::twin::Body;
 
 /// List, print and check scenes
 #[derive(Debug, Args)]
@@ -80,7 +82,7 @@ impl Show {
             return Ok(if self.json { keys_json() } else { keys_text() });
         };
         let (text, origin) = scene_file::text(name)?;
-        let scene = Scene::from_toml(&text, &origin)?;
+        let scene = scene_file::from_text(&text, &origin)?;
         if self.json {
             return Ok(scene_json(&self.set.apply(&scene, [])?));
         }
@@ -147,19 +149,20 @@ fn keys_json() -> String {
 }
 
 fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliError> {
-    let checked: Vec<_> = scenes.iter().map(|name| scene_file::load(name).and_then(|s| set.apply(&s, []))).collect();
+    let sized = |scene: Scene| size(&scene).map(|size| (scene, size));
+    let checked: Vec<_> =
+        scenes.iter().map(|name| scene_file::load(name).and_then(|s| set.apply(&s, [])).and_then(sized)).collect();
     if as_json {
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
-            Ok(scene) => json!({
+            Ok((scene, size)) => json!({
                 "scene": name, "ok": true, "name": scene.name,
-                "estimated_nodes": scene.estimate().nodes, "estimated_bytes": scene.estimate().bytes,
+                "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
             }),
             Err(error) => json!({ "scene": name, "ok": false, "error": error.to_string() }),
         });
         print(&format!("{:#}\n", serde_json::Value::from_iter(rows)))?;
     } else {
-        for (name, scene) in scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|scene| (n, scene))) {
-            let size = scene.estimate();
+        for (name, (_, size)) in scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s))) {
             print(&format!("{name}: ok, about {:.0} nodes and {:.0} MB\n", size.nodes, size.bytes / 1e6))?;
         }
     }
@@ -173,4 +176,14 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
             Err(CliError::ScenesRefused { bad, all })
         }
     }
+}
+
+/// Size of a scene's cloud: estimated, or that of its mesh, which is read and checked for that.
+fn size(scene: &Scene) -> Result<Estimate, CliError> {
+    if let Some(estimate) = scene.estimate() {
+        return Ok(estimate);
+    }
+    let body = Body::new(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    body.warnings.iter().for_each(|warning| super::warn(warning));
+    Ok(scene.estimate_of(body.cloud.points.len() as f64, body.cloud.cells.len() as f64))
 }

@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use super::CliError;
-use crate::scene::{PRESETS, Preset, Scene, SceneError};
+use crate::scene::{PRESETS, Preset, Scene, SceneError, Shape};
 
 /// Longer than any scene; what is longer isn't one.
 const LONGEST: u64 = 1 << 20;
@@ -16,7 +16,20 @@ const LONGEST: u64 = 1 << 20;
 /// [`CliError::SceneFile`] if there is no such preset or file, [`CliError::Scene`] if it is wrong.
 pub fn load(name_or_path: &str) -> Result<Scene, CliError> {
     let (text, origin) = text(name_or_path)?;
-    Ok(Scene::from_toml(&text, &origin)?)
+    from_text(&text, &origin)
+}
+
+/// The scene of a text; a mesh is looked for from the folder of its file, so that the scene can be moved with it.
+///
+/// # Errors
+/// [`CliError::Scene`] if it is wrong.
+pub fn from_text(text: &str, origin: &str) -> Result<Scene, CliError> {
+    let mut scene = Scene::from_toml(text, origin)?;
+    if let Shape::Mesh(mesh) = &mut scene.sample.shape {
+        let path = Path::new(origin).with_file_name("").join(&mesh.path);
+        mesh.path = std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned();
+    }
+    Ok(scene)
 }
 
 /// Text of a scene and what messages call it.

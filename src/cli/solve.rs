@@ -62,6 +62,7 @@ fn solve(scene: &Scene, motion: &Motion, fields: bool) -> Result<Run, CliError> 
     let mut progress = Progress::preparing("building the model");
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    twin.warnings().iter().for_each(|warning| progress.warn(warning));
     progress.count(motion.pose_count() as usize);
     let duration_s = Some((motion.pose_count() - 1.0) / motion.pose_rate.get());
     let collector = Collector::new(&twin, "solve", build_s, Keep { fields, duration_s });

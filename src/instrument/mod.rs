@@ -6,6 +6,7 @@ mod needle;
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
 
+use crate::cloud::{BASE, Cloud, TOP};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::solver::Solver;
 use crate::twin::{Event, Phase};
@@ -40,9 +41,9 @@ impl Tip {
 }
 
 impl Contact {
-    /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path.
+    /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path; never those of the base.
     #[must_use]
-    pub fn nodes(points: &[[f64; 3]], top: f64, instrument: &Instrument) -> Vec<u32> {
+    pub fn nodes(cloud: &Cloud, instrument: &Instrument) -> Vec<u32> {
         let entry = instrument.entry.map(|m| m.get());
         let radius = match &instrument.kind {
             InstrumentKind::Plate => f64::INFINITY,
@@ -50,11 +51,12 @@ impl Contact {
             InstrumentKind::Needle(n) => n.capture_radius.get(),
         };
         let on_top = !matches!(instrument.kind, InstrumentKind::Needle(_));
-        let held = |p: &[f64; 3]| {
+        let held = |n: &u32| {
+            let (p, faces) = (cloud.points[*n as usize], cloud.faces[*n as usize]);
             let r = (p[0] - entry[0]).hypot(p[1] - entry[1]);
-            r <= radius * (1.0 + 1e-9) && (!on_top || p[2] >= top * (1.0 - 1e-9)) && p[2] > 0.0
+            r <= radius * (1.0 + 1e-9) && (!on_top || faces & TOP != 0) && faces & BASE == 0
         };
-        (0..points.len() as u32).filter(|&i| held(&points[i as usize])).collect()
+        (0..cloud.points.len() as u32).filter(held).collect()
     }
 
     /// Prescribes the nodes for a tip and returns the phase and what happened.

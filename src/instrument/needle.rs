@@ -72,23 +72,21 @@ pub struct NeedlePath {
 }
 
 impl NeedlePath {
-    /// A path through the given nodes. `watched` are the integration points whose strain decides about the puncture,
+    /// A path through some of `count` nodes, each with its reference depth. `watched` are the integration points whose strain decides about the puncture,
     /// `corners` the cell corners of every integration point.
     #[must_use]
     pub fn new(
-        nodes: &[u32],
-        points: &[[f64; 3]],
-        top: f64,
+        mut nodes: Vec<(u32, f64)>,
+        count: usize,
         needle: Needle,
         layer: f64,
         watched: Vec<u32>,
         corners: impl Iterator<Item = [u32; 4]>,
     ) -> Self {
-        let mut nodes: Vec<(u32, f64)> = nodes.iter().map(|&n| (n, top - points[n as usize][2])).collect();
         nodes.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         let hold = vec![Hold::Free; nodes.len()];
         let state = Insertion { punctured: false, deepest: 0.0 };
-        let mut place: Vec<Option<u32>> = vec![None; points.len()];
+        let mut place: Vec<Option<u32>> = vec![None; count];
         for (i, (n, _)) in nodes.iter().enumerate() {
             place[*n as usize] = Some(i as u32);
         }

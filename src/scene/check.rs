@@ -15,6 +15,7 @@ const MOST_RELAXING: f64 = 0.999;
 /// Refuses a scene whose parts contradict each other.
 pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     let check = Check { scene, values };
+    check.mesh()?;
     check.material()?;
     check.spacing()?;
     check.instrument()?;
@@ -59,9 +60,28 @@ impl Check<'_> {
         Ok(())
     }
 
+    /// What can be said of a mesh without reading it; the twin says the rest.
+    fn mesh(&self) -> Result<(), SceneError> {
+        let Shape::Mesh(mesh) = &self.scene.sample.shape else { return Ok(()) };
+        for (key, text) in [
+            ("sample.mesh", &mesh.path),
+            ("sample.base_group", &mesh.base_group),
+            ("sample.contact_group", &mesh.contact_group),
+        ] {
+            if text.trim().is_empty() {
+                return self.refuse(key, "it needs a name".to_owned());
+            }
+        }
+        if mesh.base_group == mesh.contact_group {
+            return self.refuse("sample.contact_group", "the base is held and can't be touched as well".to_owned());
+        }
+        Ok(())
+    }
+
     fn spacing(&self) -> Result<(), SceneError> {
         const KEY: &str = "discretisation.spacing_m";
-        let spacing = self.scene.discretisation.spacing.get();
+        let Some(grading) = &self.scene.discretisation.grading else { return Ok(()) };
+        let spacing = grading.spacing.get();
         let least = smallest_size(&self.scene.sample.shape);
         if spacing > 0.5 * least {
             return self.refuse(
@@ -70,7 +90,7 @@ impl Check<'_> {
             );
         }
         let size = self.scene.estimate();
-        if size.bytes > MEMORY_LIMIT {
+        if let Some(size) = size.filter(|size| size.bytes > MEMORY_LIMIT) {
             return self.refuse(
                 KEY,
                 format!(
@@ -79,7 +99,7 @@ impl Check<'_> {
                     size.nodes,
                     size.bytes / 1e9,
                     MEMORY_LIMIT / 1e9,
-                    self.scene.least_spacing().get() * 1.05 // the message rounds; what it says must be accepted
+                    self.scene.least_spacing(grading).get() * 1.05 // the message rounds; what it says must be accepted
                 ),
             );
         }
@@ -109,7 +129,7 @@ impl Check<'_> {
     /// The disc of this radius round the entry point lies in the top face.
     fn within_top_face(&self, key: &str, instrument: &Instrument, radius: f64) -> Result<(), SceneError> {
         let [x, y] = instrument.entry.map(|e| e.get().abs());
-        let (fits, face) = match self.scene.sample.shape {
+        let (fits, face) = match &self.scene.sample.shape {
             Shape::Cylinder { diameter, .. } => (
                 x.hypot(y) + radius <= 0.5 * diameter.get() * (1.0 + 1e-12),
                 format!("of diameter {} m (sample.diameter_m)", diameter.get()),
@@ -118,6 +138,7 @@ impl Check<'_> {
                 x + radius <= 0.5 * size_x.get() * (1.0 + 1e-12) && y + radius <= 0.5 * size_y.get() * (1.0 + 1e-12),
                 format!("of {} m by {} m (sample.size_x_m, sample.size_y_m)", size_x.get(), size_y.get()),
             ),
+            Shape::Mesh(_) => return Ok(()), // the twin looks at the contact group
         };
         if fits {
             return Ok(());
@@ -138,8 +159,9 @@ impl Check<'_> {
         if self.scene.discretisation.dimension != Dimension::Axisymmetric {
             return Ok(());
         }
-        if matches!(self.scene.sample.shape, Shape::Box { .. }) {
-            return self.refuse(KEY, "a box is not a body of revolution: use full or auto".to_owned());
+        let shape = &self.scene.sample.shape;
+        if !matches!(shape, Shape::Cylinder { .. }) {
+            return self.refuse(KEY, format!("a {} is not a body of revolution: use full or auto", shape.as_str()));
         }
         if self.scene.instrument.is_some_and(|i| i.entry.iter().any(|e| e.get() != 0.0)) {
             return self.refuse(KEY, "the instrument is beside the sample's axis: use full or auto".to_owned());
@@ -160,9 +182,10 @@ impl Check<'_> {
 
     fn motion(&self) -> Result<(), SceneError> {
         let Some(motion) = &self.scene.motion else { return Ok(()) };
-        let height = self.scene.sample.shape.height().get();
-        if motion.depth.get() >= height {
-            return self.refuse("motion.depth_m", format!("must be less than sample.height_m = {height}"));
+        if let Some(height) = self.scene.sample.shape.height()
+            && motion.depth >= height
+        {
+            return self.refuse("motion.depth_m", format!("must be less than sample.height_m = {}", height.get()));
         }
         if motion.pose_count() > MOST_POSES {
             return self.refuse(
@@ -197,27 +220,32 @@ impl Check<'_> {
 }
 
 fn smallest_size(shape: &Shape) -> f64 {
-    match *shape {
+    match shape {
         Shape::Cylinder { diameter, height } => diameter.get().min(height.get()),
         Shape::Box { size_x, size_y, height } => size_x.get().min(size_y.get()).min(height.get()),
+        Shape::Mesh(_) => f64::INFINITY,
     }
 }
 
 fn is_inside(shape: &Shape, [x, y, z]: [f64; 3]) -> bool {
-    let beside = match *shape {
-        Shape::Cylinder { diameter, .. } => x.hypot(y) <= 0.5 * diameter.get(),
-        Shape::Box { size_x, size_y, .. } => x.abs() <= 0.5 * size_x.get() && y.abs() <= 0.5 * size_y.get(),
+    let (within, height) = match shape {
+        Shape::Cylinder { diameter, height } => (x.hypot(y) <= 0.5 * diameter.get(), height),
+        Shape::Box { size_x, size_y, height } => {
+            (x.abs() <= 0.5 * size_x.get() && y.abs() <= 0.5 * size_y.get(), height)
+        }
+        Shape::Mesh(_) => return true, // the twin looks for the cell
     };
-    beside && (0.0..=shape.height().get()).contains(&z)
+    within && (0.0..=height.get()).contains(&z)
 }
 
 fn extent(shape: &Shape) -> String {
-    match *shape {
+    match shape {
         Shape::Cylinder { diameter, height } => {
             format!("x^2 + y^2 <= ({} m)^2 and z in [0, {}] m", 0.5 * diameter.get(), height.get())
         }
         Shape::Box { size_x, size_y, height } => {
             format!("|x| <= {} m, |y| <= {} m and z in [0, {}] m", 0.5 * size_x.get(), 0.5 * size_y.get(), height.get())
         }
+        Shape::Mesh(mesh) => format!("the mesh {}", mesh.path),
     }
 }

@@ -4,8 +4,8 @@ use crate::material::{Ogden, Prony, Volumetric};
 
 use super::values::Values;
 use super::{
-    DeformationRule, Dimension, Discretisation, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre, Material,
-    MaterialModel, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio, Precision, Sample, Scene,
+    DeformationRule, Dimension, Discretisation, Grading, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre,
+    Material, MaterialModel, MeshFile, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio, Precision, Sample, Scene,
     SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
 };
 
@@ -26,10 +26,20 @@ pub(super) fn to_scene(v: &Values) -> Result<Scene, SceneError> {
 }
 
 fn sample(v: &Values) -> Result<Sample, SceneError> {
-    let height = metres(v, "sample.height_m")?;
+    let height = || metres(v, "sample.height_m");
     let shape = match text(v, "sample.shape")?.as_str() {
-        "box" => Shape::Box { size_x: metres(v, "sample.size_x_m")?, size_y: metres(v, "sample.size_y_m")?, height },
-        _ => Shape::Cylinder { diameter: metres(v, "sample.diameter_m")?, height },
+        "mesh" => Shape::Mesh(MeshFile {
+            path: text(v, "sample.mesh")?,
+            unit_m: real(v, "sample.mesh_unit_m")?,
+            base_group: text(v, "sample.base_group")?,
+            contact_group: text(v, "sample.contact_group")?,
+        }),
+        "box" => Shape::Box {
+            height: height()?,
+            size_x: metres(v, "sample.size_x_m")?,
+            size_y: metres(v, "sample.size_y_m")?,
+        },
+        _ => Shape::Cylinder { height: height()?, diameter: metres(v, "sample.diameter_m")? },
     };
     Ok(Sample { shape })
 }
@@ -78,14 +88,20 @@ fn discretisation(v: &Values) -> Result<Discretisation, SceneError> {
     Ok(Discretisation {
         method: word(v, "discretisation.method", Method::from_word)?,
         dimension: word(v, "discretisation.dimension", Dimension::from_word)?,
-        spacing: metres(v, "discretisation.spacing_m")?,
-        edge_refinement: real(v, "discretisation.edge_refinement")?,
-        growth: real(v, "discretisation.growth")?,
+        grading: (text(v, "sample.shape")? != "mesh").then(|| grading(v)).transpose()?,
         support_factor: real(v, "discretisation.support_factor")?,
         penalty: real(v, "discretisation.penalty")?,
         points_per_cell: whole(v, "discretisation.points_per_cell")?,
         volume_ratio: word(v, "discretisation.volume_ratio", VolumeRatio::from_word)?,
         precision: word(v, "discretisation.precision", Precision::from_word)?,
+    })
+}
+
+fn grading(v: &Values) -> Result<Grading, SceneError> {
+    Ok(Grading {
+        spacing: metres(v, "discretisation.spacing_m")?,
+        edge_refinement: real(v, "discretisation.edge_refinement")?,
+        growth: real(v, "discretisation.growth")?,
     })
 }
 
@@ -200,14 +216,23 @@ pub(super) fn to_values(scene: &Scene) -> Values {
 
 fn put_sample(v: &mut Values, sample: &Sample) {
     v.put("sample.shape", sample.shape.as_str());
-    match sample.shape {
-        Shape::Cylinder { diameter, .. } => v.put("sample.diameter_m", diameter.get()),
-        Shape::Box { size_x, size_y, .. } => {
+    match &sample.shape {
+        Shape::Cylinder { diameter, height } => {
+            v.put("sample.diameter_m", diameter.get());
+            v.put("sample.height_m", height.get());
+        }
+        Shape::Box { size_x, size_y, height } => {
             v.put("sample.size_x_m", size_x.get());
             v.put("sample.size_y_m", size_y.get());
+            v.put("sample.height_m", height.get());
+        }
+        Shape::Mesh(mesh) => {
+            v.put("sample.mesh", mesh.path.as_str());
+            v.put("sample.mesh_unit_m", mesh.unit_m);
+            v.put("sample.base_group", mesh.base_group.as_str());
+            v.put("sample.contact_group", mesh.contact_group.as_str());
         }
     }
-    v.put("sample.height_m", sample.shape.height().get());
 }
 
 fn put_material(v: &mut Values, material: &Material) {
@@ -248,9 +273,11 @@ fn put_instrument(v: &mut Values, instrument: &Instrument) {
 fn put_discretisation(v: &mut Values, d: &Discretisation) {
     v.put("discretisation.method", d.method.as_str());
     v.put("discretisation.dimension", d.dimension.as_str());
-    v.put("discretisation.spacing_m", d.spacing.get());
-    v.put("discretisation.edge_refinement", d.edge_refinement);
-    v.put("discretisation.growth", d.growth);
+    if let Some(grading) = &d.grading {
+        v.put("discretisation.spacing_m", grading.spacing.get());
+        v.put("discretisation.edge_refinement", grading.edge_refinement);
+        v.put("discretisation.growth", grading.growth);
+    }
     v.put("discretisation.support_factor", d.support_factor);
     v.put("discretisation.penalty", d.penalty);
     v.put("discretisation.points_per_cell", d.points_per_cell);

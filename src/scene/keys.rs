@@ -11,6 +11,8 @@ use super::{
 };
 
 const CYLINDER: (&str, &[&str]) = ("sample.shape", &["cylinder"]);
+const MESH: (&str, &[&str]) = ("sample.shape", &["mesh"]);
+const GENERATED: (&str, &[&str]) = ("sample.shape", &["cylinder", "box"]);
 const BOX: (&str, &[&str]) = ("sample.shape", &["box"]);
 const NEO_HOOKEAN: (&str, &[&str]) = ("material.model", &["neo_hookean"]);
 const OGDEN: (&str, &[&str]) = ("material.model", &["ogden"]);
@@ -23,11 +25,23 @@ pub static KEYS: &[Key] = &[
     Key::text("name", "Short name; the file's name where it is absent.").or("scene"),
     Key::text("description", "What the scene is and what it assumes.").or(""),
     // sample
-    Key::word("sample.shape", Shape::WORDS, "Shape of the sample, upright on its base.").or("cylinder"),
+    Key::word("sample.shape", Shape::WORDS, "Shape of the sample: upright on its base, or a mesh from a file.").or("cylinder"),
     Key::real("sample.diameter_m", Range::above(0.0, 10.0), "m", "Diameter of the cylinder.").only(CYLINDER),
     Key::real("sample.size_x_m", Range::above(0.0, 10.0), "m", "Edge of the box along x.").only(BOX),
     Key::real("sample.size_y_m", Range::above(0.0, 10.0), "m", "Edge of the box along y.").only(BOX),
-    Key::real("sample.height_m", Range::above(0.0, 10.0), "m", "Height; the top face is at z = height."),
+    Key::real("sample.height_m", Range::above(0.0, 10.0), "m", "Height; the top face is at z = height.").only(GENERATED),
+    Key::text(
+        "sample.mesh",
+        "Mesh of tetrahedra, Gmsh .msh 4.1 ASCII or VTU, z up; its path, from the scene file's folder (with --set: from here).",
+    )
+    .only(MESH),
+    Key::real("sample.mesh_unit_m", Range::above(0.0, 1e3), "m", "Metres per unit of the mesh file: 0.001 for mm.")
+        .or("1.0")
+        .only(MESH),
+    Key::text("sample.base_group", "Group of the mesh's surface that is held.").or("base").only(MESH),
+    Key::text("sample.contact_group", "Group of the mesh's surface that the instrument may touch.")
+        .or("contact")
+        .only(MESH),
     // material
     Key::word("material.model", MaterialModel::WORDS, "Constitutive law of the change of shape.").or("neo_hookean"),
     Key::real(
@@ -148,14 +162,16 @@ pub static KEYS: &[Key] = &[
         "Three dimensions or the axisymmetric half plane; auto takes the least model that the scene allows.",
     )
     .or("auto"),
-    Key::real("discretisation.spacing_m", Range::above(0.0, 1.0), "m", "Spacing of the nodes far from every edge."),
+    Key::real("discretisation.spacing_m", Range::above(0.0, 1.0), "m", "Spacing of the nodes far from every edge.")
+        .only(GENERATED),
     Key::real(
         "discretisation.edge_refinement",
         Range::closed(0.01, 1.0),
         "",
         "Spacing at the instrument's contact edge as a fraction of spacing_m.",
     )
-    .or("0.3"),
+    .or("0.3")
+    .only(GENERATED),
     Key::real(
         "discretisation.growth",
         Range::above(0.0, 0.5),
@@ -163,7 +179,8 @@ pub static KEYS: &[Key] = &[
         "Growth of the spacing per metre of distance from an edge.",
     )
     .because("cells that grow faster than by half their size from one to the next lose their shape")
-    .or("0.35"),
+    .or("0.35")
+    .only(GENERATED),
     Key::real(
         "discretisation.support_factor",
         Range::above(1.0, 4.0),

@@ -55,15 +55,15 @@ pub struct Scene {
     pub targets: Vec<Target>,
 }
 
-/// The sample's geometry. Frame `sample`: origin at the centre of the bottom face, z up.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The sample's geometry. Frame `sample`: origin at the centre of the bottom face, z up; a mesh brings its own origin.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
     /// Shape and size.
     pub shape: Shape,
 }
 
 /// Shape and size of the sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// Upright cylinder.
     Cylinder {
@@ -81,16 +81,32 @@ pub enum Shape {
         /// Height; the top face is at z = height.
         height: Metres,
     },
+    /// A tetrahedral mesh from a file, in the file's own frame, z up.
+    Mesh(MeshFile),
 }
 
 impl Shape {
-    /// Height of the sample.
+    /// Height of a cylinder or box; a mesh has to be read for it.
     #[must_use]
-    pub const fn height(&self) -> Metres {
-        match *self {
-            Self::Cylinder { height, .. } | Self::Box { height, .. } => height,
+    pub const fn height(&self) -> Option<Metres> {
+        match self {
+            Self::Cylinder { height, .. } | Self::Box { height, .. } => Some(*height),
+            Self::Mesh(_) => None,
         }
     }
+}
+
+/// A mesh file and what its parts stand for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFile {
+    /// Path of the .msh or .vtu file.
+    pub path: String,
+    /// Metres per unit of the file.
+    pub unit_m: f64,
+    /// Group of the nodes that are held.
+    pub base_group: String,
+    /// Group of the surface that the instrument may touch.
+    pub contact_group: String,
 }
 
 /// Constitutive law with its constants.
@@ -200,12 +216,8 @@ pub struct Discretisation {
     pub method: Method,
     /// Full 3D or axisymmetric; `auto` decides.
     pub dimension: Dimension,
-    /// Spacing of the nodes far from every edge.
-    pub spacing: Metres,
-    /// Spacing at the instrument's contact edge as a fraction of `spacing`, in (0, 1].
-    pub edge_refinement: f64,
-    /// Growth of the spacing per metre of distance from an edge (isotropic grading).
-    pub growth: f64,
+    /// How the nodes are spaced; absent where a mesh file brings them.
+    pub grading: Option<Grading>,
     /// alpha: support radius over mean edge length at a node.
     pub support_factor: f64,
     /// eta: dimensionless MMLS penalty on the quadratic coefficients (local scaled coordinates).
@@ -216,6 +228,17 @@ pub struct Discretisation {
     pub volume_ratio: VolumeRatio,
     /// Precision of the internal-force kernel.
     pub precision: Precision,
+}
+
+/// Spacing of the nodes of a generated cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grading {
+    /// Spacing far from every edge.
+    pub spacing: Metres,
+    /// Spacing at the instrument's contact edge as a fraction of `spacing`, in (0, 1].
+    pub edge_refinement: f64,
+    /// Growth of the spacing per metre of distance from an edge (isotropic grading).
+    pub growth: f64,
 }
 
 /// Approximation method (`discretisation.method`).

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{InstrumentKind, Metres, Precision, Scene, Shape};
+use super::{Grading, InstrumentKind, Metres, Precision, Scene, Shape};
 
 /// Most memory that a scene may ask for, bytes.
 pub const MEMORY_LIMIT: f64 = 8e9;
@@ -26,22 +26,28 @@ pub struct Estimate {
 }
 
 impl Scene {
-    /// Estimates nodes and memory.
+    /// Estimates nodes and memory; `None` for a mesh, whose file has to be read first ([`Scene::estimate_of`]).
     #[must_use]
-    pub fn estimate(&self) -> Estimate {
-        self.estimate_at(self.discretisation.spacing.get())
+    pub fn estimate(&self) -> Option<Estimate> {
+        self.discretisation.grading.map(|grading| self.estimate_with(&grading))
     }
 
-    /// The same with another spacing.
-    fn estimate_at(&self, spacing: f64) -> Estimate {
+    /// The same with another grading.
+    fn estimate_with(&self, grading: &Grading) -> Estimate {
+        let nodes = PACKING * (self.volume() / grading.spacing.get().powi(3) + self.edge_nodes(grading));
+        self.estimate_of(nodes, nodes * CELLS_PER_NODE)
+    }
+
+    /// Estimates the memory that a cloud of so many nodes and cells takes.
+    #[must_use]
+    pub fn estimate_of(&self, nodes: f64, cells: f64) -> Estimate {
         let d = &self.discretisation;
-        let nodes = PACKING * (self.volume() / spacing.powi(3) + self.edge_nodes(spacing));
         let support = SUPPORT_NODES * (d.support_factor / 1.8).powi(3);
         let float = match d.precision {
             Precision::F32 => 4.0,
             Precision::F64 => 8.0,
         };
-        let points = nodes * CELLS_PER_NODE * f64::from(d.points_per_cell);
+        let points = cells * f64::from(d.points_per_cell);
         // Per point of a relaxing material: H, and twice Pi and every h_i, of six components each.
         let memory = match self.material.prony.len() {
             0 => 0.0,
@@ -51,13 +57,13 @@ impl Scene {
         Estimate { nodes, bytes: points * (support * (4.0 + 3.0 * float) + memory) + nodes * BYTES_PER_NODE }
     }
 
-    /// Smallest spacing that stays within [`MEMORY_LIMIT`].
+    /// Smallest spacing of a grading that stays within [`MEMORY_LIMIT`].
     #[must_use]
-    pub fn least_spacing(&self) -> Metres {
-        let (mut low, mut high) = (0.0, self.sample.shape.height().get());
+    pub fn least_spacing(&self, grading: &Grading) -> Metres {
+        let (mut low, mut high) = (0.0, self.height());
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            if self.estimate_at(middle).bytes > MEMORY_LIMIT {
+            if self.estimate_with(&Grading { spacing: Metres(middle), ..*grading }).bytes > MEMORY_LIMIT {
                 low = middle;
             } else {
                 high = middle;
@@ -66,30 +72,36 @@ impl Scene {
         Metres(high)
     }
 
-    /// Volume of the sample, m^3.
+    /// Volume of a generated sample, m^3.
     fn volume(&self) -> f64 {
-        match self.sample.shape {
+        match &self.sample.shape {
             Shape::Cylinder { diameter, height } => PI / 4.0 * diameter.get().powi(2) * height.get(),
             Shape::Box { size_x, size_y, height } => size_x.get() * size_y.get() * height.get(),
+            Shape::Mesh(_) => 0.0,
         }
+    }
+
+    /// Height of a generated sample, m.
+    fn height(&self) -> f64 {
+        self.sample.shape.height().map_or(0.0, Metres::get)
     }
 
     /// Nodes that the refinement adds round an edge of length L: the integral of L theta s / h(s)^3 ds with
     /// h = h_e + g s up to h = h_0 is L theta (1 - h_e/h_0)^2 / (2 g^2 h_e), theta being the angle that the
     /// material fills round the edge.
-    fn edge_nodes(&self, spacing: f64) -> f64 {
-        let d = &self.discretisation;
-        let perimeter = match self.sample.shape {
+    fn edge_nodes(&self, grading: &Grading) -> f64 {
+        let perimeter = match &self.sample.shape {
             Shape::Cylinder { diameter, .. } => PI * diameter.get(),
             Shape::Box { size_x, size_y, .. } => 2.0 * (size_x.get() + size_y.get()),
+            Shape::Mesh(_) => 0.0,
         };
         let length_times_angle = match self.instrument.map(|i| i.kind) {
             None => 0.0,
             Some(InstrumentKind::Plate) => 2.0 * perimeter * PI / 2.0,
             Some(InstrumentKind::Indenter { diameter }) => PI * diameter.get() * PI,
-            Some(InstrumentKind::Needle(_)) => self.sample.shape.height().get() * 2.0 * PI,
+            Some(InstrumentKind::Needle(_)) => self.height() * 2.0 * PI,
         };
-        let edge = d.edge_refinement * spacing;
-        length_times_angle * (1.0 - d.edge_refinement).powi(2) / (2.0 * d.growth.powi(2) * edge)
+        let edge = grading.edge_refinement * grading.spacing.get();
+        length_times_angle * (1.0 - grading.edge_refinement).powi(2) / (2.0 * grading.growth.powi(2) * edge)
     }
 }

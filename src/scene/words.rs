@@ -41,7 +41,7 @@ words!(Precision: F32 = "f32", F64 = "f64");
 
 impl Shape {
     /// Words of `sample.shape`.
-    pub const WORDS: &'static [&'static str] = &["cylinder", "box"];
+    pub const WORDS: &'static [&'static str] = &["cylinder", "box", "mesh"];
 
     /// The word that files and messages use.
     #[must_use]
@@ -49,6 +49,7 @@ impl Shape {
         match self {
             Self::Cylinder { .. } => "cylinder",
             Self::Box { .. } => "box",
+            Self::Mesh(_) => "mesh",
         }
     }
 }

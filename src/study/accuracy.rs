@@ -126,7 +126,8 @@ impl Case {
     /// [`StudyError::Scene`] if the preset does not take the keys.
     pub fn scene(&self) -> Result<Scene, StudyError> {
         let preset = Scene::preset(self.preset)?;
-        let spacing = self.spacing * preset.discretisation.spacing.get();
+        let grading = preset.discretisation.grading.map_or(f64::NAN, |g| g.spacing.get());
+        let spacing = self.spacing * grading;
         let mut keys = vec![
             Override::text("discretisation.spacing_m", &format!("{spacing}"), "study"),
             Override::text("motion.depth_m", &format!("{}", self.depth_m), "study"),
@@ -135,7 +136,7 @@ impl Case {
         keys.extend(self.variant.keys.iter().map(|(path, value)| Override::text(path, value, "study")));
         let mut scene = preset.with(&keys)?;
         if self.compares_displacements() {
-            scene.targets = targets(scene.sample.shape.height().get());
+            scene.targets = scene.sample.shape.height().map_or_else(Vec::new, |height| targets(height.get()));
         }
         Ok(scene)
     }
@@ -232,7 +233,7 @@ fn targets(height: f64) -> Vec<Target> {
 fn displacement_error(twin: &Twin) -> f64 {
     let mut positions = Vec::new();
     twin.target_positions(&mut positions);
-    let height = twin.scene().sample.shape.height().get();
+    let height = twin.pose_at_depth(0.0).tip[2];
     let distance = |(now, (p, a)): (&[f64; 3], (PointDisplacement, f64))| {
         let r = p.radius_m + p.radial_m;
         let expected = [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m];

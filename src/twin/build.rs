@@ -2,21 +2,13 @@
 
 use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
-use crate::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
+use crate::cloud::{BASE, Cloud, TOP};
 use crate::instrument::{Bonded, Contact, NeedlePath};
-use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene, Shape};
+use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene};
 use crate::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
-use super::{BuildError, Phase, Twin};
-
-/// The needle's path in the cloud ends this far below the deepest pose, in capture radii.
-const PATH_MARGIN: f64 = 1.0;
-/// Spacing along a needle's path over the capture radius: the effective radius equals the capture radius only where
-/// the cloud resolves it.
-const PATH_SPACING: f64 = 0.5;
-/// A contact ring has at least this many nodes along its radius's worth of arc.
-const RING_SPACING: f64 = 0.15;
+use super::{Body, BuildError, Phase, Twin};
 
 impl Twin {
     /// Builds cloud, shape functions and masses for a scene, on as many threads as the present rayon pool has.
@@ -30,28 +22,30 @@ impl Twin {
                 reason: "\"axisymmetric\" is not built yet; use \"full\" or \"auto\"",
             });
         }
-        let (cloud, reach) = make_cloud(scene)?;
-        let top = scene.sample.shape.height().get();
-        let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud.points, top, i));
+        let body = Body::new(scene)?;
+        let (cloud, held) = (&body.cloud, &body.held);
         let mut interpolating: Vec<bool> = cloud.faces.iter().map(|f| f & BASE != 0).collect();
         held.iter().for_each(|&n| interpolating[n as usize] = true);
         let approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
         let table = approximation.table()?;
         let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
-        let contact = scene.instrument.as_ref().map(|i| make_contact(i, &held, &cloud, top, &table));
-        let solver = make_solver(scene, &cloud, &held, &table);
-        let pace = Pace::new(scene);
+        let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
+        let solver = make_solver(scene, cloud, held, &table);
+        let pace = Pace::new(scene, body.height);
         Ok(Self {
             node_field: approximation.field(&cloud.points)?,
             target_field: approximation.field(&targets)?,
             scene: scene.clone(),
-            points: cloud.points,
-            cells: cloud.cells,
-            surface: cloud.surface,
+            points: body.cloud.points,
+            cells: body.cloud.cells,
+            surface: body.cloud.surface,
             cell_of_point: table.cell,
             solver,
             contact,
-            reach,
+            top: body.top,
+            height: body.height,
+            reach: body.reach,
+            warnings: body.warnings,
             pace,
             steps_since_save: 0,
             steps_since_refresh: 0,
@@ -82,49 +76,11 @@ fn settings(scene: &Scene) -> Settings {
     }
 }
 
-/// The cloud, and the deepest pose that it can take.
-fn make_cloud(scene: &Scene) -> Result<(Cloud, f64), BuildError> {
-    let domain = match scene.sample.shape {
-        Shape::Cylinder { diameter, height } => Domain::Cylinder { radius: 0.5 * diameter.get(), height: height.get() },
-        Shape::Box { size_x, size_y, height } => Domain::Box { size: [size_x.get(), size_y.get(), height.get()] },
-    };
-    let d = &scene.discretisation;
-    let far = d.spacing.get().min(domain.half_thickness());
-    let edge = far * d.edge_refinement;
-    let height = domain.height();
-    let mut reach = height;
-    let mut features = Vec::new();
-    if let Some(instrument) = &scene.instrument {
-        let centre = instrument.entry.map(|m| m.get());
-        match &instrument.kind {
-            InstrumentKind::Plate => {
-                features.extend([true, false].map(|top| Feature::Rim { top, spacing: edge }));
-            }
-            InstrumentKind::Indenter { diameter } => {
-                let radius = 0.5 * diameter.get();
-                features.push(Feature::ContactRing { centre, radius, spacing: edge.min(RING_SPACING * radius) });
-            }
-            InstrumentKind::Needle(needle) => {
-                let capture_radius = needle.capture_radius.get();
-                let spacing = far.min(PATH_SPACING * capture_radius);
-                let floor = height - 2.0 * spacing;
-                let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
-                let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
-                reach = length;
-                features.push(Feature::Path { centre, capture_radius, length, spacing });
-            }
-        }
-    }
-    let spacing = Spacing { far, growth: d.growth, features };
-    let cloud = cloud::generate(&domain, &spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
-    Ok((cloud, reach))
-}
-
-fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, table: &ShapeTable) -> Contact {
+fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Contact {
+    let Body { cloud, held, top, layer, .. } = body;
     match &instrument.kind {
-        InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Contact::Bonded(Bonded::new(held.to_vec())),
+        InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Contact::Bonded(Bonded::new(held.clone())),
         InstrumentKind::Needle(needle) => {
-            let layer = layer_distance(held, cloud, top);
             let [x, y] = instrument.entry.map(|m| m.get());
             let corners = || table.cell.iter().map(|&c| cloud.cells[c as usize]);
             let near = |c: &[u32; 4]| {
@@ -134,18 +90,13 @@ fn make_contact(instrument: &Instrument, held: &[u32], cloud: &Cloud, top: f64, 
             };
             let watched =
                 (0..table.cell.len() as u32).filter(|&p| near(&cloud.cells[table.cell[p as usize] as usize])).collect();
-            Contact::Needle(Box::new(NeedlePath::new(held, &cloud.points, top, *needle, layer, watched, corners())))
+            // the whole of the contact surface is at depth zero, curved or not
+            let on_top = |n: u32| cloud.faces[n as usize] & TOP != 0;
+            let depth = |n: u32| if on_top(n) { 0.0 } else { top - cloud.points[n as usize][2] };
+            let nodes = held.iter().map(|&n| (n, depth(n))).collect();
+            Contact::Needle(Box::new(NeedlePath::new(nodes, cloud.points.len(), *needle, *layer, watched, corners())))
         }
     }
-}
-
-/// Distance between the path's layers of nodes.
-fn layer_distance(held: &[u32], cloud: &Cloud, top: f64) -> f64 {
-    let mut depths: Vec<f64> = held.iter().map(|&n| top - cloud.points[n as usize][2]).collect();
-    depths.sort_by(f64::total_cmp);
-    let deepest = depths.last().copied().unwrap_or(0.0);
-    depths.dedup_by(|a, b| (*a - *b).abs() < 1e-6 * top);
-    deepest / (depths.len().max(2) - 1) as f64
 }
 
 fn make_solver(scene: &Scene, cloud: &Cloud, held: &[u32], table: &ShapeTable) -> Solver {

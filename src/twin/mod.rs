@@ -1,6 +1,8 @@
 //! One pose in, one prediction out: [`Twin::step`].
 
+mod body;
 mod build;
+mod mesh;
 mod observe;
 mod pace;
 mod step;
@@ -9,6 +11,8 @@ use crate::approximation::Field;
 use crate::instrument::Contact;
 use crate::scene::Scene;
 use crate::solver::Solver;
+
+pub use body::Body;
 
 use pace::Pace;
 
@@ -134,6 +138,14 @@ pub enum BuildError {
         /// Why, and what to do.
         reason: &'static str,
     },
+    /// The scene's mesh can't be used, or its parts don't fit it.
+    #[error("{key}: {reason}")]
+    Mesh {
+        /// The key at fault.
+        key: String,
+        /// Why, and what to do.
+        reason: String,
+    },
     /// The cloud of nodes could not be made.
     #[error("cloud: {0}")]
     Cloud(String),
@@ -156,8 +168,13 @@ pub struct Twin {
     target_field: Field,
     solver: Solver,
     contact: Option<Contact>,
+    /// z of the undeformed surface where the instrument meets it, m.
+    top: f64,
+    /// Height of the body under that, m.
+    height: f64,
     /// Deepest pose that the cloud can take, m.
     reach: f64,
+    warnings: Vec<String>,
     pace: Pace,
     steps_since_save: u32,
     steps_since_refresh: u32,
@@ -174,6 +191,12 @@ impl Twin {
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// What is worth knowing about the scene's mesh and is no error.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Number of nodes.
@@ -204,18 +227,15 @@ impl Twin {
     #[must_use]
     pub fn pose_at_depth(&self, depth_m: f64) -> Pose {
         let [x, y] = self.entry();
-        Pose { tip: [x, y, self.top() - depth_m], axis: [0.0, 0.0, -1.0] }
+        Pose { tip: [x, y, self.top - depth_m], axis: [0.0, 0.0, -1.0] }
     }
 
     /// Depth of a pose's tip below the undeformed top face along its own axis, m.
     #[must_use]
     pub fn depth_of(&self, pose: &Pose) -> f64 {
-        (self.top() - pose.tip[2]) / -pose.axis[2]
+        (self.top - pose.tip[2]) / -pose.axis[2]
     }
 
-    fn top(&self) -> f64 {
-        self.scene.sample.shape.height().get()
-    }
 
     fn entry(&self) -> [f64; 2] {
         self.scene.instrument.as_ref().map_or([0.0; 2], |i| i.entry.map(|m| m.get()))

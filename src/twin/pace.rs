@@ -43,8 +43,8 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    pub fn new(scene: &Scene) -> Self {
-        let height = scene.sample.shape.height().get();
+    /// `height`: of the sample, m.
+    pub fn new(scene: &Scene, height: f64) -> Self {
         Self {
             stepping: scene.stepping,
             length: LENGTH * height,

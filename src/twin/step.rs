@@ -109,8 +109,7 @@ impl Twin {
     }
 
     fn energy_floor(&self) -> f64 {
-        let height = self.scene.sample.shape.height().get();
-        ENERGY_FLOOR * self.scene.material.shear_modulus.get() * height.powi(3)
+        ENERGY_FLOOR * self.scene.material.shear_modulus.get() * self.height.powi(3)
     }
 
     /// Checks a pose and expresses its tip relative to the entry point.
@@ -133,12 +132,12 @@ impl Twin {
             ));
         }
         let [x, y] = self.entry();
-        let offset = [tip[0] - x, tip[1] - y, tip[2] - self.top()];
+        let offset = [tip[0] - x, tip[1] - y, tip[2] - self.top];
         let depth = self.depth_of(&pose.pose);
         if depth > self.reach {
             return refuse(format!(
                 "depth {depth:.6} m is beyond {:.6} m, the deepest that this scene's cloud was made for \
-                 (motion.depth_m, sample.height_m)",
+                 (motion.depth_m, the sample's height)",
                 self.reach
             ));
         }

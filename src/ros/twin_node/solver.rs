@@ -63,6 +63,7 @@ pub(super) fn run(
             return;
         }
     };
+    twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
     let model = Model::of(&twin, begun.elapsed());
     if built.send(Ok(Box::new(model))).is_err() {
         return;

@@ -1,0 +1,102 @@
+//! The body of a scene: its cloud, and where the instrument meets it.
+
+use crate::cloud::{self, Cloud, Domain, Feature, Spacing};
+use crate::instrument::Contact;
+use crate::scene::{Grading, InstrumentKind, Metres, Scene, Shape};
+
+use super::{BuildError, mesh};
+
+/// The needle's path in the cloud ends this far below the deepest pose, in capture radii.
+const PATH_MARGIN: f64 = 1.0;
+/// Spacing along a needle's path over the capture radius: the effective radius equals the capture radius only where
+/// the cloud resolves it.
+const PATH_SPACING: f64 = 0.5;
+/// A contact ring has at least this many nodes along its radius's worth of arc.
+const RING_SPACING: f64 = 0.15;
+
+/// Cloud of a scene and what a pose needs to know of it. Lengths in m.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Nodes and cells.
+    pub cloud: Cloud,
+    /// z at which the instrument touches the undeformed body: depth zero.
+    pub top: f64,
+    /// Height of the body under that.
+    pub height: f64,
+    /// Deepest pose that the cloud can take.
+    pub reach: f64,
+    /// Nodes that the instrument can hold.
+    pub held: Vec<u32>,
+    /// Distance between the layers of nodes along a needle's path, 0 without a needle.
+    pub layer: f64,
+    /// What is worth knowing about a mesh and is no error.
+    pub warnings: Vec<String>,
+}
+
+impl Body {
+    /// Generates the scene's cloud, or reads its mesh file.
+    ///
+    /// # Errors
+    /// [`BuildError`] if the cloud can't be made, or the mesh doesn't fit the scene.
+    pub fn new(scene: &Scene) -> Result<Self, BuildError> {
+        let (domain, grading) = match (&scene.sample.shape, &scene.discretisation.grading) {
+            (Shape::Mesh(file), _) => return mesh::body(scene, file),
+            (_, None) => {
+                return Err(BuildError::Unsupported {
+                    key: "discretisation.spacing_m",
+                    reason: "a cylinder or box needs a spacing",
+                });
+            }
+            (Shape::Cylinder { diameter, height }, Some(grading)) => {
+                (Domain::Cylinder { radius: 0.5 * diameter.get(), height: height.get() }, grading)
+            }
+            (Shape::Box { size_x, size_y, height }, Some(grading)) => {
+                (Domain::Box { size: [*size_x, *size_y, *height].map(Metres::get) }, grading)
+            }
+        };
+        generated(scene, &domain, grading)
+    }
+}
+
+fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, BuildError> {
+    let far = grading.spacing.get().min(domain.half_thickness());
+    let edge = far * grading.edge_refinement;
+    let height = domain.height();
+    let mut reach = height;
+    let mut features = Vec::new();
+    if let Some(instrument) = &scene.instrument {
+        let centre = instrument.entry.map(|m| m.get());
+        match &instrument.kind {
+            InstrumentKind::Plate => {
+                features.extend([true, false].map(|top| Feature::Rim { top, spacing: edge }));
+            }
+            InstrumentKind::Indenter { diameter } => {
+                let radius = 0.5 * diameter.get();
+                features.push(Feature::ContactRing { centre, radius, spacing: edge.min(RING_SPACING * radius) });
+            }
+            InstrumentKind::Needle(needle) => {
+                let capture_radius = needle.capture_radius.get();
+                let spacing = far.min(PATH_SPACING * capture_radius);
+                let floor = height - 2.0 * spacing;
+                let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
+                let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
+                reach = length;
+                features.push(Feature::Path { centre, capture_radius, length, spacing });
+            }
+        }
+    }
+    let spacing = Spacing { far, growth: grading.growth, features };
+    let cloud = cloud::generate(domain, &spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
+    let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud, i));
+    let layer = layer_distance(&held, &cloud, height);
+    Ok(Body { cloud, top: height, height, reach, held, layer, warnings: Vec::new() })
+}
+
+/// Distance between the layers of nodes that a generated path has.
+fn layer_distance(held: &[u32], cloud: &Cloud, top: f64) -> f64 {
+    let mut depths: Vec<f64> = held.iter().map(|&n| top - cloud.points[n as usize][2]).collect();
+    depths.sort_by(f64::total_cmp);
+    let deepest = depths.last().copied().unwrap_or(0.0);
+    depths.dedup_by(|a, b| (*a - *b).abs() < 1e-6 * top);
+    deepest / (depths.len().max(2) - 1) as f64
+}

@@ -1,0 +1,215 @@
+//! The body of a mesh file: does it fit the scene, and where does the instrument meet it?
+
+use std::f64::consts::PI;
+use std::path::Path;
+
+use crate::approximation::table::tetrahedron;
+use crate::cloud::{BASE, Cloud, TOP, import};
+use crate::instrument::Contact;
+use crate::scene::size::MEMORY_LIMIT;
+use crate::scene::{Instrument, InstrumentKind, MeshFile, Scene};
+
+use super::{Body, BuildError};
+
+/// Least number of nodes under a plate or indenter.
+const LEAST_HELD: usize = 6;
+/// Share of the indenter's face that triangles of held nodes must cover.
+const LEAST_COVER: f64 = 0.75;
+/// Relief of the held surface over its width: a bond moves it as one rigid piece, which serves while it is nearly flat.
+const MOST_RELIEF: f64 = 0.1;
+/// Layers of nodes below a needle's deepest pose.
+const LAYERS_BELOW: f64 = 2.0;
+
+/// Reads the mesh and looks for the contact.
+pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
+    let contact = scene.instrument.is_some().then_some(file.contact_group.as_str());
+    let wanted = import::Wanted { unit_m: file.unit_m, base: &file.base_group, contact };
+    let (cloud, warnings) = import::load(Path::new(&file.path), &wanted)
+        .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
+    let size = scene.estimate_of(cloud.points.len() as f64, cloud.cells.len() as f64);
+    if size.bytes > MEMORY_LIMIT {
+        return refuse(
+            "sample.mesh",
+            format!(
+                "{} nodes and {} cells take about {:.1} GB, more than the {} GB allowed: use a coarser mesh",
+                cloud.points.len(),
+                cloud.cells.len(),
+                size.bytes / 1e9,
+                MEMORY_LIMIT / 1e9
+            ),
+        );
+    }
+    targets(scene, &cloud)?;
+    let z = || cloud.points.iter().map(|p| p[2]);
+    let (lowest, highest) = (z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max));
+    let mut body = Body {
+        top: highest,
+        height: highest - lowest,
+        reach: highest - lowest,
+        held: Vec::new(),
+        layer: 0.0,
+        cloud,
+        warnings,
+    };
+    if let Some(instrument) = &scene.instrument {
+        body.top = top(&body.cloud, instrument)?;
+        body.height = body.top - lowest;
+        body.reach = body.height;
+        body.held = Contact::nodes(&body.cloud, instrument);
+        match &instrument.kind {
+            InstrumentKind::Needle(needle) => path(&mut body, needle.capture_radius.get())?,
+            _ => bond(&body, instrument)?,
+        }
+    }
+    match &scene.motion {
+        Some(motion) if motion.depth.get() >= body.reach => refuse(
+            "motion.depth_m",
+            format!("{} m is too deep: the mesh takes less than {:.6} m there", motion.depth.get(), body.reach),
+        ),
+        _ => Ok(body),
+    }
+}
+
+fn refuse<T>(key: &str, reason: String) -> Result<T, BuildError> {
+    Err(BuildError::Mesh { key: key.to_owned(), reason })
+}
+
+/// Triangles of the contact surface, by their corners.
+fn contact_surface(cloud: &Cloud) -> impl Iterator<Item = (&[u32; 3], [[f64; 3]; 3])> {
+    let marked = cloud.surface.iter().zip(&cloud.surface_faces).filter(|(_, face)| **face == TOP);
+    marked.map(|(t, _)| (t, t.map(|n| cloud.points[n as usize])))
+}
+
+/// Twice the area of a triangle seen from above; negative if it faces down.
+fn seen_from_above(p: &[[f64; 3]; 3]) -> f64 {
+    let [a, b, c] = p;
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// z of the contact surface where the instrument's axis meets it first; its highest point for a plate.
+fn top(cloud: &Cloud, instrument: &Instrument) -> Result<f64, BuildError> {
+    let [x, y] = instrument.entry.map(|m| m.get());
+    let at_axis = |p: &[[f64; 3]; 3]| {
+        let whole = seen_from_above(p);
+        let share = |k: usize| {
+            let mut q = *p;
+            q[k] = [x, y, 0.0];
+            seen_from_above(&q) / whole
+        };
+        let shares: [f64; 3] = std::array::from_fn(share);
+        let inside = whole > 0.0 && shares.iter().all(|s| *s >= -1e-9);
+        inside.then(|| (0..3).map(|k| shares[k] * p[k][2]).sum::<f64>())
+    };
+    let z = match instrument.kind {
+        InstrumentKind::Plate => contact_surface(cloud).flat_map(|(_, p)| p.map(|p| p[2])).reduce(f64::max),
+        _ => contact_surface(cloud).filter_map(|(_, p)| at_axis(&p)).reduce(f64::max),
+    };
+    z.map_or_else(
+        || {
+            refuse(
+                "instrument.entry_x_m",
+                format!(
+                    "the instrument's axis at ({x}, {y}) m, instrument.entry_x_m and entry_y_m, doesn't meet the \
+                     mesh's contact surface (sample.contact_group) from above"
+                ),
+            )
+        },
+        Ok,
+    )
+}
+
+/// Can a plate or indenter be bonded to the nodes that it holds?
+fn bond(body: &Body, instrument: &Instrument) -> Result<(), BuildError> {
+    let Body { cloud, held, .. } = body;
+    if held.len() < LEAST_HELD {
+        return refuse(
+            "sample.mesh",
+            format!(
+                "the contact surface has only {} nodes under the instrument, at least {LEAST_HELD} are needed: refine \
+                 the mesh there",
+                held.len()
+            ),
+        );
+    }
+    let mut under = vec![false; cloud.points.len()];
+    held.iter().for_each(|&n| under[n as usize] = true);
+    if let InstrumentKind::Indenter { diameter } = &instrument.kind {
+        let held_triangles = contact_surface(cloud).filter(|(t, _)| t.iter().all(|&n| under[n as usize]));
+        let area: f64 = held_triangles.map(|(_, p)| 0.5 * seen_from_above(&p)).sum();
+        let cover = area / (0.25 * PI * diameter.get().powi(2));
+        if cover < LEAST_COVER {
+            return refuse(
+                "instrument.diameter_m",
+                format!(
+                    "the nodes under the indenter cover only {:.0}% of its face, at least {:.0}% are needed: keep it \
+                     within the contact group (sample.contact_group), refine the mesh there, or embed the face's rim \
+                     as a curve",
+                    100.0 * cover,
+                    100.0 * LEAST_COVER
+                ),
+            );
+        }
+    }
+    let extent = |k: usize| {
+        let along = || held.iter().map(|&n| cloud.points[n as usize][k]);
+        along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+    };
+    let (width, relief) = (extent(0).max(extent(1)), extent(2));
+    if relief > MOST_RELIEF * width {
+        return refuse(
+            "sample.contact_group",
+            format!(
+                "the surface under the instrument is {relief:.6} m high over a width of {width:.6} m; at most {MOST_RELIEF} \
+                 of the width is taken, since it moves as one rigid piece: use a smaller instrument, or turn the mesh \
+                 so that the surface faces up (+z)"
+            ),
+        );
+    }
+    Ok(())
+}
+
+/// Is the mesh fine enough along a needle's path, and how far?
+fn path(body: &mut Body, capture_radius: f64) -> Result<(), BuildError> {
+    let Body { cloud, held, top, .. } = &*body;
+    let mut depths: Vec<f64> = held.iter().map(|&n| top - cloud.points[n as usize][2]).collect();
+    depths.sort_by(f64::total_cmp);
+    // the path ends at the first gap
+    let end = depths.windows(2).find(|w| w[1] - w[0] > capture_radius).map_or(depths.last(), |w| Some(&w[0]));
+    let end = end.copied().unwrap_or(0.0);
+    let nodes = depths.iter().filter(|d| **d <= end).count();
+    let at_surface = held.iter().filter(|&&n| cloud.faces[n as usize] & TOP != 0).count();
+    let layer = (PI * capture_radius.powi(2) * end / nodes.max(1) as f64).cbrt();
+    if at_surface < 3 || layer > capture_radius || end <= LAYERS_BELOW * layer {
+        return refuse(
+            "instrument.capture_radius_m",
+            format!(
+                "the mesh is too coarse for a needle: {at_surface} nodes of the contact surface and {nodes} down to \
+                 {end:.6} m lie within {capture_radius} m of its axis; refine it there to half of that radius, or \
+                 capture more"
+            ),
+        );
+    }
+    body.layer = layer;
+    body.reach = end - LAYERS_BELOW * layer;
+    body.held.retain(|&n| body.top - body.cloud.points[n as usize][2] <= end && body.cloud.faces[n as usize] & BASE == 0);
+    Ok(())
+}
+
+/// Every target lies in a cell.
+fn targets(scene: &Scene, cloud: &Cloud) -> Result<(), BuildError> {
+    for (i, target) in scene.targets.iter().enumerate() {
+        let holds = |c: &[u32; 4]| {
+            let p = c.map(|n| cloud.points[n as usize]);
+            let (_, gradients) = tetrahedron(&p);
+            let from = |a: usize| (0..3).map(|k| gradients[a][k] * (target.position[k] - p[a][k])).sum::<f64>();
+            (0..4).all(|a| 1.0 + from(a) >= -1e-9)
+        };
+        if !cloud.cells.iter().any(holds) {
+            return refuse(
+                &format!("targets.{i}.position_m"),
+                format!("target \"{}\" at {:?} m lies in no cell of the mesh", target.name, target.position),
+            );
+        }
+    }
+    Ok(())
+}
