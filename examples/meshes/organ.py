@@ -27,10 +27,10 @@ gmsh.model.addPhysicalGroup(2, base, name="base")
 gmsh.model.addPhysicalGroup(2, contact, name="contact")
 gmsh.model.addPhysicalGroup(3, [tag for _, tag in body], name="tissue")
 
-# finer under the indenter, which presses from above at x = y = 0
+# finer under the indenter, which presses from above at x = y = 0: its face must be covered by whole triangles
 field = gmsh.model.mesh.field
 growth = field.add("MathEval")
-field.setString(growth, "F", f"{size} * Min(1, 0.3 + 0.04 * Sqrt(x*x + y*y + (z-15)*(z-15)))")
+field.setString(growth, "F", f"{size} * Min(1, 0.15 + 0.0008 * (x*x + y*y + (z-15)*(z-15))^1.5)")
 field.setAsBackgroundMesh(growth)
 for option in ["MeshSizeFromPoints", "MeshSizeFromCurvature", "MeshSizeExtendFromBoundary"]:
     gmsh.option.setNumber(f"Mesh.{option}", 0)

@@ -5,7 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Independent implementations that tests compare with, at the versions that were tried.
-const PACKAGES: [&str; 3] = ["rosbags==0.11.9", "mcap-ros2-support==0.6.0", "cyclonedds==11.0.1"];
+const PACKAGES: [&str; 6] = [
+    "rosbags==0.11.9",
+    "mcap-ros2-support==0.6.0",
+    "cyclonedds==11.0.1",
+    "gmsh==4.15.2",
+    "meshio==5.3.5",
+    "numpy==2.4.6",
+];
 
 /// The environment's Python. Needs `python3` with venv, and the package index the first time.
 pub fn python() -> PathBuf {
