@@ -105,13 +105,22 @@ fn every_key_can_be_set_to_what_it_is() {
             Override::text("material.prony_times_s", "[1.5]", "test"),
         ])
         .unwrap();
+    let mesh = whole
+        .with(&[
+            Override::text("sample.shape", "mesh", "test"),
+            Override::text("sample.mesh", "organs/liver.msh", "test"),
+            Override::text("sample.mesh_unit_m", "0.001", "test"),
+        ])
+        .unwrap();
+    assert_eq!(mesh.get("discretisation.spacing_m"), None, "the mesh brings its nodes");
     for key in KEYS {
         let path = match key.section() {
             "targets" => format!("targets.1.{}", key.field()),
             _ => key.path.to_owned(),
         };
-        let scene = if whole.get(&path).is_some() { &whole } else { &cuboid };
-        let value = scene.get(&path).unwrap_or_else(|| panic!("{path} applies to neither scene"));
+        let scene = [&whole, &cuboid, &mesh].into_iter().find(|scene| scene.get(&path).is_some());
+        let scene = scene.unwrap_or_else(|| panic!("{path} applies to no scene"));
+        let value = scene.get(&path).unwrap();
         let mut set = scene.clone();
         set.set(&path, &value.to_string()).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(&set, scene, "{path} = {value}");

@@ -5,8 +5,8 @@ use crate::material::{Ogden, Prony, Volumetric};
 use super::values::Values;
 use super::{
     DeformationRule, Dimension, Discretisation, Grading, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre,
-    Material, MaterialModel, MeshFile, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio, Precision, Sample, Scene,
-    SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
+    Material, MaterialModel, MeshFile, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio,
+    Precision, Sample, Scene, SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
 };
 
 /// The typed scene. Types and ranges hold already; what is absent and required is an error here.

@@ -191,7 +191,8 @@ fn path(body: &mut Body, capture_radius: f64) -> Result<(), BuildError> {
     }
     body.layer = layer;
     body.reach = end - LAYERS_BELOW * layer;
-    body.held.retain(|&n| body.top - body.cloud.points[n as usize][2] <= end && body.cloud.faces[n as usize] & BASE == 0);
+    body.held
+        .retain(|&n| body.top - body.cloud.points[n as usize][2] <= end && body.cloud.faces[n as usize] & BASE == 0);
     Ok(())
 }
 

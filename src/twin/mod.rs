@@ -236,7 +236,6 @@ impl Twin {
         (self.top - pose.tip[2]) / -pose.axis[2]
     }
 
-
     fn entry(&self) -> [f64; 2] {
         self.scene.instrument.as_ref().map_or([0.0; 2], |i| i.entry.map(|m| m.get()))
     }

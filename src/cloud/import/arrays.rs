@@ -19,10 +19,16 @@ pub(super) struct Encoding<'a> {
     pub(super) header: usize,
     /// Whether binary arrays are compressed with zlib.
     pub(super) zlib: bool,
-    /// What follows the underscore of `AppendedData`, and whether it is base64.
-    pub(super) appended: Option<(&'a [u8], bool)>,
+    pub(super) appended: Option<Appended<'a>>,
     /// Length of the file, bytes.
     pub(super) length: usize,
+}
+
+/// Content of `AppendedData`.
+pub(super) struct Appended<'a> {
+    /// What follows its underscore.
+    pub(super) content: &'a [u8],
+    pub(super) base64: bool,
 }
 
 /// Binary content at a place of the file: bytes, or base64 text.
@@ -36,7 +42,9 @@ impl Stream<'_> {
     fn taken(&self, bytes: usize) -> Result<&[u8], String> {
         let length = if self.base64 { bytes.div_ceil(3).checked_mul(4) } else { Some(bytes) };
         let taken = length.and_then(|n| self.rest.get(..n));
-        taken.ok_or_else(|| format!("it holds {} bytes where {bytes} are declared: the file was cut short", self.rest.len()))
+        taken.ok_or_else(|| {
+            format!("it holds {} bytes where {bytes} are declared: the file was cut short", self.rest.len())
+        })
     }
 
     fn peek(&self, bytes: usize) -> Result<Vec<u8>, String> {
@@ -81,11 +89,13 @@ impl Encoding<'_> {
     }
 
     fn appended(&self, offset: Option<&str>) -> Result<Stream<'_>, String> {
-        let (bytes, base64) = self.appended.ok_or("it is appended, but the file has no AppendedData")?;
+        let appended = self.appended.as_ref().ok_or("it is appended, but the file has no AppendedData")?;
+        let Appended { content, base64 } = appended;
         let offset = offset.and_then(|text| text.parse::<usize>().ok());
         let offset = offset.ok_or("its offset in AppendedData is not a whole number")?;
-        let rest = bytes.get(offset..).ok_or_else(|| format!("its offset {offset} is beyond the end of AppendedData"))?;
-        Ok(Stream { rest, base64 })
+        let rest =
+            content.get(offset..).ok_or_else(|| format!("its offset {offset} is beyond the end of AppendedData"))?;
+        Ok(Stream { rest, base64: *base64 })
     }
 
     fn binary(&self, mut stream: Stream<'_>, kind: &str) -> Result<Vec<f64>, String> {
@@ -140,16 +150,13 @@ impl Encoding<'_> {
     fn convert(&self, bytes: &[u8], kind: &str) -> Result<Vec<f64>, String> {
         macro_rules! convert {
             ($type:ty) => {{
-                const SIZE: usize = size_of::<$type>();
-                if bytes.len() % SIZE != 0 {
+                let (words, rest) = bytes.as_chunks::<{ size_of::<$type>() }>();
+                if !rest.is_empty() {
                     return Err(format!("{} bytes are not a whole number of {kind}", bytes.len()));
                 }
-                let number = |b: &[u8]| {
-                    let mut word = [0; SIZE];
-                    word.copy_from_slice(b);
-                    (if self.big { <$type>::from_be_bytes(word) } else { <$type>::from_le_bytes(word) }) as f64
-                };
-                Ok(bytes.chunks_exact(SIZE).map(number).collect())
+                let number =
+                    |word: &_| if self.big { <$type>::from_be_bytes(*word) } else { <$type>::from_le_bytes(*word) };
+                Ok(words.iter().map(|word| number(word) as f64).collect())
             }};
         }
         match kind {

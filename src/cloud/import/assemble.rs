@@ -165,10 +165,13 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> Cloud {
     sort_cells(&mut cells);
     // the same cells have passed already
     let surface = check::surface(points.len(), &cells).unwrap_or_default();
-    let surface_faces = surface.iter().map(|t| match face_of(t, &faces) {
-        0 => OTHER,
-        face => face,
-    }).collect();
+    let surface_faces = surface
+        .iter()
+        .map(|t| match face_of(t, &faces) {
+            0 => OTHER,
+            face => face,
+        })
+        .collect();
     let quality = Summary::of(&points, &cells);
     Cloud { points, cells, faces, surface, surface_faces, quality }
 }

@@ -121,6 +121,5 @@ fn content(path: &Path) -> Result<Vec<u8>, String> {
 pub fn load(path: &Path, wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), ImportError> {
     let groups: Vec<&str> = std::iter::once(wanted.base).chain(wanted.contact).collect();
     let imported = read(path, &groups)?;
-    assemble::assemble(imported, wanted)
-        .map_err(|reason| ImportError { place: path.display().to_string(), reason })
+    assemble::assemble(imported, wanted).map_err(|reason| ImportError { place: path.display().to_string(), reason })
 }

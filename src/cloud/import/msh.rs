@@ -105,7 +105,9 @@ impl<'a> Reader<'a> {
             Some(word) if word.strip_prefix("$End") == Some(section) => Ok(()),
             Some(word) => {
                 let short: String = word.chars().take(40).collect();
-                Err(self.words.flaw(format!("\"{short}\" where $End{section} should be: the section's counts are wrong")))
+                Err(self
+                    .words
+                    .flaw(format!("\"{short}\" where $End{section} should be: the section's counts are wrong")))
             }
             None => Err(self.words.flaw(format!("the file ends before $End{section}: it was cut short"))),
         }
@@ -169,6 +171,7 @@ impl<'a> Reader<'a> {
             self.words.skip(1, "the tag of an entity")?;
             let parametric = self.words.number::<u32>("whether the nodes are parametric (0 or 1)")? != 0;
             let count: u64 = self.words.number("the number of nodes of an entity")?;
+            self.within("nodes", count, declared, self.mesh.points.len())?;
             let first = self.mesh.node_names.len();
             for _ in 0..count {
                 let tag = self.words.number("the tag of a node")?;
@@ -184,7 +187,9 @@ impl<'a> Reader<'a> {
                     *x = self.words.number("a coordinate")?;
                     if !f64::is_finite(*x) {
                         let tag = self.mesh.node_names[node];
-                        return Err(self.words.flaw(format!("node {tag} has a coordinate that is not a finite number")));
+                        return Err(self
+                            .words
+                            .flaw(format!("node {tag} has a coordinate that is not a finite number")));
                     }
                 }
                 self.mesh.points.push(point);
@@ -202,6 +207,7 @@ impl<'a> Reader<'a> {
             let entity: i64 = self.words.number("the tag of an entity")?;
             let kind: u32 = self.words.number("the type of an element")?;
             let count: u64 = self.words.number("the number of elements of an entity")?;
+            self.within("elements", count, declared, read)?;
             for _ in 0..count {
                 let tag: u64 = self.words.number("the tag of an element")?;
                 match kind {
@@ -230,6 +236,14 @@ impl<'a> Reader<'a> {
         let all = self.words.number(&format!("the number of {what}"))?;
         self.words.skip(2, "the smallest and largest tag")?;
         Ok((blocks, all))
+    }
+
+    /// A block has no more than is declared for all of them.
+    fn within(&self, what: &str, count: u64, declared: u64, read: usize) -> Result<(), Flaw> {
+        if count <= declared.saturating_sub(read as u64) {
+            return Ok(());
+        }
+        Err(self.words.flaw(format!("a block of {count} {what} after {read}, but only {declared} are declared in all")))
     }
 
     fn as_declared(&self, what: &str, declared: u64, read: usize) -> Result<(), Flaw> {

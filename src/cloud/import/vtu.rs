@@ -5,7 +5,7 @@
 
 use roxmltree::{Document, Node};
 
-use super::arrays::Encoding;
+use super::arrays::{Appended, Encoding};
 use super::{Flaw, Imported};
 
 /// VTK's numbers of linear cells with their corners: vertex, line, triangle, tetrahedron.
@@ -37,7 +37,7 @@ pub(super) fn read(bytes: &[u8], wanted: &[&str]) -> Result<Imported, Flaw> {
 }
 
 /// The XML without the content of `AppendedData` (which may not be text), and that content after its underscore.
-fn split(bytes: &[u8]) -> Result<(String, Option<(&[u8], bool)>), Flaw> {
+fn split(bytes: &[u8]) -> Result<(String, Option<Appended<'_>>), Flaw> {
     const TAG: &[u8] = b"<AppendedData";
     let Some(start) = bytes.windows(TAG.len()).position(|w| w == TAG) else {
         return text(bytes).map(|xml| (xml.to_owned(), None));
@@ -51,7 +51,7 @@ fn split(bytes: &[u8]) -> Result<(String, Option<(&[u8], bool)>), Flaw> {
     };
     let underscore = rest[close..].iter().position(|b| *b == b'_');
     let underscore = underscore.ok_or_else(|| Flaw::of_file("its AppendedData doesn't start with an underscore"))?;
-    Ok((format!("{xml}</VTKFile>"), Some((&rest[close + underscore + 1..], base64))))
+    Ok((format!("{xml}</VTKFile>"), Some(Appended { content: &rest[close + underscore + 1..], base64 })))
 }
 
 fn text(bytes: &[u8]) -> Result<&str, Flaw> {
@@ -59,7 +59,7 @@ fn text(bytes: &[u8]) -> Result<&str, Flaw> {
         .map_err(|e| Flaw::of_file(format!("byte {} is not UTF-8 text: not a VTU", e.valid_up_to())))
 }
 
-fn encoding<'a>(file: Node<'_, '_>, appended: Option<(&'a [u8], bool)>, length: usize) -> Result<Encoding<'a>, Flaw> {
+fn encoding<'a>(file: Node<'_, '_>, appended: Option<Appended<'a>>, length: usize) -> Result<Encoding<'a>, Flaw> {
     let attribute = |name: &str, default: &'static str| file.attribute(name).unwrap_or(default).to_owned();
     let refuse = |name: &str, value: &str, remedy: &str| {
         Err(Flaw::of_file(format!("{name}=\"{value}\" is not read: save it {remedy}")))
@@ -105,7 +105,10 @@ impl<'a, 'd> Piece<'a, 'd> {
             }
         }
         if mesh.cells.is_empty() {
-            return Err(Flaw::of_file(format!("none of its {} cells is a tetrahedron: mesh in 3 dimensions", all.len())));
+            return Err(Flaw::of_file(format!(
+                "none of its {} cells is a tetrahedron: mesh in 3 dimensions",
+                all.len()
+            )));
         }
         self.groups(&mut mesh, &all, wanted)?;
         Ok(mesh)
