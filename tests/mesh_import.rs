@@ -251,7 +251,7 @@ fn gmsh_files_that_are_refused_say_why() {
         (other("1 8 10 80", "1 99999999999999 10 80"), vec!["99999999999999 nodes are declared"]),
         (
             other("3 1 0 8\n", "3 1 0 18446744073709551615\n"),
-            vec!["cube.msh:24", "18446744073709551615 nodes", "only 8"],
+            vec!["cube.msh:21", "18446744073709551615 nodes", "only 8"],
         ),
         (other("4 11 1 11", "5 11 1 11"), vec!["\"$EndElements\""]),
         (other("10 10 10\n$End", "10 nan 10\n$End"), vec!["node 80", "finite"]),
