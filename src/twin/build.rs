@@ -54,7 +54,6 @@ impl Twin {
             reach,
             pace,
             steps_since_save: 0,
-            steps_since_refresh: 0,
             steps: 0,
             tip: [0.0; 3],
             shaft: [0.0; 2],

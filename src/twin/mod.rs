@@ -160,7 +160,6 @@ pub struct Twin {
     reach: f64,
     pace: Pace,
     steps_since_save: u32,
-    steps_since_refresh: u32,
     steps: u64,
     /// Tip of the last pose relative to the entry point, m.
     tip: [f64; 3],

@@ -5,8 +5,6 @@ use crate::solver::{Advance, Balance};
 
 use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
 
-/// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
-const REFRESH: u32 = 24;
 /// Steps between two saved states.
 const SAVE: u32 = 64;
 /// Tries to get past trouble, each with twice the mass and twice the steps of the one before.
@@ -92,7 +90,6 @@ impl Twin {
         self.pace.reset();
         self.steps = 0;
         self.steps_since_save = 0;
-        self.steps_since_refresh = 0;
         self.tip = [0.0; 3];
         self.shaft = [0.0; 2];
         self.phase = Phase::Approach;
@@ -154,14 +151,10 @@ impl Twin {
 
     /// Advances; on trouble goes back to the saved state and tries again with smaller steps.
     fn advance_safely(&mut self, steps: u32, travel: f64, depth: f64, time_s: f64) -> Result<Balance, Halt> {
-        if self.steps_since_refresh >= REFRESH {
-            self.solver.refresh_step();
-            self.steps_since_refresh = 0;
-        }
+        self.solver.refresh_if_due();
         // after the estimate, which takes the force of the last step for that of the present state
         self.solver.relax_until(time_s);
         self.solver.advance(&Advance { steps, travel });
-        self.steps_since_refresh += steps;
         self.steps_since_save += steps;
         let mut balance = self.solver.balance();
         let mut finer = steps.max(SAVE);
