@@ -55,7 +55,8 @@ impl Constants {
             Distortional::NeoHookean { shear_modulus } => *shear_modulus,
             Distortional::Ogden(law) => law.stiffness(cube * largest_square(f), cube * j * j / c2),
         };
-        let pointwise = if self.resists_collapse { j.powi(-3) } else { self.law.volumetric.curvature(j - 1.0) };
+        let pointwise =
+            if self.resists_collapse { collapse_curvature(j) } else { self.law.volumetric.curvature(j - 1.0) };
         let projected = match self.projected {
             kappa if kappa > 0.0 => self.law.volumetric.curvature(self.law.volumetric.dilation(pressure / kappa)),
             _ => 0.0,
@@ -142,11 +143,43 @@ impl Relaxing<'_> {
     }
 }
 
-/// Energy kappa_s/2 (J - 1)^2 / J and pressure kappa_s/2 (1 - 1/J^2) of a part that resists collapse.
+/// J_0: volume ratio below which the pointwise part of the projected energy stiffens.
+const CRUSHED: f64 = 0.4;
+
+/// Energy and pressure of the pointwise part that resists collapse:
+/// kappa_s/2 (J - 1)^2 (1 + q), kappa_s ((J - 1)(1 + q) - 2 (J - 1)^2 q / J), with q = (J_0/J)^4.
 #[inline(always)]
 fn collapse<T: Real>(j: T, kappa: T) -> (T, T) {
-    let (one, half) = (T::of(1.0), T::of(0.5));
-    let dilation = j - one;
+    let (one, two) = (T::of(1.0), T::of(2.0));
     let inverse = one / j.max(T::of(MIN_JACOBIAN));
-    (half * kappa * dilation * dilation * inverse, half * kappa * dilation * (j + one) * inverse * inverse)
+    let ratio = T::of(CRUSHED) * inverse;
+    let square = ratio * ratio;
+    let q = square * square;
+    let dilation = j - one;
+    let slope = kappa * dilation;
+    (slope * dilation * (one + q) / two, slope * (one + q - two * dilation * q * inverse))
+}
+
+/// Second derivative of that energy, over kappa_s: 1 + q (1 - 8 (J - 1)/J + 10 (J - 1)^2 / J^2).
+fn collapse_curvature(j: f64) -> f64 {
+    let dilation = (j - 1.0) / j;
+    1.0 + (CRUSHED / j).powi(4) * (1.0 - 8.0 * dilation + 10.0 * dilation * dilation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pressure_and_curvature_are_derivatives_of_the_energy() {
+        let h = 1e-6;
+        for j in [0.03_f64, 0.1, 0.25, 0.6, 1.0, 1.4] {
+            let (kappa, energy, pressure) = (3.0, |j: f64| collapse(j, 3.0).0, |j: f64| collapse(j, 3.0).1);
+            let slope = (energy(j + h) - energy(j - h)) / (2.0 * h);
+            assert!((slope - pressure(j)).abs() < 1e-5 * (1.0 + slope.abs()), "{j}: {slope} {}", pressure(j));
+            let curvature = (pressure(j + h) - pressure(j - h)) / (2.0 * h);
+            let stated = kappa * collapse_curvature(j);
+            assert!((curvature / stated - 1.0).abs() < 1e-5, "{j}: {curvature} {stated}");
+        }
+    }
 }
