@@ -25,6 +25,7 @@ mod grid;
 mod improve;
 mod order;
 mod packing;
+mod path;
 mod quality;
 mod reconnect;
 mod shift;
@@ -35,6 +36,7 @@ mod vector;
 pub use domain::{BASE, Domain, SIDE, TOP};
 pub use error::CloudError;
 pub use order::{hilbert_order, sort_cells};
+pub use path::Axis;
 pub use quality::Summary;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
 

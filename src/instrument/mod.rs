@@ -6,6 +6,7 @@ mod needle;
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
 
+use crate::cloud::Axis;
 use crate::scene::{Instrument, InstrumentKind};
 use crate::solver::Solver;
 use crate::twin::{Event, Phase};
@@ -43,7 +44,7 @@ impl Contact {
     /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path.
     #[must_use]
     pub fn nodes(points: &[[f64; 3]], top: f64, instrument: &Instrument) -> Vec<u32> {
-        let entry = instrument.entry.map(|m| m.get());
+        let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: instrument.slope() };
         let radius = match &instrument.kind {
             InstrumentKind::Plate => f64::INFINITY,
             InstrumentKind::Indenter { diameter } => 0.5 * diameter.get(),
@@ -51,8 +52,7 @@ impl Contact {
         };
         let on_top = !matches!(instrument.kind, InstrumentKind::Needle(_));
         let held = |p: &[f64; 3]| {
-            let r = (p[0] - entry[0]).hypot(p[1] - entry[1]);
-            r <= radius * (1.0 + 1e-9) && (!on_top || p[2] >= top * (1.0 - 1e-9)) && p[2] > 0.0
+            axis.distance(top, *p) <= radius * (1.0 + 1e-9) && (!on_top || p[2] >= top * (1.0 - 1e-9)) && p[2] > 0.0
         };
         (0..points.len() as u32).filter(|&i| held(&points[i as usize])).collect()
     }

@@ -5,8 +5,8 @@ use crate::material::{Ogden, Prony, Volumetric};
 use super::values::Values;
 use super::{
     DeformationRule, Dimension, Discretisation, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre, Material,
-    MaterialModel, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio, Precision, Sample, Scene,
-    SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
+    MaterialModel, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio, Precision, Radians, Sample,
+    Scene, SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
 };
 
 /// The typed scene. Types and ranges hold already; what is absent and required is an error here.
@@ -69,6 +69,8 @@ fn instrument(v: &Values) -> Result<Instrument, SceneError> {
             retraction_coefficient: real(v, "instrument.retraction_coefficient")?,
             deformation_rule: word(v, "instrument.deformation_rule", DeformationRule::from_word)?,
             puncture_strain: real(v, "instrument.puncture_strain")?,
+            tilt: Radians(real(v, "instrument.tilt_rad")?),
+            azimuth: Radians(real(v, "instrument.azimuth_rad")?),
         }),
     };
     Ok(Instrument { kind, entry: [metres(v, "instrument.entry_x_m")?, metres(v, "instrument.entry_y_m")?] })
@@ -239,6 +241,8 @@ fn put_instrument(v: &mut Values, instrument: &Instrument) {
             v.put("instrument.retraction_coefficient", needle.retraction_coefficient);
             v.put("instrument.deformation_rule", needle.deformation_rule.as_str());
             v.put("instrument.puncture_strain", needle.puncture_strain);
+            v.put("instrument.tilt_rad", needle.tilt.get());
+            v.put("instrument.azimuth_rad", needle.azimuth.get());
         }
     }
     v.put("instrument.entry_x_m", instrument.entry[0].get());

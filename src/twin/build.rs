@@ -2,7 +2,7 @@
 
 use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
-use crate::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
+use crate::cloud::{self, Axis, BASE, Cloud, Domain, Feature, Spacing};
 use crate::instrument::{Bonded, Contact, NeedlePath};
 use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene, Shape};
 use crate::solver::{Role, Solver, SolverSettings};
@@ -95,6 +95,7 @@ fn make_cloud(scene: &Scene) -> Result<(Cloud, f64), BuildError> {
     let mut features = Vec::new();
     if let Some(instrument) = &scene.instrument {
         let centre = instrument.entry.map(|m| m.get());
+        let axis = Axis { entry: centre, slope: instrument.slope() };
         match &instrument.kind {
             InstrumentKind::Plate => {
                 features.extend([true, false].map(|top| Feature::Rim { top, spacing: edge }));
@@ -106,11 +107,11 @@ fn make_cloud(scene: &Scene) -> Result<(Cloud, f64), BuildError> {
             InstrumentKind::Needle(needle) => {
                 let capture_radius = needle.capture_radius.get();
                 let spacing = far.min(PATH_SPACING * capture_radius);
-                let floor = height - 2.0 * spacing;
+                let floor = height * axis.secant() - 2.0 * spacing;
                 let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
                 let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
                 reach = length;
-                features.push(Feature::Path { centre, capture_radius, length, spacing });
+                features.push(Feature::Path { axis, capture_radius, length, spacing });
             }
         }
     }
