@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::cloud::check::{Fault, check};
-use needle_twin::cloud::{BASE, Cloud, CloudError, Domain, Feature, LEAST_QUALITY, SIDE, Spacing, TOP, generate};
+use needle_twin::cloud::{Axis, BASE, Cloud, CloudError, Domain, Feature, LEAST_QUALITY, SIDE, Spacing, TOP, generate};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
@@ -15,7 +15,8 @@ fn indentation() -> Spacing {
 }
 
 fn needle() -> Spacing {
-    let path = Feature::Path { centre: [0.0, 0.0], capture_radius: 0.0005, length: 0.0105, spacing: 0.00025 };
+    let path =
+        Feature::Path { axis: Axis::vertical([0.0; 2]), capture_radius: 0.0005, length: 0.0105, spacing: 0.00025 };
     Spacing { far: 0.00233, growth: 0.3, features: vec![path] }
 }
 
@@ -186,7 +187,7 @@ fn contact_ring_is_resolved_by_edges_of_the_top_face() {
 fn needle_path_is_filled_by_its_layers_alone() {
     let (capture_radius, length, height) = (0.0005, 0.0101, 0.017);
     for centre in [[0.0, 0.0], [0.003, -0.0045]] {
-        let path = Feature::Path { centre, capture_radius, length, spacing: 0.00025 };
+        let path = Feature::Path { axis: Axis::vertical(centre), capture_radius, length, spacing: 0.00025 };
         let spacing = Spacing { far: 0.0022, growth: 0.3, features: vec![path] };
         let cloud = holds(&SAMPLE, &spacing);
         let radial = |p: &[f64; 3]| (p[0] - centre[0]).hypot(p[1] - centre[1]);
@@ -235,7 +236,7 @@ fn absurd_spacing_says_what_it_would_need_at_once() {
     }
     let ring = Feature::ContactRing { centre: [0.0, 0.0], radius: 0.005, spacing: 1e-8 };
     let rim = Feature::Rim { top: true, spacing: 1e-7 };
-    let path = Feature::Path { centre: [0.0, 0.0], capture_radius: 0.0005, length: 0.01, spacing: 1e-6 };
+    let path = Feature::Path { axis: Axis::vertical([0.0; 2]), capture_radius: 0.0005, length: 0.01, spacing: 1e-6 };
     for feature in [ring, rim, path] {
         let error = generate(&SAMPLE, &Spacing { far: 0.002, growth: 0.3, features: vec![feature] }).unwrap_err();
         assert!(matches!(error, CloudError::TooManyNodes { .. }), "{error}");
@@ -246,8 +247,9 @@ fn absurd_spacing_says_what_it_would_need_at_once() {
 #[test]
 fn numbers_out_of_range_are_named() {
     let ring = |centre, radius, spacing| vec![Feature::ContactRing { centre, radius, spacing }];
-    let path =
-        |centre, capture_radius, length, spacing| vec![Feature::Path { centre, capture_radius, length, spacing }];
+    let path = |centre, capture_radius, length, spacing| {
+        vec![Feature::Path { axis: Axis::vertical(centre), capture_radius, length, spacing }]
+    };
     let cases: Vec<(f64, f64, Vec<Feature>, &str)> = vec![
         (0.0, 0.3, vec![], "spacing"),
         (-0.001, 0.3, vec![], "spacing"),
@@ -325,7 +327,7 @@ proptest! {
             Feature::ContactRing { centre, radius: reach * radius, spacing: (fine * far).min(0.15 * radius) }
         } else {
             let capture_radius = (0.5 * fine * far).max(0.1 * far);
-            Feature::Path { centre, capture_radius, length: reach * height, spacing: 0.5 * capture_radius }
+            Feature::Path { axis: Axis::vertical(centre), capture_radius, length: reach * height, spacing: 0.5 * capture_radius }
         }];
         if rim {
             features.push(Feature::Rim { top: true, spacing: fine * far });

@@ -127,8 +127,51 @@ fn mirrored_entry_points_have_mirrored_forces() {
     assert!((left[0] + right[0]).abs() < 0.05 * right[2], "{left:?} {right:?}");
 }
 
+/// The resting force at DEPTH along an oblique path, along its axis and in x, y.
+fn oblique(tilt: &str, azimuth: &str) -> (f64, [f64; 2]) {
+    let changes = [("instrument.tilt_rad", tilt), ("instrument.azimuth_rad", azimuth)];
+    let mut twin = Twin::new(&scene("needle_insertion", &changes)).unwrap();
+    travel(&mut twin, 0.0, DEPTH, 100);
+    let pose = twin.pose_at_depth(DEPTH);
+    let force = rest(&mut twin, pose).force_n;
+    (-(0..3).map(|k| force[k] * pose.axis[k]).sum::<f64>(), [force[0], force[1]])
+}
+
 #[test]
-fn a_needle_enters_upright_and_on_its_path() {
+fn mirrored_oblique_paths_have_mirrored_forces() {
+    let (upright, _) = oblique("0", "0");
+    let (right, left, back) = (oblique("0.4", "0"), oblique("0.4", "3.14159265"), oblique("0.4", "1.57079633"));
+    println!("upright {upright:.6} N; to +x {right:?}, to -x {left:?}, to +y {back:?}");
+    for side in [right, left, back] {
+        assert!((side.0 / right.0 - 1.0).abs() < 0.05, "the way round doesn't matter: {} {}", side.0, right.0);
+        assert!((side.0 / upright - 1.0).abs() < 0.15, "no other order of force than upright: {} {upright}", side.0);
+    }
+    assert!(right.1[0] < -0.1 * right.0, "pushed back along the path, which goes to +x: {right:?}");
+    assert!((right.1[0] + left.1[0]).abs() < 0.05 * right.0, "{right:?} {left:?}");
+    assert!((right.1[0] - back.1[1]).abs() < 0.05 * right.0, "{right:?} {back:?}");
+    assert!(right.1[1].abs() < 0.05 * right.0 && left.1[1].abs() < 0.05 * right.0, "no force out of the plane");
+}
+
+#[test]
+fn an_oblique_needle_leaves_nothing_behind() {
+    let mut twin = Twin::new(&scene("needle_insertion", &[("instrument.tilt_rad", "0.4")])).unwrap();
+    let peak = travel(&mut twin, 0.0, DEPTH, 100).last().unwrap().force_n[2];
+    travel(&mut twin, DEPTH, -1e-3, 150);
+    let out = at_depth(&mut twin, -1e-3);
+    assert!(out.force_n.iter().all(|f| f.abs() < 0.01 * peak), "{:?} of {peak}", out.force_n);
+}
+
+#[test]
+fn a_path_that_leaves_the_sample_is_refused() {
+    let scene = needle_twin::scene::Scene::preset("needle_insertion").unwrap();
+    let change = |path, value| needle_twin::scene::Override::text(path, value, "test");
+    let said = scene.with(&[change("instrument.tilt_rad", "0.6"), change("instrument.entry_x_m", "0.012")]);
+    let said = said.unwrap_err().to_string();
+    assert!(said.contains("instrument.tilt_rad") && said.contains("leaves the sample"), "{said}");
+}
+
+#[test]
+fn a_needle_enters_on_its_path() {
     let mut twin = Twin::new(&scene("needle_insertion", &[])).unwrap();
     let mut pose = twin.pose_at_depth(1e-3);
     pose.tip[0] += 0.9e-3;

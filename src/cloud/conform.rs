@@ -2,6 +2,7 @@
 
 use super::domain::{Domain, TOP};
 use super::error::CloudError;
+use super::path::Axis;
 use super::spacing::{Feature, Spacing};
 use super::vector::{Point, length2};
 
@@ -24,8 +25,8 @@ pub(crate) fn conforms(
     for f in &spacing.features {
         match *f {
             Feature::ContactRing { centre, radius, .. } => ring(centre, radius, points, faces, surface)?,
-            Feature::Path { centre, capture_radius, length, .. } => {
-                path(domain, centre, capture_radius, length, f.path_nodes(), points)?;
+            Feature::Path { axis, capture_radius, length, .. } => {
+                path(domain, &axis, capture_radius, length, f.path_nodes(), points)?;
             }
             Feature::Rim { .. } => {}
         }
@@ -51,14 +52,15 @@ fn ring(centre: [f64; 2], radius: f64, points: &[Point], faces: &[u8], surface: 
 
 fn path(
     domain: &Domain,
-    centre: [f64; 2],
+    axis: &Axis,
     radius: f64,
     length: f64,
     wanted: usize,
     points: &[Point],
 ) -> Result<(), CloudError> {
-    let tip = domain.height() - length * (1.0 + ON);
-    let captured = |p: &&Point| p[2] >= tip && length2(p[0] - centre[0], p[1] - centre[1]) <= radius * (1.0 + ON);
+    let top = domain.height();
+    let tip = top - length / axis.secant() * (1.0 + ON);
+    let captured = |p: &&Point| p[2] >= tip && axis.distance(top, **p) <= radius * (1.0 + ON);
     let found = points.iter().filter(captured).count();
     if found != wanted {
         return refused(format!(

@@ -2,6 +2,7 @@
 
 use super::domain::{BASE, Domain, TOP};
 use super::error::CloudError;
+use super::path::Axis;
 use super::spacing::{Feature, Spacing};
 use super::vector::Point;
 use std::f64::consts::PI;
@@ -80,8 +81,8 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
                     nodes.push(curve(t), TOP, true);
                 }
             }
-            Feature::Path { centre, capture_radius, length, spacing } => {
-                path(&mut nodes, height, centre, capture_radius, length, spacing);
+            Feature::Path { axis, capture_radius, length, spacing } => {
+                path(&mut nodes, height, &axis, capture_radius, length, spacing);
             }
             Feature::Rim { .. } => {}
         }
@@ -143,17 +144,17 @@ pub(crate) fn path_shape(radius: f64, length: f64, spacing: f64) -> (usize, usiz
 }
 
 /// Layers of rings of 6, 12, 18, ... nodes round an axis node; every other layer is turned by half a pitch.
-fn path(nodes: &mut Nodes, height: f64, centre: [f64; 2], radius: f64, length: f64, spacing: f64) {
+fn path(nodes: &mut Nodes, height: f64, axis: &Axis, radius: f64, length: f64, spacing: f64) {
     let (layers, rings) = path_shape(radius, length, spacing);
     for layer in 0..=layers {
-        let z = height - length * (layer as f64 / layers as f64);
+        let depth = length / axis.secant() * (layer as f64 / layers as f64);
         let faces = if layer == 0 { TOP } else { 0 };
-        nodes.push([centre[0], centre[1], z], faces, true);
+        nodes.push(axis.section(height, depth, 0.0, 0.0), faces, true);
         for ring in 1..=rings {
-            let curve = circle(centre, radius * (ring as f64 / rings as f64), z);
+            let r = radius * (ring as f64 / rings as f64);
             let turn = if layer % 2 == 1 { 0.5 } else { 0.0 };
             for k in 0..6 * ring {
-                nodes.push(curve((k as f64 + turn) / (6 * ring) as f64), faces, true);
+                nodes.push(axis.section(height, depth, r, (k as f64 + turn) / (6 * ring) as f64), faces, true);
             }
         }
     }

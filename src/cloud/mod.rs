@@ -26,6 +26,7 @@ pub mod import;
 mod improve;
 mod order;
 mod packing;
+mod path;
 mod quality;
 mod reconnect;
 mod shift;
@@ -36,6 +37,7 @@ mod vector;
 pub use domain::{BASE, Domain, SIDE, TOP};
 pub use error::CloudError;
 pub use order::{hilbert_order, sort_cells};
+pub use path::Axis;
 pub use quality::Summary;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
 

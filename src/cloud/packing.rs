@@ -6,7 +6,7 @@ use super::domain::Domain;
 use super::edges::Nodes;
 use super::grid::Grid;
 use super::spacing::{Feature, Spacing};
-use super::vector::{Point, add, hash01, length2, scale, sub};
+use super::vector::{Point, add, hash01, scale, sub};
 use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing, on faces and inside.
@@ -54,9 +54,9 @@ impl Packing<'_> {
     pub(crate) fn reserved(&self, p: Point) -> bool {
         let height = self.domain.height();
         self.spacing.features.iter().any(|f| match *f {
-            Feature::Path { centre, capture_radius, length, spacing } => {
-                let r = length2(p[0] - centre[0], p[1] - centre[1]);
-                r < capture_radius + 0.6 * spacing && p[2] > height - length - 0.6 * spacing
+            Feature::Path { axis, capture_radius, length, spacing } => {
+                axis.distance(height, p) < capture_radius + 0.6 * spacing
+                    && p[2] > height - length / axis.secant() - 0.6 * spacing
             }
             _ => false,
         })

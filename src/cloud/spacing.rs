@@ -2,6 +2,7 @@
 
 use super::domain::Domain;
 use super::error::CloudError;
+use super::path::Axis;
 use super::vector::{Point, length2};
 use std::f64::consts::{PI, SQRT_2};
 
@@ -33,14 +34,14 @@ pub enum Feature {
         /// Spacing along the rim.
         spacing: f64,
     },
-    /// A vertical needle path from the top face down: nodes in equal layers, on the axis and on concentric rings, the
+    /// A needle path from the top face down: nodes in equal horizontal layers, on the axis and on concentric rings, the
     /// outermost at the capture radius. No other node lies within the capture radius.
     Path {
-        /// Where the path meets the top face, x, y.
-        centre: [f64; 2],
+        /// The path's axis.
+        axis: Axis,
         /// Radius of the captured cylinder.
         capture_radius: f64,
-        /// Depth of the lowest layer below the top face.
+        /// From the top face to the lowest layer, along the axis.
         length: f64,
         /// Spacing along and across the path; half the capture radius resolves it.
         spacing: f64,
@@ -69,9 +70,9 @@ impl Feature {
                 let z = if top { height - p[2] } else { p[2] };
                 length2(domain.rim_distance([p[0], p[1]]), z)
             }
-            Feature::Path { centre, capture_radius, length, .. } => {
-                let r = (length2(p[0] - centre[0], p[1] - centre[1]) - capture_radius).max(0.0);
-                length2(r, (height - length - p[2]).max(0.0))
+            Feature::Path { axis, capture_radius, length, .. } => {
+                let r = (axis.distance(height, p) - capture_radius).max(0.0);
+                length2(r, (height - length / axis.secant() - p[2]).max(0.0))
             }
         }
     }
@@ -239,16 +240,17 @@ impl Spacing {
 }
 
 impl Spacing {
-    /// A needle path must keep clear of contact rings and of other paths.
+    /// A needle path must keep clear of contact rings and of other paths, at the top face at least.
     fn validate_pairs(&self) -> Result<(), CloudError> {
         for (i, f) in self.features.iter().enumerate() {
-            let Feature::Path { centre, capture_radius, spacing, .. } = *f else { continue };
+            let Feature::Path { axis, capture_radius, spacing, .. } = *f else { continue };
+            let centre = axis.entry;
             for (j, other) in self.features.iter().enumerate() {
                 let gap = match *other {
                     Feature::ContactRing { centre: c, radius, .. } => {
                         (length2(c[0] - centre[0], c[1] - centre[1]) - radius).abs() - capture_radius
                     }
-                    Feature::Path { centre: c, capture_radius: r, .. } if j < i => {
+                    Feature::Path { axis: Axis { entry: c, .. }, capture_radius: r, .. } if j < i => {
                         length2(c[0] - centre[0], c[1] - centre[1]) - r - capture_radius
                     }
                     _ => continue,
@@ -281,7 +283,7 @@ fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
             Ok(())
         } else {
             let rule = format!(
-                "at ({}, {}) m the top face leaves room for at most {room} m with this spacing",
+                "at ({}, {}) m the sample leaves room for at most {room} m with this spacing",
                 centre[0], centre[1]
             );
             Err(CloudError::OutOfRange { key, value, rule })
@@ -297,11 +299,14 @@ fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
             fits("contact radius", centre, radius, 0.7 * spacing)
         }
         Feature::Rim { .. } => Ok(()),
-        Feature::Path { centre, capture_radius, length, spacing } => {
+        Feature::Path { axis, capture_radius, length, spacing } => {
             positive("capture radius", capture_radius)?;
             positive("path length", length)?;
-            fits("capture radius", centre, capture_radius, 1.5 * spacing)?;
-            let deepest = domain.height() - spacing;
+            let secant = axis.secant();
+            for end in [axis.entry, axis.at(length / secant)] {
+                fits("capture radius", end, capture_radius * secant, 1.5 * spacing)?;
+            }
+            let deepest = domain.height() * secant - spacing;
             if length > deepest {
                 let rule = format!("the path may reach {deepest} m into this sample");
                 return Err(CloudError::OutOfRange { key: "path length", value: length, rule });

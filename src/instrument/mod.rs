@@ -6,7 +6,7 @@ mod needle;
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
 
-use crate::cloud::{BASE, Cloud, TOP};
+use crate::cloud::{Axis, BASE, Cloud, TOP};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::solver::Solver;
 use crate::twin::{Event, Phase};
@@ -43,8 +43,8 @@ impl Tip {
 impl Contact {
     /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path; never those of the base.
     #[must_use]
-    pub fn nodes(cloud: &Cloud, instrument: &Instrument) -> Vec<u32> {
-        let entry = instrument.entry.map(|m| m.get());
+    pub fn nodes(cloud: &Cloud, top: f64, instrument: &Instrument) -> Vec<u32> {
+        let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: instrument.slope() };
         let radius = match &instrument.kind {
             InstrumentKind::Plate => f64::INFINITY,
             InstrumentKind::Indenter { diameter } => 0.5 * diameter.get(),
@@ -53,8 +53,7 @@ impl Contact {
         let on_top = !matches!(instrument.kind, InstrumentKind::Needle(_));
         let held = |n: &u32| {
             let (p, faces) = (cloud.points[*n as usize], cloud.faces[*n as usize]);
-            let r = (p[0] - entry[0]).hypot(p[1] - entry[1]);
-            r <= radius * (1.0 + 1e-9) && (!on_top || faces & TOP != 0) && faces & BASE == 0
+            axis.distance(top, p) <= radius * (1.0 + 1e-9) && (!on_top || faces & TOP != 0) && faces & BASE == 0
         };
         (0..cloud.points.len() as u32).filter(held).collect()
     }

@@ -12,6 +12,9 @@
 //! Cells whose corners are all held are filled by the needle: they carry no stress. Their strain (u_r = 0 and C_D along
 //! the axis, a volume ratio of 1 - C_D) is an artefact of the kinematic rule, and its pressure would leak into the tissue.
 //!
+//! An oblique needle's tip is cut parallel to the top face: d and z_i are depths below that face, and the rule's
+//! vertical displacement carries its lateral share along, as the path goes.
+//!
 //! *Lateral motion and tilt* of an inserted needle carry the captured nodes along, as a rigid needle does: each moves
 //! sideways as the axis has moved at its depth since its capture. What the needle has pierced beside the path's line
 //! stays beside it.
@@ -19,10 +22,11 @@
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
-//! Capture is smooth: while the tip passes it, a node goes from where the tissue has carried it to where the needle
-//! holds it, on a ramp as long as two layers of nodes whose middle is half a layer before the node. At any depth the
-//! ramps of two layers add up, so that the held length follows the tip with no bias and no jump: a ramp of one layer,
-//! or a smoother one, leaves the force a saw-tooth of 2 to 4% at the distance of the layers; this one leaves under 1.5%.
+//! Capture is smooth: while the tip comes near, a node goes from where the tissue has carried it to where the needle
+//! holds it, on a ramp as long as two layers of nodes that ends when the tip has reached the node. So whatever is behind
+//! the tip moves exactly by the rule, and the held length grows with no jump: a ramp of one layer, or a smoother one,
+//! leaves the force a saw-tooth of 2 to 4% at the distance of the layers. A ramp that ends half a layer later leaves
+//! the force 3% higher at a depth of 2 mm, since the tissue is dragged along ahead of the tip and given back late.
 
 use crate::scene::{DeformationRule, Needle};
 use crate::solver::{Role, Solver};
@@ -32,8 +36,6 @@ use super::Tip;
 
 /// Tip travel over which a node is captured, in layers.
 const WINDOW: f64 = 2.0;
-/// Distance of the tip at which its capture begins, in layers.
-const LEAD: f64 = 1.5;
 
 /// What one node of the path is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +53,7 @@ enum Hold {
 pub struct Insertion {
     /// Whether the surface is punctured.
     pub punctured: bool,
-    /// Deepest tip depth since the puncture, m.
+    /// Deepest tip depth below the top face since the puncture, m.
     pub deepest: f64,
 }
 
@@ -62,6 +64,8 @@ pub struct NeedlePath {
     nodes: Vec<(u32, f64)>,
     hold: Vec<Hold>,
     needle: Needle,
+    /// Lateral way of the path per metre of depth.
+    slope: [f64; 2],
     /// Distance between the layers of nodes, m.
     layer: f64,
     /// Integration points within two spacings of the entry point.
@@ -97,7 +101,7 @@ impl NeedlePath {
                 _ => None,
             })
             .collect();
-        Self { nodes, hold, needle, layer, watched, inner, state }
+        Self { nodes, hold, needle, slope: needle.slope(), layer, watched, inner, state }
     }
 
     /// Present state of the insertion.
@@ -120,7 +124,7 @@ impl NeedlePath {
             }
             self.state = Insertion { punctured: true, deepest: depth };
             self.penetrate(tip, solver);
-            return (Phase::Penetration, Some(Event::Puncture { depth_m: depth }));
+            return (Phase::Penetration, Some(Event::Puncture { depth_m: tip.depth }));
         }
         let retracting = depth < self.state.deepest;
         self.state.deepest = self.state.deepest.max(depth);
@@ -167,10 +171,10 @@ impl NeedlePath {
 
     fn penetrate(&mut self, tip: &Tip, solver: &mut Solver) {
         let depth = -tip.offset[2];
-        let (lead, window) = (LEAD * self.layer, WINDOW * self.layer);
+        let window = WINDOW * self.layer;
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
-            if depth + lead < z || depth < 0.0 {
+            if depth + window < z || depth < 0.0 {
                 if self.hold[i] != Hold::Free {
                     self.hold[i] = Hold::Free;
                     solver.set_role(n, Role::Free);
@@ -184,21 +188,23 @@ impl NeedlePath {
                         solver.set_role(n, Role::Instrument);
                     }
                     let (axis, layer) = (tip.axis_at(z), self.layer_shift(z, solver));
-                    let beside = [axis[0] - layer[0], axis[1] - layer[1]];
+                    let beside = [0, 1].map(|k| axis[k] - self.slope[k] * z - layer[k]);
                     let from = solver.parameters()[n];
                     self.hold[i] = Hold::Captured { since: depth, from, beside };
                     (depth, from, beside)
                 }
             };
             let (axis, along) = (tip.axis_at(z), self.follow(depth, z));
-            let to = [axis[0] - beside[0], axis[1] - beside[1], -along];
+            let [x, y] = [0, 1].map(|k| axis[k] - self.slope[k] * (z - along) - beside[k]);
+            let to = [x, y, -along];
             let s = captured_share(depth, since, window);
             solver.prescribe(n, std::array::from_fn(|k| (1.0 - s) * from[k] + s * to[k]));
         }
         self.fill(depth, solver);
     }
 
-    /// Mean lateral displacement of the path's layer of nodes at depth z, m.
+    /// How far the path's layer of nodes at depth z has been moved sideways off the path, m: its mean lateral
+    /// displacement less what motion along the path would make.
     fn layer_shift(&self, z: f64, solver: &Solver) -> [f64; 2] {
         let near = 0.25 * self.layer;
         let first = self.nodes.partition_point(|(_, d)| *d < z - near);
@@ -206,7 +212,7 @@ impl NeedlePath {
         let (mut sum, mut count) = ([0.0; 2], 0.0);
         for (n, _) in layer {
             let u = solver.parameters()[*n as usize];
-            sum = [sum[0] + u[0], sum[1] + u[1]];
+            (0..2).for_each(|k| sum[k] += u[k] + self.slope[k] * u[2]);
             count += 1.0;
         }
         if count > 0.0 { sum.map(|x| x / count) } else { sum }

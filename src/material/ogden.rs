@@ -59,6 +59,15 @@ impl Ogden {
         Some(Self { terms, count })
     }
 
+    /// Modulus of the neo-Hookean law that is as stiff between these squares of isochoric stretches (largest,
+    /// smallest), Pa: sum_k |mu_k| max(lb_1^(a_k - 2), lb_3^(a_k - 2)).
+    #[must_use]
+    pub fn stiffness(&self, largest: f64, smallest: f64) -> f64 {
+        let power = |x: f64, a: f64| x.max(LEAST).powf(0.5 * a - 1.0);
+        let of = |t: &Term| t.shear_modulus.abs() * power(largest, t.exponent).max(power(smallest, t.exponent));
+        self.terms[..self.count].iter().map(of).sum()
+    }
+
     /// The terms.
     #[must_use]
     pub fn terms(&self) -> &[Term] {

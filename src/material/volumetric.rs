@@ -51,6 +51,15 @@ impl Volumetric {
         }
     }
 
+    /// u'', relative to kappa.
+    #[must_use]
+    pub fn curvature(self, dilation: f64) -> f64 {
+        match self {
+            Self::Quadratic => 1.0,
+            Self::Logarithmic => log_curvature(dilation.max(LEAST)),
+        }
+    }
+
     /// The dilation at which u' has this value.
     #[must_use]
     pub fn dilation(self, slope: f64) -> f64 {

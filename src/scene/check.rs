@@ -121,25 +121,15 @@ impl Check<'_> {
                         format!("less than the needle's radius of {} m (instrument.diameter_m / 2)", 0.5 * diameter),
                     );
                 }
-                self.within_top_face("instrument.capture_radius_m", &instrument, radius)
+                self.within_top_face("instrument.capture_radius_m", &instrument, radius)?;
+                self.path(&instrument, radius)
             }
         }
     }
 
     /// The disc of this radius round the entry point lies in the top face.
     fn within_top_face(&self, key: &str, instrument: &Instrument, radius: f64) -> Result<(), SceneError> {
-        let [x, y] = instrument.entry.map(|e| e.get().abs());
-        let (fits, face) = match &self.scene.sample.shape {
-            Shape::Cylinder { diameter, .. } => (
-                x.hypot(y) + radius <= 0.5 * diameter.get() * (1.0 + 1e-12),
-                format!("of diameter {} m (sample.diameter_m)", diameter.get()),
-            ),
-            Shape::Box { size_x, size_y, .. } => (
-                x + radius <= 0.5 * size_x.get() * (1.0 + 1e-12) && y + radius <= 0.5 * size_y.get() * (1.0 + 1e-12),
-                format!("of {} m by {} m (sample.size_x_m, sample.size_y_m)", size_x.get(), size_y.get()),
-            ),
-            Shape::Mesh(_) => return Ok(()), // the twin looks at the contact group
-        };
+        let (fits, face) = self.disc_fits(instrument.entry.map(|e| e.get()), radius);
         if fits {
             return Ok(());
         }
@@ -154,6 +144,38 @@ impl Check<'_> {
         )
     }
 
+    /// Whether a horizontal disc lies in the sample, and what the sample's face is.
+    fn disc_fits(&self, centre: [f64; 2], radius: f64) -> (bool, String) {
+        let [x, y] = centre.map(f64::abs);
+        match &self.scene.sample.shape {
+            Shape::Cylinder { diameter, .. } => (
+                x.hypot(y) + radius <= 0.5 * diameter.get() * (1.0 + 1e-12),
+                format!("of diameter {} m (sample.diameter_m)", diameter.get()),
+            ),
+            Shape::Box { size_x, size_y, .. } => (
+                x + radius <= 0.5 * size_x.get() * (1.0 + 1e-12) && y + radius <= 0.5 * size_y.get() * (1.0 + 1e-12),
+                format!("of {} m by {} m (sample.size_x_m, sample.size_y_m)", size_x.get(), size_y.get()),
+            ),
+            Shape::Mesh(_) => (true, String::new()), // the twin looks at the contact group
+        }
+    }
+
+    /// The path of an oblique needle stays in the sample as deep as the scene's own motion goes.
+    fn path(&self, instrument: &Instrument, radius: f64) -> Result<(), SceneError> {
+        let (slope, depth) = (instrument.slope(), self.scene.motion.map_or(0.0, |m| m.depth.get()));
+        let secant = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+        let end: [f64; 2] = std::array::from_fn(|k| instrument.entry[k].get() + slope[k] * depth / secant);
+        let (fits, _) = self.disc_fits(end, radius * secant);
+        if fits {
+            return Ok(());
+        }
+        let [x, y] = end;
+        self.refuse(
+            "instrument.tilt_rad",
+            format!("the path leaves the sample: at motion.depth_m = {depth} it has come to ({x:.6}, {y:.6}) m"),
+        )
+    }
+
     fn dimension(&self) -> Result<(), SceneError> {
         const KEY: &str = "discretisation.dimension";
         if self.scene.discretisation.dimension != Dimension::Axisymmetric {
@@ -165,6 +187,9 @@ impl Check<'_> {
         }
         if self.scene.instrument.is_some_and(|i| i.entry.iter().any(|e| e.get() != 0.0)) {
             return self.refuse(KEY, "the instrument is beside the sample's axis: use full or auto".to_owned());
+        }
+        if self.scene.instrument.is_some_and(|i| i.slope() != [0.0; 2]) {
+            return self.refuse(KEY, "the needle's path is oblique (instrument.tilt_rad): use full or auto".to_owned());
         }
         Ok(())
     }

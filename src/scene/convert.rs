@@ -6,7 +6,7 @@ use super::values::Values;
 use super::{
     DeformationRule, Dimension, Discretisation, Grading, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre,
     Material, MaterialModel, MeshFile, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio,
-    Precision, Sample, Scene, SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
+    Precision, Radians, Sample, Scene, SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
 };
 
 /// The typed scene. Types and ranges hold already; what is absent and required is an error here.
@@ -79,6 +79,8 @@ fn instrument(v: &Values) -> Result<Instrument, SceneError> {
             retraction_coefficient: real(v, "instrument.retraction_coefficient")?,
             deformation_rule: word(v, "instrument.deformation_rule", DeformationRule::from_word)?,
             puncture_strain: real(v, "instrument.puncture_strain")?,
+            tilt: Radians(real(v, "instrument.tilt_rad")?),
+            azimuth: Radians(real(v, "instrument.azimuth_rad")?),
         }),
     };
     Ok(Instrument { kind, entry: [metres(v, "instrument.entry_x_m")?, metres(v, "instrument.entry_y_m")?] })
@@ -264,6 +266,8 @@ fn put_instrument(v: &mut Values, instrument: &Instrument) {
             v.put("instrument.retraction_coefficient", needle.retraction_coefficient);
             v.put("instrument.deformation_rule", needle.deformation_rule.as_str());
             v.put("instrument.puncture_strain", needle.puncture_strain);
+            v.put("instrument.tilt_rad", needle.tilt.get());
+            v.put("instrument.azimuth_rad", needle.azimuth.get());
         }
     }
     v.put("instrument.entry_x_m", instrument.entry[0].get());

@@ -154,6 +154,17 @@ pub static KEYS: &[Key] = &[
     Key::real("instrument.entry_y_m", Range::closed(-10.0, 10.0), "m", "Where the axis meets the top face: y.")
         .or("0.0")
         .only(NOT_PLATE),
+    Key::real("instrument.tilt_rad", Range::closed(0.0, 0.7), "rad", "Angle between the needle's path and the vertical.")
+        .or("0.0")
+        .only(NEEDLE),
+    Key::real(
+        "instrument.azimuth_rad",
+        Range::closed(-6.3, 6.3),
+        "rad",
+        "Direction, from x towards y, in which an oblique needle moves sideways on its way down.",
+    )
+    .or("0.0")
+    .only(NEEDLE),
     // discretisation
     Key::word("discretisation.method", Method::WORDS, "Approximation of the field.").or("mmls"),
     Key::word(

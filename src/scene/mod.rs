@@ -29,7 +29,7 @@ pub use error::SceneError;
 pub use key::{Key, Kind};
 pub use presets::{PRESETS, Preset};
 pub use range::Range;
-pub use units::{Hertz, KilogramsPerCubicMetre, Metres, MetresPerSecond, Pascals, PoissonRatio, Seconds};
+pub use units::{Hertz, KilogramsPerCubicMetre, Metres, MetresPerSecond, Pascals, PoissonRatio, Radians, Seconds};
 pub use value::Value;
 
 /// A validated scene: everything that [`crate::twin::Twin`] needs, and nothing that is not modelled.
@@ -198,6 +198,31 @@ pub struct Needle {
     pub deformation_rule: DeformationRule,
     /// epsilon_p: maximum principal Green-Lagrange strain under the tip at which the surface is punctured.
     pub puncture_strain: f64,
+    /// Angle between the path and the vertical.
+    pub tilt: Radians,
+    /// Direction, from x towards y, in which the tip moves sideways on its way down.
+    pub azimuth: Radians,
+}
+
+impl Needle {
+    /// Lateral way (x, y) per metre of depth: tan(tilt) in direction azimuth.
+    #[must_use]
+    pub fn slope(&self) -> [f64; 2] {
+        let (sin, cos) = self.azimuth.get().sin_cos();
+        let tan = self.tilt.get().tan();
+        [tan * cos, tan * sin]
+    }
+}
+
+impl Instrument {
+    /// Lateral way (x, y) of the tip per metre of depth: zero for all but an oblique needle.
+    #[must_use]
+    pub fn slope(&self) -> [f64; 2] {
+        match &self.kind {
+            InstrumentKind::Needle(needle) => needle.slope(),
+            InstrumentKind::Plate | InstrumentKind::Indenter { .. } => [0.0; 2],
+        }
+    }
 }
 
 /// What the deformation coefficient multiplies (`instrument.deformation_rule`; method.md, section 9.2).

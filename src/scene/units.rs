@@ -36,6 +36,10 @@ unit!(
     Hertz
 );
 unit!(
+    /// An angle, rad.
+    Radians
+);
+unit!(
     /// A time, s.
     Seconds
 );

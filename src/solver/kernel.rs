@@ -304,7 +304,7 @@ impl<T: Real> Block<T> {
     }
 
     #[inline(always)]
-    fn projected_pressure(&self, p: usize) -> T {
+    pub(super) fn projected_pressure(&self, p: usize) -> T {
         let c = self.corners[p].map(|c| self.pressure[c as usize]);
         T::of(0.25) * ((c[0] + c[1]) + (c[2] + c[3]))
     }

@@ -3,6 +3,7 @@
 pub mod block;
 pub mod dilatation;
 pub mod kernel;
+mod mass;
 mod memory;
 mod points;
 pub mod pool;

@@ -37,6 +37,50 @@ impl Constants {
     }
 }
 
+impl Constants {
+    /// Largest stiffness (Pa) of a plane wave u = a sin(N X) in the state F with projected pressure `pressure`:
+    /// the largest a.A(N).a over unit vectors a, N, with A = dP/dF.
+    ///
+    /// With c the largest singular value of cof F, a.A(N).a <= (kappa u'')c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2) for the
+    /// neo-Hookean law (its mixed term is negative in principal directions); the pressure itself drops out, because det
+    /// is linear along a (x) N.
+    #[must_use]
+    pub fn stiffness(&self, f: &Gradient<f64>, pressure: f64) -> f64 {
+        let cof = cofactor(f);
+        let j = determinant(f, &cof).max(MIN_JACOBIAN);
+        let c2 = largest_square(&cof);
+        let i1: f64 = f.iter().map(|x| x * x).sum();
+        let cube = j.powf(-2.0 / 3.0);
+        let mu = match &self.law.distortional {
+            Distortional::NeoHookean { shear_modulus } => *shear_modulus,
+            Distortional::Ogden(law) => law.stiffness(cube * largest_square(f), cube * j * j / c2),
+        };
+        let pointwise =
+            if self.resists_collapse { collapse_curvature(j) } else { self.law.volumetric.curvature(j - 1.0) };
+        let projected = match self.projected {
+            kappa if kappa > 0.0 => self.law.volumetric.curvature(self.law.volumetric.dilation(pressure / kappa)),
+            _ => 0.0,
+        };
+        let bulk = self.projected * projected + self.pointwise * pointwise;
+        bulk * c2 + mu * (cube + 5.0 / 9.0 * cube * i1 * c2 / (j * j))
+    }
+}
+
+/// About the square of the largest singular value: tr S^5 / tr S^4 with S = A^T A, exact where one value dominates or
+/// all are equal.
+fn largest_square(a: &Gradient<f64>) -> f64 {
+    let trace: f64 = a.iter().map(|x| x * x).sum();
+    let times = |x: &Gradient<f64>, y: &Gradient<f64>| -> Gradient<f64> {
+        std::array::from_fn(|i| (0..3).map(|k| x[3 * (i / 3) + k] * y[3 * k + i % 3]).sum())
+    };
+    let s: Gradient<f64> =
+        std::array::from_fn(|i| (0..3).map(|k| a[3 * k + i / 3] * a[3 * k + i % 3]).sum::<f64>() / trace);
+    let s2 = times(&s, &s);
+    let inner = |x: &Gradient<f64>, y: &Gradient<f64>| -> f64 { x.iter().zip(y).map(|(x, y)| x * y).sum() };
+    let s3 = times(&s2, &s);
+    trace * inner(&s3, &s2) / inner(&s2, &s2)
+}
+
 /// Energy density and stress of one point.
 pub trait PointLaw<T: Real> {
     /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of point
@@ -99,11 +143,43 @@ impl Relaxing<'_> {
     }
 }
 
-/// Energy kappa_s/2 (J - 1)^2 / J and pressure kappa_s/2 (1 - 1/J^2) of a part that resists collapse.
+/// J_0: volume ratio below which the pointwise part of the projected energy stiffens.
+const CRUSHED: f64 = 0.4;
+
+/// Energy and pressure of the pointwise part that resists collapse:
+/// kappa_s/2 (J - 1)^2 (1 + q), kappa_s ((J - 1)(1 + q) - 2 (J - 1)^2 q / J), with q = (J_0/J)^4.
 #[inline(always)]
 fn collapse<T: Real>(j: T, kappa: T) -> (T, T) {
-    let (one, half) = (T::of(1.0), T::of(0.5));
-    let dilation = j - one;
+    let (one, two) = (T::of(1.0), T::of(2.0));
     let inverse = one / j.max(T::of(MIN_JACOBIAN));
-    (half * kappa * dilation * dilation * inverse, half * kappa * dilation * (j + one) * inverse * inverse)
+    let ratio = T::of(CRUSHED) * inverse;
+    let square = ratio * ratio;
+    let q = square * square;
+    let dilation = j - one;
+    let slope = kappa * dilation;
+    (slope * dilation * (one + q) / two, slope * (one + q - two * dilation * q * inverse))
+}
+
+/// Second derivative of that energy, over kappa_s: 1 + q (1 - 8 (J - 1)/J + 10 (J - 1)^2 / J^2).
+fn collapse_curvature(j: f64) -> f64 {
+    let dilation = (j - 1.0) / j;
+    1.0 + (CRUSHED / j).powi(4) * (1.0 - 8.0 * dilation + 10.0 * dilation * dilation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pressure_and_curvature_are_derivatives_of_the_energy() {
+        let h = 1e-6;
+        for j in [0.03_f64, 0.1, 0.25, 0.6, 1.0, 1.4] {
+            let (kappa, energy, pressure) = (3.0, |j: f64| collapse(j, 3.0).0, |j: f64| collapse(j, 3.0).1);
+            let slope = (energy(j + h) - energy(j - h)) / (2.0 * h);
+            assert!((slope - pressure(j)).abs() < 1e-5 * (1.0 + slope.abs()), "{j}: {slope} {}", pressure(j));
+            let curvature = (pressure(j + h) - pressure(j - h)) / (2.0 * h);
+            let stated = kappa * collapse_curvature(j);
+            assert!((curvature / stated - 1.0).abs() < 1e-5, "{j}: {curvature} {stated}");
+        }
+    }
 }

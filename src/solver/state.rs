@@ -2,13 +2,14 @@
 //!
 //! The motion is quasi-static, so mass and time are numerical: the step is 1 and the masses are scaled until the
 //! largest eigenvalue of M^-1 K is (2 f)^2, f being the step factor (Joldes, Wittek, Miller 2012). Every point gets
-//! mass in proportion to its own bound, so fine and coarse regions share one critical step.
+//! mass in proportion to its own bound, so fine and coarse, crushed and relaxed regions share one critical step.
 
 use crate::approximation::ShapeTable;
 use crate::material::Law;
 use crate::scene::{Precision, VolumeRatio};
 
 use super::kernel::Kernel;
+use super::mass::Sway;
 use super::pool::Pool;
 use super::step;
 
@@ -118,6 +119,9 @@ pub struct Solver {
     pub(super) saved: State,
     /// Masses at factor 1, N per (m/step^2).
     pub(super) mass: Vec<f64>,
+    /// s of [`super::mass`].
+    pub(super) mass_scale: f64,
+    pub(super) sway: Sway,
     pub(super) role: Vec<Role>,
     pub(super) path: Vec<Path>,
     /// Eigenvector and eigenvalue estimates of the undeformed state.
@@ -130,6 +134,7 @@ pub struct Solver {
     pub(super) step_factor: f64,
     /// Largest eigenvalue of M^-1 K at the last estimate, mass factor 1.
     pub(super) largest: f64,
+    pub(super) steps_since_refresh: u32,
     /// Travel per step of late, m.
     pub(super) usual_travel: f64,
 }
@@ -145,7 +150,6 @@ impl Solver {
         settings: &SolverSettings,
     ) -> Self {
         let (law, ratio) = (&settings.law, settings.volume_ratio);
-        let (mu, kappa) = (law.shear_modulus(), law.bulk_modulus);
         let kernel = match settings.precision {
             Precision::F32 => AnyKernel::F32(Kernel::new(table, cells, points, law, ratio)),
             Precision::F64 => AnyKernel::F64(Kernel::new(table, cells, points, law, ratio)),
@@ -156,7 +160,9 @@ impl Solver {
             pool: Pool::new(settings.threads),
             state: State::new(nodes),
             saved: State::new(nodes),
-            mass: bound_masses(table, nodes, kappa + 4.0 / 3.0 * mu),
+            mass: vec![0.0; nodes],
+            mass_scale: 1.0,
+            sway: Sway::new(points, table.volume.iter().sum(), law.shear_modulus()),
             path: vec![Path::default(); nodes],
             first_probe: (Vec::new(), 0.0),
             probe: noise(&role),
@@ -164,17 +170,21 @@ impl Solver {
             slowest: 0.0,
             step_factor: settings.step_factor,
             largest: 0.0,
+            steps_since_refresh: 0,
             usual_travel: 0.0,
             role,
         };
+        step::evaluate(&mut solver);
+        solver.refresh_masses();
         for _ in 0..POWER_ITERATIONS {
             step::probe(&mut solver);
         }
         let limit = 4.0 * settings.step_factor * settings.step_factor;
         let scale = EIGENVALUE_MARGIN * solver.largest / limit;
+        solver.mass_scale = scale;
         solver.mass.iter_mut().for_each(|m| *m *= scale);
         solver.largest /= scale;
-        solver.slowest = sway_frequency(&solver.mass, points, table.volume.iter().sum(), mu);
+        solver.slowest = solver.sway.frequency(&solver.mass);
         solver.first_probe = (solver.probe.clone(), solver.largest);
         step::evaluate(&mut solver);
         solver
@@ -234,6 +244,7 @@ impl Solver {
         self.state.clear();
         self.saved.clear();
         self.path.fill(Path::default());
+        self.steps_since_refresh = 0;
         self.usual_travel = 0.0;
         with_kernel!(&mut self.kernel, k => {
             k.activate_all();
@@ -242,6 +253,8 @@ impl Solver {
         self.probe.copy_from_slice(&self.first_probe.0);
         self.largest = self.first_probe.1;
         step::evaluate(self);
+        self.mass.fill(0.0);
+        self.refresh_masses();
     }
 
     /// Smallest volume ratio at the last evaluation.
@@ -274,36 +287,12 @@ impl Solver {
     }
 }
 
-/// Mass of each node from the local bound of every point: lambda_max(g) <= n_g (lam + 2 mu) sum_j |grad phi_j|^2 V_g / m_g
-/// with the point's mass m_g split equally over its n_g nodes, so m_g / n_g = (lam + 2 mu) V_g sum_j |grad phi_j|^2 makes
-/// every local eigenvalue 1 (method: Joldes, Wittek, Miller 2012).
-fn bound_masses(table: &ShapeTable, nodes: usize, modulus: f64) -> Vec<f64> {
-    let mut mass = vec![0.0; nodes];
-    for (p, v) in table.volume.iter().enumerate() {
-        let range = table.start[p] as usize..table.start[p + 1] as usize;
-        let squares: f64 = table.gradient[range.clone()].iter().flatten().map(|g| g * g).sum();
-        for &n in &table.nodes[range] {
-            mass[n as usize] += modulus * v.abs() * squares;
-        }
-    }
-    mass
-}
-
 /// A fixed vector with no symmetry, zero on held nodes.
 fn noise(role: &[Role]) -> Vec<[f64; 3]> {
     let value = |i: usize| ((i.wrapping_mul(2_654_435_761) >> 7) % 1009) as f64 / 1009.0 - 0.5;
     let free =
         |(i, r): (usize, &Role)| if *r == Role::Free { std::array::from_fn(|k| value(3 * i + k)) } else { [0.0; 3] };
     role.iter().enumerate().map(free).collect()
-}
-
-/// Rayleigh quotient of the sway mode u_x = sin(pi z / 2 H) of a body that stands on its base: the slowest mode there
-/// is, up to the shape of the section. omega^2 = mu V (pi / 2 H)^2 / 2 / sum_j m_j sin^2.
-fn sway_frequency(mass: &[f64], points: &[[f64; 3]], volume: f64, mu: f64) -> f64 {
-    let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
-    let k = std::f64::consts::FRAC_PI_2 / height;
-    let inertia: f64 = mass.iter().zip(points).map(|(m, p)| m * (k * p[2]).sin().powi(2)).sum();
-    (0.5 * mu * volume * k * k / inertia).sqrt()
 }
 
 /// Strain energy of the last evaluation, J.

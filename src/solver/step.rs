@@ -23,6 +23,10 @@ const LEARNING: f64 = 0.3;
 const FLOOR: f64 = 0.2;
 /// How fast the memory of the usual travel fades, per advance.
 const USUAL_DECAY: f64 = 0.995;
+/// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
+const REFRESH: u32 = 24;
+/// Share of the present velocities in the probe.
+const MOTION_SHARE: f64 = 0.05;
 /// Amplitude of the probe, m: small against any spacing, large against round-off.
 const PROBE_AMPLITUDE: f64 = 1e-7;
 
@@ -49,21 +53,40 @@ pub struct Balance {
 }
 
 impl Solver {
-    /// Takes the steps that bring the prescribed nodes to the ends of their paths.
+    /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every [`REFRESH`] steps masses
+    /// and step follow the deformation.
     pub fn advance(&mut self, advance: &Advance) {
-        let scale = self.state.mass_factor.sqrt();
-        let slowest = self.slowest / scale;
         let travel = advance.travel / f64::from(advance.steps);
         self.usual_travel = travel.abs().max(USUAL_DECAY * self.usual_travel);
         let square = travel * travel + (FLOOR * self.usual_travel).powi(2);
-        let rule = Rule {
-            steps: advance.steps,
-            travel,
-            gain: if square > 0.0 { travel / square } else { 0.0 },
-            keep: (1.0 - DAMPING * slowest).max(0.0),
-            learn: LEARNING * slowest,
-            mass_factor: self.state.mass_factor,
-        };
+        let mut first = 1;
+        while first <= advance.steps {
+            if first > 1 {
+                self.refresh_if_due();
+            }
+            let last = advance.steps.min(first - 1 + REFRESH.saturating_sub(self.steps_since_refresh).max(1));
+            let slowest = self.slowest();
+            let rule = Rule {
+                first,
+                last,
+                steps: advance.steps,
+                travel,
+                gain: if square > 0.0 { travel / square } else { 0.0 },
+                keep: (1.0 - DAMPING * slowest).max(0.0),
+                learn: LEARNING * slowest,
+                mass_factor: self.state.mass_factor,
+            };
+            self.march(&rule);
+            self.steps_since_refresh += last + 1 - first;
+            first = last + 1;
+        }
+        // further steps at the same pose must not travel the path again
+        for path in &mut self.path {
+            path.start = path.end;
+        }
+    }
+
+    fn march(&mut self, rule: &Rule) {
         let nodes = Nodes {
             u: Dealt::new(&mut self.state.u),
             q: Dealt::new(&mut self.state.q),
@@ -75,12 +98,8 @@ impl Solver {
         };
         with_kernel!(&mut self.kernel, k => {
             let parts = k.parts();
-            self.pool.run(&|team: &Team| march(team, &parts, &nodes, &rule));
+            self.pool.run(&|team: &Team| march(team, &parts, &nodes, rule));
         });
-        // further steps at the same pose must not travel the path again
-        for path in &mut self.path {
-            path.start = path.end;
-        }
     }
 
     /// Sums reactions and energies of the state after the last advance.
@@ -103,18 +122,46 @@ impl Solver {
         b
     }
 
-    /// One power iteration on M^-1 K of the present state; raises the masses where the stable step has shrunk, and
-    /// lowers them again, slowly, where it has grown. Costs one evaluation of the internal force.
+    /// [`Solver::refresh_step`] if the last one is [`REFRESH`] steps ago.
+    pub fn refresh_if_due(&mut self) {
+        if self.steps_since_refresh >= REFRESH {
+            self.refresh_step();
+        }
+    }
+
+    /// Brings masses and step up to date: each point's own bound goes into the masses (see [`super::mass`]), and one
+    /// power iteration on M^-1 K of the present state, which sees what the bounds don't, into the factor on all of
+    /// them. Costs 1.3 evaluations of the internal force.
     pub fn refresh_step(&mut self) {
+        self.steps_since_refresh = 0;
+        self.refresh_masses();
+        self.mix_motion_into_probe();
         probe(self);
         let limit = 4.0 * self.step_factor * self.step_factor;
         let needed = (self.largest / limit).max(1.0);
         let factor = &mut self.state.mass_factor;
         *factor = if needed > *factor { needed } else { (0.98 * *factor).max(needed) };
     }
+
+    /// An oscillation that the step can't hold grows in the velocities first: a share of them in the probe leads the
+    /// power iteration to it.
+    fn mix_motion_into_probe(&mut self) {
+        let norm = |v: &[[f64; 3]]| -> f64 {
+            v.iter().zip(&self.mass).map(|(v, m)| m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])).sum::<f64>().sqrt()
+        };
+        let share = MOTION_SHARE * norm(&self.probe) / norm(&self.state.q);
+        if share.is_finite() {
+            for (e, q) in self.probe.iter_mut().zip(&self.state.q) {
+                (0..3).for_each(|k| e[k] += share * q[k]);
+            }
+        }
+    }
 }
 
 struct Rule {
+    /// Steps to take, of `steps` in all.
+    first: u32,
+    last: u32,
     steps: u32,
     travel: f64,
     /// d / (d^2 + e^2), 1/m.
@@ -139,14 +186,14 @@ fn march<T: Real>(team: &Team, parts: &Parts<'_, T>, nodes: &Nodes<'_>, rule: &R
     let range = |deal: usize| deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(nodes.mass.len());
     // SAFETY (all blocks below): each deal of nodes is claimed by one thread between barriers; `u` is only read while
     // the internal force is evaluated, the blocks only while node forces are summed.
-    team.claim(deals, |deal| range(deal).for_each(|n| unsafe { nodes.integrate(n, 1, rule) }));
+    team.claim(deals, |deal| range(deal).for_each(|n| unsafe { nodes.integrate(n, rule.first, rule) }));
     team.barrier();
-    for step in 1..=rule.steps {
+    for step in rule.first..=rule.last {
         parts.force(team, unsafe { nodes.u.read() });
         team.claim(deals, |deal| {
             for n in range(deal) {
                 unsafe { *nodes.f.get(n) = parts.node_force(n) };
-                if step < rule.steps {
+                if step < rule.last {
                     unsafe { nodes.integrate(n, step + 1, rule) };
                 }
             }

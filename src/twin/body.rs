@@ -1,6 +1,6 @@
 //! The body of a scene: its cloud, and where the instrument meets it.
 
-use crate::cloud::{self, Cloud, Domain, Feature, Spacing};
+use crate::cloud::{self, Axis, Cloud, Domain, Feature, Spacing};
 use crate::instrument::Contact;
 use crate::scene::{Grading, InstrumentKind, Metres, Scene, Shape};
 
@@ -66,6 +66,7 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
     let mut features = Vec::new();
     if let Some(instrument) = &scene.instrument {
         let centre = instrument.entry.map(|m| m.get());
+        let axis = Axis { entry: centre, slope: instrument.slope() };
         match &instrument.kind {
             InstrumentKind::Plate => {
                 features.extend([true, false].map(|top| Feature::Rim { top, spacing: edge }));
@@ -77,17 +78,17 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
             InstrumentKind::Needle(needle) => {
                 let capture_radius = needle.capture_radius.get();
                 let spacing = far.min(PATH_SPACING * capture_radius);
-                let floor = height - 2.0 * spacing;
+                let floor = height * axis.secant() - 2.0 * spacing;
                 let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
                 let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
                 reach = length;
-                features.push(Feature::Path { centre, capture_radius, length, spacing });
+                features.push(Feature::Path { axis, capture_radius, length, spacing });
             }
         }
     }
     let spacing = Spacing { far, growth: grading.growth, features };
     let cloud = cloud::generate(domain, &spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
-    let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud, i));
+    let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud, height, i));
     let layer = layer_distance(&held, &cloud, height);
     Ok(Body { cloud, top: height, height, reach, held, layer, warnings: Vec::new() })
 }

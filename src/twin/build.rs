@@ -48,7 +48,6 @@ impl Twin {
             warnings: body.warnings,
             pace,
             steps_since_save: 0,
-            steps_since_refresh: 0,
             steps: 0,
             tip: [0.0; 3],
             shaft: [0.0; 2],

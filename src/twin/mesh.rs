@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use crate::approximation::table::tetrahedron;
-use crate::cloud::{BASE, Cloud, TOP, import};
+use crate::cloud::{Axis, BASE, Cloud, TOP, import};
 use crate::instrument::Contact;
 use crate::scene::size::MEMORY_LIMIT;
 use crate::scene::{Instrument, InstrumentKind, MeshFile, Scene};
@@ -55,9 +55,12 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
         body.top = top(&body.cloud, instrument)?;
         body.height = body.top - lowest;
         body.reach = body.height;
-        body.held = Contact::nodes(&body.cloud, instrument);
+        body.held = Contact::nodes(&body.cloud, body.top, instrument);
         match &instrument.kind {
-            InstrumentKind::Needle(needle) => path(&mut body, needle.capture_radius.get())?,
+            InstrumentKind::Needle(needle) => {
+                path(&mut body, needle.capture_radius.get())?;
+                body.reach *= Axis { entry: [0.0; 2], slope: instrument.slope() }.secant();
+            }
             _ => bond(&body, instrument)?,
         }
     }
@@ -168,7 +171,7 @@ fn bond(body: &Body, instrument: &Instrument) -> Result<(), BuildError> {
     Ok(())
 }
 
-/// Is the mesh fine enough along a needle's path, and how far?
+/// Is the mesh fine enough along a needle's path, and how far? Depths are vertical, as the needle's.
 fn path(body: &mut Body, capture_radius: f64) -> Result<(), BuildError> {
     let Body { cloud, held, top, .. } = &*body;
     let mut depths: Vec<f64> = held.iter().map(|&n| top - cloud.points[n as usize][2]).collect();

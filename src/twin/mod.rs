@@ -8,8 +8,9 @@ mod pace;
 mod step;
 
 use crate::approximation::Field;
+use crate::cloud::Axis;
 use crate::instrument::Contact;
-use crate::scene::Scene;
+use crate::scene::{Instrument, Scene};
 use crate::solver::Solver;
 
 pub use body::Body;
@@ -177,7 +178,6 @@ pub struct Twin {
     warnings: Vec<String>,
     pace: Pace,
     steps_since_save: u32,
-    steps_since_refresh: u32,
     steps: u64,
     /// Tip of the last pose relative to the entry point, m.
     tip: [f64; 3],
@@ -226,8 +226,10 @@ impl Twin {
     /// The pose at a depth along the scene's own instrument axis (what a displacement sensor measures).
     #[must_use]
     pub fn pose_at_depth(&self, depth_m: f64) -> Pose {
-        let [x, y] = self.entry();
-        Pose { tip: [x, y, self.top - depth_m], axis: [0.0, 0.0, -1.0] }
+        let path = self.path();
+        let (cosine, [sx, sy]) = (1.0 / path.secant(), path.slope);
+        let [x, y] = path.at(depth_m * cosine);
+        Pose { tip: [x, y, self.top - depth_m * cosine], axis: [sx * cosine, sy * cosine, -cosine] }
     }
 
     /// Depth of a pose's tip below the undeformed top face along its own axis, m.
@@ -236,8 +238,10 @@ impl Twin {
         (self.top - pose.tip[2]) / -pose.axis[2]
     }
 
-    fn entry(&self) -> [f64; 2] {
-        self.scene.instrument.as_ref().map_or([0.0; 2], |i| i.entry.map(|m| m.get()))
+    /// The line on which the scene's instrument moves.
+    fn path(&self) -> Axis {
+        let of = |i: &Instrument| Axis { entry: i.entry.map(|m| m.get()), slope: i.slope() };
+        self.scene.instrument.as_ref().map_or(Axis::vertical([0.0; 2]), of)
     }
 
     /// Reference positions of the nodes, m.

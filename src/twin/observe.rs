@@ -80,7 +80,7 @@ impl Twin {
     #[must_use]
     pub fn deepest(&self) -> Option<f64> {
         match &self.contact {
-            Some(Contact::Needle(n)) if n.insertion().punctured => Some(n.insertion().deepest),
+            Some(Contact::Needle(n)) if n.insertion().punctured => Some(n.insertion().deepest * self.path().secant()),
             _ => None,
         }
     }

@@ -5,8 +5,6 @@ use crate::solver::{Advance, Balance};
 
 use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
 
-/// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
-const REFRESH: u32 = 24;
 /// Steps between two saved states.
 const SAVE: u32 = 64;
 /// Tries to get past trouble, each with twice the mass and twice the steps of the one before.
@@ -92,7 +90,6 @@ impl Twin {
         self.pace.reset();
         self.steps = 0;
         self.steps_since_save = 0;
-        self.steps_since_refresh = 0;
         self.tip = [0.0; 3];
         self.shaft = [0.0; 2];
         self.phase = Phase::Approach;
@@ -124,15 +121,16 @@ impl Twin {
             return refuse(format!("its axis has length {length:.4}, not 1"));
         }
         let tilt = if self.inserted() { INSERTED_ALIGNMENT } else { ALIGNMENT };
-        if axis[0].hypot(axis[1]) > tilt || axis[2] > 0.0 {
+        let own = self.pose_at_depth(0.0).axis;
+        if sine(&axis, &own) > tilt || axis[2] >= 0.0 {
             return refuse(format!(
-                "its axis ({:.3}, {:.3}, {:.3}) is not that of the scene's instrument, (0, 0, -1); a tilt of {tilt} \
-                 (sine) is taken now",
-                axis[0], axis[1], axis[2]
+                "its axis ({:.3}, {:.3}, {:.3}) is not that of the scene's instrument, ({:.3}, {:.3}, {:.3}); a tilt of \
+                 {tilt} (sine) from that is taken now",
+                axis[0], axis[1], axis[2], own[0], own[1], own[2]
             ));
         }
-        let [x, y] = self.entry();
-        let offset = [tip[0] - x, tip[1] - y, tip[2] - self.top];
+        let path = self.path();
+        let offset = [tip[0] - path.entry[0], tip[1] - path.entry[1], tip[2] - self.top];
         let depth = self.depth_of(&pose.pose);
         if depth > self.reach {
             return refuse(format!(
@@ -141,7 +139,7 @@ impl Twin {
                 self.reach
             ));
         }
-        let side = offset[0].hypot(offset[1]);
+        let side = (0..2).map(|k| (offset[k] + path.slope[k] * offset[2]).powi(2)).sum::<f64>().sqrt();
         if side > self.side_reach() && depth > 0.0 {
             return refuse(format!(
                 "the tip is {side:.6} m beside the scene's path; this scene takes {:.6} m (instrument.entry_x_m, entry_y_m)",
@@ -153,14 +151,10 @@ impl Twin {
 
     /// Advances; on trouble goes back to the saved state and tries again with smaller steps.
     fn advance_safely(&mut self, steps: u32, travel: f64, depth: f64, time_s: f64) -> Result<Balance, Halt> {
-        if self.steps_since_refresh >= REFRESH {
-            self.solver.refresh_step();
-            self.steps_since_refresh = 0;
-        }
+        self.solver.refresh_if_due();
         // after the estimate, which takes the force of the last step for that of the present state
         self.solver.relax_until(time_s);
         self.solver.advance(&Advance { steps, travel });
-        self.steps_since_refresh += steps;
         self.steps_since_save += steps;
         let mut balance = self.solver.balance();
         let mut finer = steps.max(SAVE);
@@ -207,4 +201,10 @@ impl Twin {
         (b.kinetic > limit)
             .then(|| format!("kinetic energy {:.3e} J runs away from strain energy {:.3e} J", b.kinetic, b.strain))
     }
+}
+
+/// Sine of the angle between two unit vectors.
+fn sine(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    cross.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

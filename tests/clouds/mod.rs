@@ -2,7 +2,7 @@
 #![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
 
 use needle_twin::approximation::{Basis, Settings, ShapeTable};
-use needle_twin::cloud::{self, BASE, Cloud, Domain, Feature, Spacing};
+use needle_twin::cloud::{self, Axis, BASE, Cloud, Domain, Feature, Spacing};
 use needle_twin::material::Law;
 use needle_twin::scene::VolumeRatio;
 use needle_twin::solver::kernel::Kernel;
@@ -32,7 +32,12 @@ pub const CAPTURE_RADIUS: f64 = 0.001;
 
 /// The presets' cylinder with a needle's path, and which nodes interpolate: base and path, as in a scene.
 pub fn cylinder_with_path() -> (Cloud, Vec<bool>) {
-    let path = Feature::Path { centre: [0.0; 2], capture_radius: CAPTURE_RADIUS, length: 0.011, spacing: 0.0005 };
+    let path = Feature::Path {
+        axis: Axis::vertical([0.0; 2]),
+        capture_radius: CAPTURE_RADIUS,
+        length: 0.011,
+        spacing: 0.0005,
+    };
     let spacing = Spacing { far: 0.003, growth: 0.3, features: vec![path] };
     let cloud = cloud::generate(&Domain::Cylinder { radius: 0.015, height: HEIGHT }, &spacing).unwrap();
     let held = |(p, f): (&[f64; 3], &u8)| f & BASE != 0 || p[0].hypot(p[1]) <= CAPTURE_RADIUS * (1.0 + 1e-9);

@@ -3,7 +3,7 @@
 
 use needle_twin::{
     compare::{Answer, FinalState, Run, Snapshot, TargetRow},
-    scene::{DeformationRule, Instrument, InstrumentKind, Metres, Needle},
+    scene::{DeformationRule, Instrument, InstrumentKind, Metres, Needle, Radians},
     twin::{Event, Phase},
 };
 
@@ -70,6 +70,8 @@ fn needle_shape() -> Needle {
         retraction_coefficient: 0.4,
         deformation_rule: DeformationRule::Incremental,
         puncture_strain: 1e-6,
+        tilt: Radians(0.0),
+        azimuth: Radians(0.0),
     }
 }
 

@@ -1,0 +1,98 @@
+//! Masses that keep every point's own step above the common one, while the tissue deforms.
+//!
+//! ```text
+//! m_n = s sum_g k_g V_g sum_j |grad phi_j|^2 over the points g whose support holds node n
+//! ```
+//!
+//! A point's largest eigenvalue is at most n_g k_g V_g sum_j |grad phi_j|^2 over its mass, so with its mass shared
+//! equally by its n_g nodes every point has the same bound (method: Joldes, Wittek, Miller 2012). k_g is the largest
+//! stiffness of a plane wave in the point's present state ([`Constants::stiffness`]); it grows by orders of magnitude
+//! where tissue is crushed at the edge of an indenter. Because the motion is quasi-static, that part alone is made
+//! heavier, and the rest of the body moves on at its own pace: one mass factor for all would slow all of it. s is set
+//! once, at rest, from the true largest eigenvalue.
+
+use super::block::Block;
+use super::kernel::{NODES_PER_DEAL, Parts, gradient};
+use super::points::Constants;
+use super::pool::{Dealt, Team};
+use super::real::Real;
+use super::state::{Solver, with_kernel};
+
+/// Masses shrink by at most this factor per refresh, so that a point on the verge doesn't make them swing.
+const FADE: f64 = 0.95;
+
+impl Solver {
+    /// Brings the masses up to date with the last evaluation of the internal force, and the slowest frequency with the
+    /// masses. Costs about a third of a step.
+    pub(super) fn refresh_masses(&mut self) {
+        let count = self.mass.len();
+        let scale = self.mass_scale;
+        let mass = Dealt::new(&mut self.mass);
+        with_kernel!(&mut self.kernel, k => {
+            let parts = k.parts();
+            // SAFETY: each block, then each deal of nodes, is claimed by one thread.
+            self.pool.run(&|team: &Team| {
+                parts.bound(team);
+                team.claim(count.div_ceil(NODES_PER_DEAL), |deal| {
+                    for n in deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(count) {
+                        let (m, needed) = unsafe { (mass.get(n), scale * parts.node_force(n)[0]) };
+                        if needed.is_finite() {
+                            *m = needed.max(FADE * *m);
+                        }
+                    }
+                });
+            });
+        });
+        self.slowest = self.sway.frequency(&self.mass);
+    }
+}
+
+impl<T: Real> Parts<'_, T> {
+    /// Leaves each block's shares of the masses, over s, in the first component of its forces.
+    fn bound(&self, team: &Team) {
+        let constants = &self.kernel.constants;
+        // SAFETY: each block is claimed by one thread.
+        team.claim(self.blocks.len(), |b| unsafe { self.blocks.get(b) }.bound(constants));
+        team.barrier();
+    }
+}
+
+impl<T: Real> Block<T> {
+    fn bound(&mut self, constants: &Constants) {
+        self.force.fill([T::default(); 4]);
+        for p in 0..self.volume.len() {
+            let range = self.start[p] as usize..self.start[p + 1] as usize;
+            let squares = self.gradient[range.clone()].iter().flatten().fold(T::default(), |s, &g| g.fma(g, s));
+            let f = gradient(&self.deformation[p]).map(Real::get);
+            let stiffness = constants.stiffness(&f, self.projected_pressure(p).get());
+            let share = self.volume[p].max(-self.volume[p]) * squares * T::of(stiffness);
+            for &l in &self.local[range] {
+                self.force[usize::from(l)][0] += share;
+            }
+        }
+    }
+}
+
+/// Rayleigh quotient of the sway mode u_x = sin(pi z / 2 H) of a body that stands on its base: the slowest mode there
+/// is, up to the shape of the section. omega^2 = mu V (pi / 2 H)^2 / 2 / sum_j m_j sin^2.
+#[derive(Clone, Debug)]
+pub(super) struct Sway {
+    /// Numerator, N/m.
+    stiffness: f64,
+    /// sin^2 at each node.
+    square: Vec<f64>,
+}
+
+impl Sway {
+    pub fn new(points: &[[f64; 3]], volume: f64, mu: f64) -> Self {
+        let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
+        let k = std::f64::consts::FRAC_PI_2 / height;
+        Self { stiffness: 0.5 * mu * volume * k * k, square: points.iter().map(|p| (k * p[2]).sin().powi(2)).collect() }
+    }
+
+    /// rad per step.
+    pub fn frequency(&self, mass: &[f64]) -> f64 {
+        let inertia: f64 = mass.iter().zip(&self.square).map(|(m, s)| m * s).sum();
+        (self.stiffness / inertia).sqrt()
+    }
+}
