@@ -1,9 +1,10 @@
 //! Moving least squares and its modified form (MMLS): shape functions and their exact derivatives at a point.
 //!
-//! u_h(x) = p^T(x) a(x), where a minimises J = sum_j w_j (p^T(x_j) a - u_j)^2 + eta sum_j w_j sum_k (r_j^2 a_k)^2, the
-//! last sum over the six quadratic coefficients (Joldes et al. 2015; weighted and scaled so that eta has no dimension
-//! and a factor on the weights or a node at the rim of its support changes nothing). With M = sum_j w_j p_j p_j^T + H,
-//! H = eta sum_j w_j (r_j / L)^4 diag(0, 0, 0, 0, 1, ..., 1):
+//! u_h(x) = p^T(x) a(x), where a minimises J = sum_j w_j (p^T(x_j) a - u_j)^2 + eta sum_j w_j sum_k s_k (r_j^2 a_k)^2,
+//! the last sum over the six quadratic coefficients (Joldes et al. 2015; weighted and scaled so that eta has no
+//! dimension and a factor on the weights or a node at the rim of its support changes nothing; s_k = 1/2 on the mixed
+//! terms, so that a rotation of the axes changes nothing either). With M = sum_j w_j p_j p_j^T + H,
+//! H = eta sum_j w_j (r_j / L)^4 diag(0, 0, 0, 0, s_k):
 //!
 //! ```text
 //! phi_j   = w_j p_j . y                        M y   = p(x)
@@ -22,7 +23,8 @@ const QUADRATIC: usize = 10;
 pub enum Basis {
     /// 1, x, y, z.
     Linear,
-    /// Complete quadratic with the penalty eta on the six quadratic coefficients.
+    /// Complete quadratic with the penalty eta on the six quadratic coefficients, half of it on the mixed ones: so it
+    /// is a multiple of the squared norm of the second derivatives, which no rotation of the axes changes.
     Quadratic {
         /// eta, dimensionless.
         penalty: f64,
@@ -56,6 +58,11 @@ pub struct Fit {
     pub gradient: Vec<[f64; 3]>,
 }
 
+/// Share of the penalty on a monomial's coefficient.
+const fn share(monomial: usize) -> f64 {
+    if monomial < 7 { 1.0 } else { 0.5 }
+}
+
 impl Fit {
     /// Fills `value` (and `gradient` if asked) for the given neighbours.
     ///
@@ -87,7 +94,7 @@ impl Fit {
             }
         }
         for k in 4..N {
-            m[k][k] += eta * penalty;
+            m[k][k] += eta * share(k) * penalty;
         }
         cholesky(&mut m)?;
         let mut y = [0.0; N];
@@ -122,7 +129,7 @@ impl Fit {
         for (k, zk) in z.iter_mut().enumerate() {
             // H varies with the point through the sum of the weights
             let penalty: f64 = neighbours.iter().map(|n| weight_gradient(n, k) * (n.radius * inv_l).powi(4)).sum();
-            (4..N).for_each(|r| zk[r] -= eta * penalty * y[r]);
+            (4..N).for_each(|r| zk[r] -= eta * share(r) * penalty * y[r]);
             zk[k + 1] += inv_l;
             solve(m, zk);
         }

@@ -77,6 +77,8 @@ impl<T: Real> Block<T> {
 /// is, up to the shape of the section. omega^2 = mu V (pi / 2 H)^2 / 2 / sum_j m_j sin^2.
 #[derive(Clone, Debug)]
 pub(super) struct Sway {
+    /// H, m.
+    height: f64,
     /// Numerator, N/m.
     stiffness: f64,
     /// sin^2 at each node.
@@ -87,7 +89,16 @@ impl Sway {
     pub fn new(points: &[[f64; 3]], volume: f64, mu: f64) -> Self {
         let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
         let k = std::f64::consts::FRAC_PI_2 / height;
-        Self { stiffness: 0.5 * mu * volume * k * k, square: points.iter().map(|p| (k * p[2]).sin().powi(2)).collect() }
+        Self {
+            height,
+            stiffness: 0.5 * mu * volume * k * k,
+            square: points.iter().map(|p| (k * p[2]).sin().powi(2)).collect(),
+        }
+    }
+
+    /// H, m.
+    pub fn height(&self) -> f64 {
+        self.height
     }
 
     /// rad per step.

@@ -27,8 +27,8 @@ const USUAL_DECAY: f64 = 0.995;
 const REFRESH: u32 = 24;
 /// Share of the present velocities in the probe.
 const MOTION_SHARE: f64 = 0.05;
-/// Amplitude of the probe, m: small against any spacing, large against round-off.
-const PROBE_AMPLITUDE: f64 = 1e-7;
+/// Amplitude of the probe over the height of the body: small against any spacing, large against round-off.
+const PROBE_AMPLITUDE: f64 = 6e-6;
 
 /// One pose's worth of steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -254,7 +254,7 @@ pub(super) fn probe(solver: &mut Solver) {
     if !(largest > 0.0 && largest.is_finite()) {
         return;
     }
-    let h = PROBE_AMPLITUDE / largest;
+    let h = PROBE_AMPLITUDE * solver.sway.height() / largest;
     for ((s, u), e) in solver.scratch.iter_mut().zip(&solver.state.u).zip(&mut solver.probe) {
         for k in 0..3 {
             e[k] *= h;
