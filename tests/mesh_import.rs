@@ -88,6 +88,30 @@ fn an_organ_is_solved_and_its_scene_can_be_moved() {
     needle_twin().args(["scene", "check"]).arg(elsewhere.path().join("moved.toml")).assert().success();
 }
 
+/// The preset's targets, moved into both meshes of these tests, whose units are mm.
+const TARGETS: [(&str, &str); 3] = [
+    ("targets.0.position_m", "[0.002, 0.001, 0.009]"),
+    ("targets.1.position_m", "[0.003, 0.001, 0.005]"),
+    ("targets.2.position_m", "[0.004, 0.001, 0.001]"),
+];
+
+#[test]
+fn a_needle_goes_into_an_organ() {
+    let folder = TempDir::new().unwrap();
+    let mesh = gmsh("organ.py", &folder, "3");
+    let changes = [("motion.depth_m", "0.003"), ("instrument.capture_radius_m", "0.0012")];
+    let mut twin = Twin::new(&on_mesh("needle_insertion", &mesh, &[&TARGETS[..], &changes].concat())).unwrap();
+    let answers = coarse::travel(&mut twin, 0.0, 0.003, 150);
+    let forces: Vec<f64> = answers.iter().skip(49).step_by(50).map(|a| a.force_n[2]).collect();
+    println!("needle into the organ at 1, 2 and 3 mm: {forces:.5?} N");
+    assert!(answers.iter().any(|a| a.event.is_some()), "punctured");
+    assert!(forces[0] > 0.0 && forces[1] > 1.2 * forces[0] && forces[2] > 1.2 * forces[1], "{forces:?}");
+    let deep =
+        on_mesh("needle_insertion", &mesh, &[&TARGETS[..], &changes[1..], &[("motion.depth_m", "0.019")]].concat());
+    let message = Twin::new(&deep).unwrap_err().to_string();
+    assert!(message.contains("motion.depth_m") && message.contains("too deep"), "{message}");
+}
+
 #[test]
 fn vtu_of_meshio_is_the_same_cloud() {
     let folder = TempDir::new().unwrap();
@@ -365,6 +389,10 @@ fn scenes_that_a_mesh_does_not_fit_are_refused() {
         (
             refused("needle_insertion", &[("targets.0.position_m", "[0.02, 0, 0]")]),
             &["targets.0.position_m", "on_path", "no cell"],
+        ),
+        (
+            refused("needle_insertion", &[&TARGETS[..], &indenter[1..]].concat()),
+            &["instrument.capture_radius_m", "too coarse", "refine"],
         ),
     ] {
         for part in parts {

@@ -1,7 +1,7 @@
 """The preset `indentation`'s cylinder as a Gmsh mesh, in mm: python cylinder.py OUT.msh [SIZE]
 
 Diameter 30, height 17, base at z = 0. The face of the indenter (diameter 10) is a disc of its own in the top, so that
-the mesh has nodes on its rim; the cells grow from 0.19 SIZE there to SIZE (default 1.75).
+the mesh has nodes on its rim; the cells grow from 0.19 SIZE there to SIZE (default 1.45).
 """
 
 import sys
@@ -9,7 +9,7 @@ import sys
 import gmsh
 
 out = sys.argv[1]
-size = float(sys.argv[2]) if len(sys.argv) > 2 else 1.75
+size = float(sys.argv[2]) if len(sys.argv) > 2 else 1.45
 edge = 0.19 * size
 
 gmsh.initialize()
