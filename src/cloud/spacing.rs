@@ -88,6 +88,18 @@ impl Feature {
         }
     }
 
+    /// Vertical distance between the layers of a path, m; `None` for other features.
+    #[must_use]
+    pub fn layer(&self) -> Option<f64> {
+        match *self {
+            Feature::Path { axis, capture_radius, length, spacing } => {
+                let (layers, _) = super::edges::path_shape(capture_radius, length, spacing);
+                Some(length / axis.secant() / layers as f64)
+            }
+            _ => None,
+        }
+    }
+
     /// Area of the surface at distance s from the feature inside a body that is large: for the prediction of sizes.
     fn offset_area(&self, domain: &Domain, s: f64) -> f64 {
         match *self {

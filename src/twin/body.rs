@@ -27,7 +27,7 @@ pub struct Body {
     pub reach: f64,
     /// Nodes that the instrument can hold.
     pub held: Vec<u32>,
-    /// Distance between the layers of nodes along a needle's path, 0 without a needle.
+    /// Vertical distance between the layers of nodes along a needle's path, 0 without a needle.
     pub layer: f64,
     /// What is worth knowing about a mesh and is no error.
     pub warnings: Vec<String>,
@@ -89,15 +89,6 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
     let spacing = Spacing { far, growth: grading.growth, features };
     let cloud = cloud::generate(domain, &spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
     let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud, height, i));
-    let layer = layer_distance(&held, &cloud, height);
+    let layer = spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0);
     Ok(Body { cloud, top: height, height, reach, held, layer, warnings: Vec::new() })
-}
-
-/// Distance between the layers of nodes that a generated path has.
-fn layer_distance(held: &[u32], cloud: &Cloud, top: f64) -> f64 {
-    let mut depths: Vec<f64> = held.iter().map(|&n| top - cloud.points[n as usize][2]).collect();
-    depths.sort_by(f64::total_cmp);
-    let deepest = depths.last().copied().unwrap_or(0.0);
-    depths.dedup_by(|a, b| (*a - *b).abs() < 1e-6 * top);
-    deepest / (depths.len().max(2) - 1) as f64
 }
