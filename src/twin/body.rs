@@ -8,8 +8,8 @@ use super::{BuildError, mesh};
 
 /// The needle's path in the cloud ends this far below the deepest pose, in capture radii.
 const PATH_MARGIN: f64 = 1.0;
-/// Spacing along a needle's path over the capture radius: the effective radius equals the capture radius only where
-/// the cloud resolves it.
+/// Largest spacing along a needle's path over the capture radius: the effective radius equals the capture radius only
+/// where the cloud resolves it.
 const PATH_SPACING: f64 = 0.5;
 /// A contact ring has at least this many nodes along its radius's worth of arc.
 const RING_SPACING: f64 = 0.15;
@@ -77,7 +77,7 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
             }
             InstrumentKind::Needle(needle) => {
                 let capture_radius = needle.capture_radius.get();
-                let spacing = far.min(PATH_SPACING * capture_radius);
+                let spacing = edge.min(PATH_SPACING * capture_radius);
                 let floor = height * axis.secant() - 2.0 * spacing;
                 let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
                 let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
