@@ -3,7 +3,7 @@
 //! Read are nodes, 4-node tetrahedra, and the physical groups of surfaces by their triangles. Points, lines and
 //! sections that no mesh needs are skipped.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use super::words::Words;
 use super::{Flaw, Imported};
@@ -35,11 +35,11 @@ struct Reader<'a> {
     words: Words<'a>,
     mesh: Imported,
     /// Node by its tag: tags may be sparse.
-    node_of: HashMap<u64, u32>,
+    node_of: BTreeMap<u64, u32>,
     /// Names of physical surfaces by their tag.
-    names: HashMap<i64, String>,
+    names: BTreeMap<i64, String>,
     /// Physical groups of each surface.
-    groups_of: HashMap<i64, Vec<i64>>,
+    groups_of: BTreeMap<i64, Vec<i64>>,
     /// Nodes of the triangles of each surface.
     patches: BTreeMap<i64, Vec<u32>>,
     seen: Vec<&'a str>,
@@ -50,9 +50,9 @@ impl<'a> Reader<'a> {
         Self {
             words: Words::new(text),
             mesh: Imported::default(),
-            node_of: HashMap::new(),
-            names: HashMap::new(),
-            groups_of: HashMap::new(),
+            node_of: BTreeMap::new(),
+            names: BTreeMap::new(),
+            groups_of: BTreeMap::new(),
             patches: BTreeMap::new(),
             seen: Vec::new(),
         }
