@@ -52,6 +52,7 @@ impl Collector {
             nodes: twin.nodes(),
             integration_points: twin.integration_points(),
             target_names: scene.targets.iter().map(|target| target.name.clone()).collect(),
+            effective_radius_m: twin.effective_radius(),
             build_s,
             min_jacobian: 1.0,
             instrument: scene.instrument,

@@ -126,6 +126,8 @@ pub struct Run {
     pub force_imbalance: f64,
     /// Largest constraint error, m.
     pub constraint_error_m: f64,
+    /// Radius that the cloud gives a needle, m.
+    pub effective_radius_m: Option<f64>,
     /// Hex of the hash over every predicted force and the final displacement field.
     pub checksum: String,
     /// What the measured force is (`synthetic bag needle_insertion`, ...); empty where there is none.

@@ -28,6 +28,8 @@
 //! leaves the force a saw-tooth of 2 to 4% at the distance of the layers. A ramp that ends half a layer later leaves
 //! the force 3% higher at a depth of 2 mm, since the tissue is dragged along ahead of the tip and given back late.
 
+use std::f64::consts::PI;
+
 use crate::scene::{DeformationRule, Needle};
 use crate::solver::{Role, Solver};
 use crate::twin::{Event, Phase};
@@ -72,12 +74,14 @@ pub struct NeedlePath {
     watched: Vec<u32>,
     /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
     inner: Vec<(u32, [u32; 4])>,
+    /// m; see [`NeedlePath::effective_radius`].
+    effective_radius: f64,
     state: Insertion,
 }
 
 impl NeedlePath {
-    /// A path through some of `count` nodes, each with its reference depth. `watched` are the integration points whose strain decides about the puncture,
-    /// `corners` the cell corners of every integration point.
+    /// A path through some of `count` nodes, each with its reference depth in m. `watched` are the integration points
+    /// whose strain decides about the puncture, `cells` the cell corners and the volume in m³ of every integration point.
     #[must_use]
     pub fn new(
         mut nodes: Vec<(u32, f64)>,
@@ -85,7 +89,7 @@ impl NeedlePath {
         needle: Needle,
         layer: f64,
         watched: Vec<u32>,
-        corners: impl Iterator<Item = [u32; 4]>,
+        cells: impl Iterator<Item = ([u32; 4], f64)>,
     ) -> Self {
         nodes.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         let hold = vec![Hold::Free; nodes.len()];
@@ -94,14 +98,25 @@ impl NeedlePath {
         for (i, (n, _)) in nodes.iter().enumerate() {
             place[*n as usize] = Some(i as u32);
         }
-        let inner = (0u32..)
-            .zip(corners)
-            .filter_map(|(point, c)| match c.map(|n| place[n as usize]) {
-                [Some(a), Some(b), Some(c), Some(d)] => Some((point, [a, b, c, d])),
-                _ => None,
-            })
-            .collect();
-        Self { nodes, hold, needle, slope: needle.slope(), layer, watched, inner, state }
+        let mut inner = Vec::new();
+        let mut filled = 0.0;
+        for (point, (c, volume)) in (0u32..).zip(cells) {
+            if let [Some(a), Some(b), Some(c), Some(d)] = c.map(|n| place[n as usize]) {
+                inner.push((point, [a, b, c, d]));
+                filled += volume;
+            }
+        }
+        let slope = needle.slope();
+        let along = nodes.last().map_or(0.0, |(_, z)| z * 1.0_f64.hypot(slope[0]).hypot(slope[1]));
+        let effective_radius = if along > 0.0 { (filled / (PI * along)).sqrt() } else { 0.0 };
+        Self { nodes, hold, needle, slope, layer, watched, inner, effective_radius, state }
+    }
+
+    /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
+    /// sqrt(V / (pi l)). It is under the capture radius by what the cloud doesn't resolve; 0 if it resolves nothing.
+    #[must_use]
+    pub fn effective_radius(&self) -> f64 {
+        self.effective_radius
     }
 
     /// Present state of the insertion.

@@ -22,6 +22,8 @@ pub fn metrics_json(run: &Run) -> String {
         "force": nulls.force(),
         "timing": nulls.timing(),
         "stability": nulls.stability(),
+        "effective_radius_m":
+            nulls.number("effective_radius_m", run.effective_radius_m, "the instrument is no needle"),
         "puncture_depth_m": nulls.puncture_depth(),
         "measured_source": run.measured_source,
         "losses": run.losses,

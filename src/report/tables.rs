@@ -114,6 +114,10 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     }
     let points = format!("{}, {} integration points", run.method, count(run.integration_points as u64));
     card(html, "Nodes", Some(count(run.nodes as u64)), "", Some(points));
+    if let Some(radius_m) = run.effective_radius_m {
+        let below = "radius that the cloud gives the needle".to_owned();
+        card(html, "Effective radius", Some(significant(1e3 * radius_m, 3)), "mm", Some(below));
+    }
     let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
     if let Some((depth_m, time_s)) = puncture {
         let when = format!("after {} s", significant(time_s, 3));

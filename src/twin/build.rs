@@ -81,7 +81,7 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Con
         InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Contact::Bonded(Bonded::new(held.clone())),
         InstrumentKind::Needle(needle) => {
             let [x, y] = instrument.entry.map(|m| m.get());
-            let corners = || table.cell.iter().map(|&c| cloud.cells[c as usize]);
+            let corners = table.cell.iter().map(|&c| cloud.cells[c as usize]);
             let near = |c: &[u32; 4]| {
                 let p = c.map(|n| cloud.points[n as usize]);
                 let centre: [f64; 3] = std::array::from_fn(|k| p.iter().map(|q| q[k]).sum::<f64>() / 4.0);
@@ -93,7 +93,7 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Con
             let on_top = |n: u32| cloud.faces[n as usize] & TOP != 0;
             let depth = |n: u32| if on_top(n) { 0.0 } else { top - cloud.points[n as usize][2] };
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
-            Contact::Needle(Box::new(NeedlePath::new(nodes, cloud.points.len(), *needle, *layer, watched, corners())))
+            Contact::Needle(Box::new(NeedlePath::new(nodes, cloud.points.len(), *needle, *layer, watched, corners.zip(table.volume.iter().copied()))))
         }
     }
 }

@@ -59,6 +59,16 @@ impl Twin {
         .fold(0.0, f64::max)
     }
 
+    /// Radius that the cloud gives a needle, m ([`crate::instrument::NeedlePath::effective_radius`]); `None` without a
+    /// needle.
+    #[must_use]
+    pub fn effective_radius(&self) -> Option<f64> {
+        match &self.contact {
+            Some(Contact::Needle(path)) => Some(path.effective_radius()),
+            _ => None,
+        }
+    }
+
     /// Whether a needle is in the tissue.
     pub(super) fn inserted(&self) -> bool {
         matches!(self.phase, Phase::Penetration | Phase::Retraction)

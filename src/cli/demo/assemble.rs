@@ -122,9 +122,10 @@ fn health(run: &mut Run, heard: &Observations) {
     if last.health == TwinStatus::HEALTH_ERROR {
         run.diverged = Some(last.reasons.join("; "));
     }
-    let number = |key: &str| heard.diagnostics.get(key).and_then(|v| v.parse::<f64>().ok()).unwrap_or(0.0);
-    run.build_s = number("build (s)");
-    run.wall_s = number("stepping in all (s)");
+    let number = |key: &str| heard.diagnostics.get(key).and_then(|v| v.parse::<f64>().ok());
+    run.build_s = number("build (s)").unwrap_or(0.0);
+    run.wall_s = number("stepping in all (s)").unwrap_or(0.0);
+    run.effective_radius_m = number("effective radius (m)");
 }
 
 fn tissue(run: &mut Run, model: &TissueModel, heard: &Observations, origin_ns: i64) {

@@ -232,6 +232,7 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
         values.push(value("nodes", model.nodes));
         values.push(value("integration points", model.integration_points));
         values.push(value("build (s)", format!("{:.3}", model.build.as_secs_f64())));
+        values.extend(model.effective_radius.map(|r| value("effective radius (m)", format!("{r:.6e}"))));
     }
     values
 }
