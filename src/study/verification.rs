@@ -117,7 +117,7 @@ impl Verification {
             preset,
             compared: compared.collect(),
             asked: table.len(),
-            displacement_error: displacement_error(&run, height),
+            displacement_error: (preset == "indentation").then(|| displacement_error(&run, height)).flatten(),
             run,
         })
     }
