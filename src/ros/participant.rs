@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::{
-    Client, Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
+    Client, Context, Message, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
     ServiceMapping, ServiceTypeName, Subscription, WriteError,
 };
 
@@ -20,6 +20,10 @@ use super::graph::{EndpointRecord, Graph};
 use super::messages::RosMessage;
 use super::names::{self, Endpoint, NameError, Names};
 use super::qos::{self, Side};
+use super::recorder::{Recorder, Recording, Tap};
+use super::service::{Mapping, Service};
+use super::start::NodeError;
+use crate::bag::{self, Schema};
 
 /// Why a node can't be put on the network.
 #[derive(Debug, thiserror::Error)]
@@ -59,9 +63,10 @@ pub struct Participant {
     node: Node,
     context: Context,
     names: Names,
-    mapping: ServiceMapping,
+    mapping: Mapping,
     overrides: Vec<(ParameterOverride, bool)>,
     records: Vec<EndpointRecord>,
+    recorder: Option<Recorder>,
 }
 
 impl Participant {
@@ -96,7 +101,20 @@ impl Participant {
             .filter(|o| qos::parse_override_name(&o.name).is_some())
             .map(|o| (o.clone(), false))
             .collect();
-        Ok(Self { node, context, names, mapping: environment.mapping, overrides, records: Vec::new() })
+        Ok(Self { node, context, names, mapping: Mapping::OfCaller(environment.mapping), overrides, records: Vec::new(), recorder: None })
+    }
+
+    /// Records what the endpoints that are made from now on hear and say.
+    pub(super) fn record(&mut self, recorder: Option<Recorder>) {
+        self.recorder = recorder;
+    }
+
+    /// Starts the recording, if there is one; after all endpoints are made.
+    ///
+    /// # Errors
+    /// [`NodeError`] if it can't be started.
+    pub(super) fn start_recording(&mut self) -> Result<Option<Recording>, NodeError> {
+        self.recorder.take().map(Recorder::start).transpose()
     }
 
     /// Names and remapping of the node.
@@ -112,7 +130,7 @@ impl Participant {
     }
 
     /// Changes how services are mapped to DDS; before the first service is made.
-    pub fn set_mapping(&mut self, mapping: ServiceMapping) {
+    pub fn set_mapping(&mut self, mapping: Mapping) {
         self.mapping = mapping;
     }
 
@@ -121,10 +139,10 @@ impl Participant {
     /// # Errors
     /// [`ParticipantError`].
     pub fn publisher<M: RosMessage>(&mut self, name: &str, profile: QosProfile) -> Result<Output<M>, ParticipantError> {
-        self.publisher_of(name, MessageTypeName::new(M::PACKAGE, M::NAME), profile)
+        self.publisher_of(name, MessageTypeName::new(M::PACKAGE, M::NAME), bag::schema(M::TYPE).as_ref(), profile)
     }
 
-    /// Makes a publisher with a type name that is known only at run time.
+    /// Makes a publisher with a type name that is known only at run time; without a schema it is not recorded.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -132,6 +150,7 @@ impl Participant {
         &mut self,
         name: &str,
         type_name: MessageTypeName,
+        schema: Option<&Schema>,
         profile: QosProfile,
     ) -> Result<Output<M>, ParticipantError> {
         let (topic, profile) = self.resolve(name, Side::Publisher, profile)?;
@@ -139,7 +158,8 @@ impl Participant {
         let publisher =
             self.node.create_publisher::<M>(&handle, None).map_err(|e| middleware(&*topic)(e.to_string()))?;
         let matched = self.record(Side::Publisher, publisher.guid(), &topic, &type_name, &profile);
-        Ok(Output { publisher, matched, topic, failed: AtomicU64::new(0) })
+        let tap = self.tap(name, &topic, schema, &profile)?;
+        Ok(Output { publisher, matched, topic, failed: AtomicU64::new(0), tap })
     }
 
     /// Makes a subscription to `name` (as the program calls it).
@@ -157,7 +177,19 @@ impl Participant {
         let subscription =
             self.node.create_subscription::<M>(&handle, None).map_err(|e| middleware(&*topic)(e.to_string()))?;
         let matched = self.record(Side::Subscription, subscription.guid(), &topic, &type_name, &profile);
-        Ok(Input { subscription, matched, topic, type_name: M::TYPE, qos: qos::describe(&profile) })
+        let tap = self.tap(name, &topic, bag::schema(M::TYPE).as_ref(), &profile)?;
+        Ok(Input { subscription, matched, topic, type_name: M::TYPE, qos: qos::describe(&profile), tap })
+    }
+
+    fn tap(
+        &mut self,
+        name: &str,
+        topic: &str,
+        schema: Option<&Schema>,
+        profile: &QosProfile,
+    ) -> Result<Option<Tap>, ParticipantError> {
+        let Some(recorder) = &mut self.recorder else { return Ok(None) };
+        recorder.tap(name, topic, schema, profile).map_err(|e| middleware(topic)(e.to_string()))
     }
 
     /// Makes a service server of `name` (as the program calls it).
@@ -169,17 +201,19 @@ impl Participant {
         name: &str,
         package: &str,
         type_name: &str,
-    ) -> Result<Server<Request, Response>, ParticipantError>
+    ) -> Result<Service<Request, Response>, ParticipantError>
     where
-        Request: Message + Clone + 'static,
-        Response: Message + 'static,
+        Request: Message + serde::de::DeserializeOwned,
+        Response: Message + serde::Serialize,
     {
         let service = self.names.resolve(name, Endpoint::Service)?;
         let dds_name = Name::parse(&service).map_err(|e| middleware(&*service)(e.to_string()))?;
         let type_name = ServiceTypeName::new(package, type_name);
-        self.node
-            .create_server(self.mapping, &dds_name, &type_name, qos::service(), qos::service())
-            .map_err(|e| middleware(service)(e.to_string()))
+        let server = self
+            .node
+            .create_server(ServiceMapping::Enhanced, &dds_name, &type_name, qos::service(), qos::service())
+            .map_err(|e| middleware(&*service)(e.to_string()))?;
+        Ok(Service::new(server, self.mapping, service))
     }
 
     /// Makes a service client of `name` (as the program calls it).
@@ -199,8 +233,9 @@ impl Participant {
         let service = self.names.resolve(name, Endpoint::Service)?;
         let dds_name = Name::parse(&service).map_err(|e| middleware(&*service)(e.to_string()))?;
         let type_name = ServiceTypeName::new(package, type_name);
+        let (Mapping::OfCaller(mapping) | Mapping::Fixed(mapping)) = self.mapping;
         self.node
-            .create_client(self.mapping, &dds_name, &type_name, qos::service(), qos::service())
+            .create_client(mapping, &dds_name, &type_name, qos::service(), qos::service())
             .map_err(|e| middleware(service)(e.to_string()))
     }
 
@@ -284,13 +319,14 @@ pub struct Output<M: serde::Serialize> {
     matched: Arc<AtomicUsize>,
     topic: String,
     failed: AtomicU64,
+    tap: Option<Tap>,
 }
 
 impl<M: serde::Serialize> Output<M> {
-    /// Whether anyone listens.
+    /// Whether anyone listens; the node's own recording does.
     #[must_use]
     pub fn is_wanted(&self) -> bool {
-        self.subscribers() > 0
+        self.tap.is_some() || self.subscribers() > 0
     }
 
     /// How many listen.
@@ -313,6 +349,9 @@ impl<M: serde::Serialize> Output<M> {
 
     /// Publishes; never waits for a reader. False if the middleware did not take it (counted).
     pub fn send(&self, message: M) -> bool {
+        if let Some(tap) = &self.tap {
+            tap.said(&message);
+        }
         match self.publisher.publish(message) {
             Ok(()) => true,
             Err(error) => {
@@ -343,6 +382,7 @@ pub struct Input<M> {
     topic: String,
     type_name: &'static str,
     qos: String,
+    tap: Option<Tap>,
 }
 
 impl<M: RosMessage + 'static> Input<M> {
@@ -371,12 +411,7 @@ impl<M: RosMessage + 'static> Input<M> {
 
     /// Next message that has arrived. One that can't be decoded is reported and skipped.
     pub fn take(&self) -> Option<M> {
-        loop {
-            match self.subscription.take() {
-                Ok(next) => return next.map(|(message, _)| message),
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
-            }
-        }
+        self.take_timed().map(|(message, _)| message)
     }
 
     /// Next message that has arrived, with the wall times at which it was received and sent, ns since 1970.
@@ -385,15 +420,23 @@ impl<M: RosMessage + 'static> Input<M> {
             match self.subscription.take() {
                 Ok(next) => {
                     return next.map(|(message, info)| {
-                        let received =
-                            info.received_timestamp().map_or_else(super::clock::wall_nanos, |t| t.to_nanos());
-                        let sent = info.source_timestamp().map_or(received, |t| t.to_nanos());
-                        (message, [received, sent])
+                        let times = self.note(&message, &info);
+                        (message, times)
                     });
                 }
                 Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
             }
         }
+    }
+
+    /// When a message was received and sent, ns since 1970; the recording gets it.
+    fn note(&self, message: &M, info: &MessageInfo) -> [i64; 2] {
+        let received = info.received_timestamp().map_or_else(super::clock::wall_nanos, |t| t.to_nanos());
+        let sent = info.source_timestamp().map_or(received, |t| t.to_nanos());
+        if let Some(tap) = &self.tap {
+            tap.heard(message, [received, sent]);
+        }
+        [received, sent]
     }
 
     /// How many publish.
@@ -406,7 +449,10 @@ impl<M: RosMessage + 'static> Input<M> {
     pub async fn next(&self) -> M {
         loop {
             match self.subscription.async_take().await {
-                Ok((message, _)) => return message,
+                Ok((message, info)) => {
+                    self.note(&message, &info);
+                    return message;
+                }
                 Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
             }
         }

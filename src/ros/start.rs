@@ -11,6 +11,7 @@ use super::logging::{self, Record};
 use super::names::{NameError, Names};
 use super::parameters::{Declaration, ParameterError, Range};
 use super::participant::ParticipantError;
+use super::service::Mapping;
 use ros2_client::ParameterValue;
 
 /// Exit code of a success.
@@ -108,16 +109,16 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
 
 impl Start {
     /// Says once what is exposed to whom.
-    pub fn announce(&self, mapping: ServiceMapping) {
+    pub fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
             Reach::Localhost => "this machine only",
             Reach::Subnet => "every network of this machine",
         };
         tracing::info!(
-            "{} on domain {}, heard by {reach}, services as {} has them",
+            "{} on domain {}, heard by {reach}, services as {}",
             self.names.fully_qualified(),
             self.environment.domain,
-            if mapping == ServiceMapping::Cyclone { "rmw_cyclonedds_cpp" } else { "rmw_fastrtps_cpp" },
+            mapping.describe(),
         );
     }
 }
@@ -136,8 +137,8 @@ pub fn common_declarations() -> Vec<Declaration> {
             "service_mapping",
             ParameterValue::String("auto".to_owned()),
             Range::Any,
-            "How services are mapped to DDS: auto follows RMW_IMPLEMENTATION, enhanced is rmw_fastrtps_cpp, cyclone \
-             is rmw_cyclonedds_cpp.",
+            "How services are mapped to DDS: auto answers each caller in its own manner, enhanced is \
+             rmw_fastrtps_cpp's for all, cyclone rmw_cyclonedds_cpp's.",
         )
         .checked("one of auto, enhanced, cyclone", |value| match value {
             ParameterValue::String(v) if ["auto", "enhanced", "cyclone"].contains(&v.as_str()) => Ok(()),
@@ -149,11 +150,11 @@ pub fn common_declarations() -> Vec<Declaration> {
 
 /// The mapping that the parameter asks for.
 #[must_use]
-pub fn mapping(word: &str, environment: &Environment) -> ServiceMapping {
+pub fn mapping(word: &str, environment: &Environment) -> Mapping {
     match word {
-        "enhanced" => ServiceMapping::Enhanced,
-        "cyclone" => ServiceMapping::Cyclone,
-        _ => environment.mapping,
+        "enhanced" => Mapping::Fixed(ServiceMapping::Enhanced),
+        "cyclone" => Mapping::Fixed(ServiceMapping::Cyclone),
+        _ => Mapping::OfCaller(environment.mapping),
     }
 }
 

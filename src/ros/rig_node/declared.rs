@@ -4,6 +4,7 @@ use ros2_client::ParameterValue as P;
 
 use crate::rig::{DriverLimits, PlayOptions};
 use crate::ros::parameters::{Declaration, Parameters, Range};
+use crate::ros::recorder;
 use crate::ros::start::common_declarations;
 
 pub(super) fn declarations() -> Vec<Declaration> {
@@ -14,6 +15,7 @@ pub(super) fn declarations() -> Vec<Declaration> {
     let string =
         |name, default: &str, text| Declaration::new(name, P::String(default.to_owned()), Range::Any, text).fixed();
     let mut all = common_declarations();
+    all.extend(recorder::declarations());
     all.extend([
         string("mode", "player", "player: plays a bag; driver: moves a needle to where servo_jp says.").checked(
             "one of player, driver",

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
-use ros2_client::{NodeLoggingHandle, Server};
+use ros2_client::NodeLoggingHandle;
 
 use super::playback::Command;
 use crate::ros::clock::NodeClock;
@@ -13,10 +13,11 @@ use crate::ros::logging::Record;
 use crate::ros::messages::rosbag2_interfaces::{
     BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, SeekRequest, SetRateRequest, Success,
 };
-use crate::ros::parameter_services::{ParameterServices, answer};
+use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Participant, ParticipantError};
 use crate::ros::rosout;
+use crate::ros::service::Service;
 
 const TICK: Duration = Duration::from_millis(10);
 /// Longest wait for the playback thread.
@@ -24,16 +25,16 @@ const PATIENCE: Duration = Duration::from_millis(500);
 const PACKAGE: &str = "rosbag2_interfaces";
 
 struct PlayerServices {
-    pause: Server<Empty, Empty>,
-    resume: Server<Empty, Empty>,
-    toggle: Server<Empty, Empty>,
-    is_paused: Server<Empty, IsPausedResponse>,
-    get_rate: Server<Empty, GetRateResponse>,
-    set_rate: Server<SetRateRequest, Success>,
-    seek: Server<SeekRequest, Success>,
-    play_next: Server<Empty, Success>,
-    burst: Server<BurstRequest, BurstResponse>,
-    stop: Server<Empty, Empty>,
+    pause: Service<Empty, Empty>,
+    resume: Service<Empty, Empty>,
+    toggle: Service<Empty, Empty>,
+    is_paused: Service<Empty, IsPausedResponse>,
+    get_rate: Service<Empty, GetRateResponse>,
+    set_rate: Service<SetRateRequest, Success>,
+    seek: Service<SeekRequest, Success>,
+    play_next: Service<Empty, Success>,
+    burst: Service<BurstRequest, BurstResponse>,
+    stop: Service<Empty, Empty>,
 }
 
 impl PlayerServices {
@@ -58,16 +59,16 @@ impl PlayerServices {
             let _ = commands.send(command);
             Empty::default()
         };
-        answer(&self.pause, |_| tell(Command::SetPaused(true)));
-        answer(&self.resume, |_| tell(Command::SetPaused(false)));
-        answer(&self.toggle, |_| tell(Command::Toggle));
-        answer(&self.stop, |_| tell(Command::Stop));
-        answer(&self.is_paused, |_| IsPausedResponse { paused: ask(commands, Command::State).is_none_or(|s| s.0) });
-        answer(&self.get_rate, |_| GetRateResponse { rate: ask(commands, Command::State).map_or(0.0, |s| s.1) });
-        answer(&self.set_rate, |q| success(ask(commands, |reply| Command::SetRate(q.rate, reply))));
-        answer(&self.seek, |q| success(ask(commands, |reply| Command::Seek(q.time.nanos(), reply))));
-        answer(&self.play_next, |_| success(ask(commands, Command::PlayNext)));
-        answer(&self.burst, |q| BurstResponse {
+        self.pause.answer(|_| tell(Command::SetPaused(true)));
+        self.resume.answer(|_| tell(Command::SetPaused(false)));
+        self.toggle.answer(|_| tell(Command::Toggle));
+        self.stop.answer(|_| tell(Command::Stop));
+        self.is_paused.answer(|_| IsPausedResponse { paused: ask(commands, Command::State).is_none_or(|s| s.0) });
+        self.get_rate.answer(|_| GetRateResponse { rate: ask(commands, Command::State).map_or(0.0, |s| s.1) });
+        self.set_rate.answer(|q| success(ask(commands, |reply| Command::SetRate(q.rate, reply))));
+        self.seek.answer(|q| success(ask(commands, |reply| Command::Seek(q.time.nanos(), reply))));
+        self.play_next.answer(|_| success(ask(commands, Command::PlayNext)));
+        self.burst.answer(|q| BurstResponse {
             actually_burst: ask(commands, |reply| Command::Burst(q.num_messages, reply)).unwrap_or(0),
         });
     }

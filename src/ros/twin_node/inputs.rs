@@ -179,13 +179,17 @@ impl<'a> Intake<'a> {
 
     #[allow(clippy::cast_precision_loss)] // an age, shown to people
     fn accept(&mut self, source: &'static str, stamp: Time, place: Where) {
+        if !self.shared.is_active() {
+            return;
+        }
         let received = Instant::now();
         let settings = self.shared.settings();
         if !self.owns(source, received, settings.input_timeout_s) {
             return;
         }
         let nanos = self.stamp(source, stamp);
-        let age_s = self.shared.clock.now_nanos().map_or(0.0, |now| (now - nanos) as f64 * 1e-9);
+        let now = self.shared.clock.now_nanos();
+        let age_s = now.map_or(0.0, |now| (now - nanos) as f64 * 1e-9);
         if age_s < -FUTURE_S {
             return self.reject(Reject::Future, || {
                 format!(
@@ -213,7 +217,7 @@ impl<'a> Intake<'a> {
         self.last_stamp = Some(nanos);
         let pose = PoseInput { stamp: Time::from_nanos(nanos), received, place };
         let handoff = self.inbox.put_pose(pose);
-        self.shared.lock().pose(handoff, age_s);
+        self.shared.lock().pose(handoff, age_s, now);
     }
 
     /// One topic at a time: two sensors of the same needle would make it jump.
@@ -252,7 +256,11 @@ impl<'a> Intake<'a> {
         let tick = clock.tick(time);
         self.shared.lock().last_clock = Some(Instant::now());
         match tick {
-            Tick::Back(nanos) if clock.is_simulated() => self.jump_back(nanos as f64 * 1e-9),
+            Tick::Back(nanos) if clock.is_simulated() => {
+                // It came in a time that has not been yet.
+                self.shared.lock().last_pose = None;
+                self.jump_back(nanos as f64 * 1e-9);
+            }
             Tick::Started if clock.is_simulated() => tracing::info!("simulated time has started"),
             _ => {}
         }
@@ -281,7 +289,9 @@ mod tests {
 
     fn shared() -> Shared {
         let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
-        Shared::new(Settings::of(&parameters), NodeClock::new(false))
+        let shared = Shared::new(Settings::of(&parameters), NodeClock::new(false));
+        shared.set_state(crate::ros::lifecycle::State::Active);
+        shared
     }
 
     fn joint(sec: i32, nanosec: u32, names: &[&str], positions: &[f64]) -> JointState {

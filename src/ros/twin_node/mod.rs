@@ -41,9 +41,10 @@ use super::messages::needle_twin::TissueModel;
 use super::parameters::Parameters;
 use super::participant::{Output, Participant};
 use super::qos;
+use super::recorder::{Recorder, Recording};
 use super::scene_parameters;
 use super::signals::Signals;
-use super::start::{self, FAILURE, NodeError, SUCCESS, Start};
+use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
 use crate::scene::Scene;
 use ros2_client::ParameterValue;
@@ -59,7 +60,7 @@ const EVENTS: usize = 8192;
     after_help = "ROS arguments: --ros-args [-r from:=to] [-r __ns:=/ns] [-r __node:=name] [-p name:=value]\n    \
                   [--params-file FILE] [--log-level LEVEL] [--]\n\
                   Parameters: `ros2 param list`, or --ros-args -p ...; scene keys by their dotted path.\n\
-                  Exit codes: 0 stopped, 1 failure, 2 wrong usage."
+                  Exit codes: 0 stopped, 1 failure, 2 wrong usage, 3 stopped, but the recording has losses."
 )]
 struct Cli {
     /// Name of a preset or path of a scene file (also the parameter `scene`).
@@ -133,6 +134,7 @@ fn configure(start: &Start) -> Result<(Scene, Arc<Parameters>), NodeError> {
 }
 
 struct Node {
+    recording: Option<Recording>,
     participant: Participant,
     inputs: Inputs,
     force: ForceOutputs,
@@ -150,6 +152,7 @@ impl Node {
             Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
         let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
         participant.set_mapping(mapping);
+        participant.record(Recorder::create(parameters)?);
         let clock = NodeClock::new(parameters.boolean("use_sim_time"));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
         let inputs = Inputs::new(&mut participant)?;
@@ -161,13 +164,14 @@ impl Node {
             tracing::warn!("`{unused}` names no topic of this node");
         }
         start.announce(mapping);
-        Ok(Self { participant, inputs, force, tissue, model, housekeeping, shared })
+        let recording = participant.start_recording()?;
+        Ok(Self { recording, participant, inputs, force, tissue, model, housekeeping, shared })
     }
 
     fn run(self, start: Start, scene: Scene, parameters: Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
-        let frame_id = parameters.string("frame_id");
+        let (frame_id, autostart) = (parameters.string("frame_id"), parameters.boolean("autostart"));
         set_threads(parameters.integer("threads"))?;
-        let Self { participant, inputs, force, tissue, model: model_output, housekeeping, shared } = self;
+        let Self { recording, participant, inputs, force, tissue, model: model_output, housekeeping, shared } = self;
         let inbox = Arc::new(Inbox::default());
         let (event_sender, events) = crossbeam_channel::bounded(EVENTS);
         let (snapshot_sender, snapshots) = crossbeam_channel::bounded(2);
@@ -214,8 +218,12 @@ impl Node {
             match next_model(&built) {
                 Some(Ok(model)) => {
                     let model: Arc<Model> = Arc::from(model);
-                    publish_model(&model_output, &model, &shared, &frame_id);
-                    let _ = model_sender.send(Arc::clone(&model));
+                    let first = tissue_thread.is_none();
+                    publish_model(&model_output, &model, &shared, &frame_id, first);
+                    let _ = model_sender.send(Some(Arc::clone(&model)));
+                    if !first {
+                        continue;
+                    }
                     let (tissue, shared, inbox, frame, snapshots) = (
                         Arc::clone(&tissue),
                         Arc::clone(&shared),
@@ -227,7 +235,11 @@ impl Node {
                         tissue::run(&tissue, &model, &frame, &shared, &inbox, &snapshots)
                     })?);
                 }
-                Some(Err(reason)) => break Err(NodeError::Other(reason)),
+                Some(Err(reason)) if autostart => break Err(NodeError::Other(reason)),
+                Some(Err(reason)) => {
+                    tracing::error!("the model can't be built: {reason}");
+                    let _ = model_sender.send(None);
+                }
                 None if solver.is_finished() || force_thread.is_finished() => {
                     break Err(NodeError::Other("a thread of the node has ended unexpectedly".to_owned()));
                 }
@@ -248,7 +260,8 @@ impl Node {
         // Endpoints before the node, the node before the participant: peers see the node leave at once.
         drop((force, tissue, model_output));
         drop(participant);
-        outcome
+        let lost = recording.map_or(0, Recording::finish);
+        outcome.map(|code| if lost > 0 { LOSSES } else { code })
     }
 }
 
@@ -257,7 +270,8 @@ fn next_model(built: &Receiver<Built>) -> Option<Built> {
     built.try_recv().ok()
 }
 
-fn publish_model(output: &Output<TissueModel>, model: &Model, shared: &Shared, frame_id: &str) {
+/// The same scene gives the same model: built once more, it is not published once more.
+fn publish_model(output: &Output<TissueModel>, model: &Model, shared: &Shared, frame_id: &str, first: bool) {
     tracing::info!(
         "scene {}: {} nodes, {} integration points, built in {:.2} s",
         model.scene,
@@ -265,8 +279,9 @@ fn publish_model(output: &Output<TissueModel>, model: &Model, shared: &Shared, f
         model.integration_points,
         model.build.as_secs_f64()
     );
-    output.send(model.message(shared.clock.stamp(), frame_id));
-    shared.lock().built = true;
+    if first {
+        output.send(model.message(shared.clock.stamp(), frame_id));
+    }
 }
 
 fn set_threads(threads: i64) -> Result<(), NodeError> {
