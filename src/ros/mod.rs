@@ -5,6 +5,7 @@
 
 pub mod arguments;
 pub mod clock;
+mod endpoint;
 pub mod environment;
 mod graph;
 pub mod lifecycle;

@@ -6,15 +6,16 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize};
 
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::{
-    Client, Context, Message, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
-    ServiceMapping, ServiceTypeName, Subscription, WriteError,
+    Client, Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
+    ServiceMapping, ServiceTypeName,
 };
 
 use super::arguments::ParameterOverride;
+pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
 use super::graph::{EndpointRecord, Graph};
 use super::messages::RosMessage;
@@ -101,11 +102,19 @@ impl Participant {
             .filter(|o| qos::parse_override_name(&o.name).is_some())
             .map(|o| (o.clone(), false))
             .collect();
-        Ok(Self { node, context, names, mapping: Mapping::OfCaller(environment.mapping), overrides, records: Vec::new(), recorder: None })
+        Ok(Self {
+            node,
+            context,
+            names,
+            mapping: Mapping::OfCaller(environment.mapping),
+            overrides,
+            records: Vec::new(),
+            recorder: None,
+        })
     }
 
     /// Records what the endpoints that are made from now on hear and say.
-    pub(super) fn record(&mut self, recorder: Option<Recorder>) {
+    pub(super) fn set_recorder(&mut self, recorder: Option<Recorder>) {
         self.recorder = recorder;
     }
 
@@ -310,171 +319,5 @@ impl Participant {
     #[must_use]
     pub fn graph(&mut self) -> Graph {
         Graph::new(&self.context.domain_participant(), std::mem::take(&mut self.records))
-    }
-}
-
-/// A publisher that knows how many subscriptions it has.
-pub struct Output<M: serde::Serialize> {
-    publisher: Publisher<M>,
-    matched: Arc<AtomicUsize>,
-    topic: String,
-    failed: AtomicU64,
-    tap: Option<Tap>,
-}
-
-impl<M: serde::Serialize> Output<M> {
-    /// Whether anyone listens; the node's own recording does.
-    #[must_use]
-    pub fn is_wanted(&self) -> bool {
-        self.tap.is_some() || self.subscribers() > 0
-    }
-
-    /// How many listen.
-    #[must_use]
-    pub fn subscribers(&self) -> usize {
-        self.matched.load(Ordering::Relaxed)
-    }
-
-    /// Fully qualified name.
-    #[must_use]
-    pub fn topic(&self) -> &str {
-        &self.topic
-    }
-
-    /// Messages that the middleware did not take, because a reliable reader is behind.
-    #[must_use]
-    pub fn failed(&self) -> u64 {
-        self.failed.load(Ordering::Relaxed)
-    }
-
-    /// Publishes; never waits for a reader. False if the middleware did not take it (counted).
-    pub fn send(&self, message: M) -> bool {
-        if let Some(tap) = &self.tap {
-            tap.said(&message);
-        }
-        match self.publisher.publish(message) {
-            Ok(()) => true,
-            Err(error) => {
-                let before = self.failed.fetch_add(1, Ordering::Relaxed);
-                // WouldBlock is a slow reader, which the status counts; anything else is said the first time.
-                if !matches!(error, WriteError::WouldBlock { .. }) && before == 0 {
-                    tracing::error!("`{}` could not be published: {}", self.topic, kind(&error));
-                }
-                false
-            }
-        }
-    }
-}
-
-fn kind<M>(error: &WriteError<M>) -> &'static str {
-    match error {
-        WriteError::Serialization { .. } => "it can't be written as CDR",
-        WriteError::WouldBlock { .. } => "a reader is behind",
-        WriteError::Io(_) => "the socket failed",
-        _ => "the middleware failed",
-    }
-}
-
-/// A subscription that knows how many publishers it has.
-pub struct Input<M> {
-    subscription: Subscription<M>,
-    matched: Arc<AtomicUsize>,
-    topic: String,
-    type_name: &'static str,
-    qos: String,
-    tap: Option<Tap>,
-}
-
-impl<M: RosMessage + 'static> Input<M> {
-    /// The subscription.
-    #[must_use]
-    pub fn subscription(&self) -> &Subscription<M> {
-        &self.subscription
-    }
-
-    /// What it listens to and what it has found, for people.
-    #[must_use]
-    pub fn wish(&self) -> Wish {
-        Wish {
-            topic: self.topic.clone(),
-            type_name: self.type_name,
-            qos: self.qos.clone(),
-            matched: Arc::clone(&self.matched),
-        }
-    }
-
-    /// Fully qualified name.
-    #[must_use]
-    pub fn topic(&self) -> &str {
-        &self.topic
-    }
-
-    /// Next message that has arrived. One that can't be decoded is reported and skipped.
-    pub fn take(&self) -> Option<M> {
-        self.take_timed().map(|(message, _)| message)
-    }
-
-    /// Next message that has arrived, with the wall times at which it was received and sent, ns since 1970.
-    pub fn take_timed(&self) -> Option<(M, [i64; 2])> {
-        loop {
-            match self.subscription.take() {
-                Ok(next) => {
-                    return next.map(|(message, info)| {
-                        let times = self.note(&message, &info);
-                        (message, times)
-                    });
-                }
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
-            }
-        }
-    }
-
-    /// When a message was received and sent, ns since 1970; the recording gets it.
-    fn note(&self, message: &M, info: &MessageInfo) -> [i64; 2] {
-        let received = info.received_timestamp().map_or_else(super::clock::wall_nanos, |t| t.to_nanos());
-        let sent = info.source_timestamp().map_or(received, |t| t.to_nanos());
-        if let Some(tap) = &self.tap {
-            tap.heard(message, [received, sent]);
-        }
-        [received, sent]
-    }
-
-    /// How many publish.
-    #[must_use]
-    pub fn publishers(&self) -> usize {
-        self.matched.load(Ordering::Relaxed)
-    }
-
-    /// Waits for the next message. One that can't be decoded is reported and skipped.
-    pub async fn next(&self) -> M {
-        loop {
-            match self.subscription.async_take().await {
-                Ok((message, info)) => {
-                    self.note(&message, &info);
-                    return message;
-                }
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
-            }
-        }
-    }
-}
-
-/// What an input listens to.
-#[derive(Clone, Debug)]
-pub struct Wish {
-    /// Fully qualified name.
-    pub topic: String,
-    /// `sensor_msgs/msg/JointState`.
-    pub type_name: &'static str,
-    /// QoS in words.
-    pub qos: String,
-    matched: Arc<AtomicUsize>,
-}
-
-impl Wish {
-    /// Publishers that are matched.
-    #[must_use]
-    pub fn publishers(&self) -> usize {
-        self.matched.load(Ordering::Relaxed)
     }
 }

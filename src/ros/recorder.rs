@@ -87,15 +87,16 @@ impl Tap {
     fn put<M: Serialize>(&self, message: &M, log: i64, publish: i64) {
         let ns = |t: i64| u64::try_from(t).unwrap_or(0);
         let room = self.backlog.bytes.load(Ordering::Relaxed) < WAITING_BYTES;
-        let taken = room && to_cdr(message).is_ok_and(|bytes| {
-            // Counted before the other side can count it off.
-            let size = bytes.len();
-            self.backlog.bytes.fetch_add(size, Ordering::Relaxed);
-            let entry = Entry::Message { topic: self.topic, log_ns: ns(log), publish_ns: ns(publish), bytes };
-            let sent = self.sender.try_send(entry).is_ok();
-            self.backlog.bytes.fetch_sub(if sent { 0 } else { size }, Ordering::Relaxed);
-            sent
-        });
+        let taken = room
+            && to_cdr(message).is_ok_and(|bytes| {
+                // Counted before the other side can count it off.
+                let size = bytes.len();
+                self.backlog.bytes.fetch_add(size, Ordering::Relaxed);
+                let entry = Entry::Message { topic: self.topic, log_ns: ns(log), publish_ns: ns(publish), bytes };
+                let sent = self.sender.try_send(entry).is_ok();
+                self.backlog.bytes.fetch_sub(if sent { 0 } else { size }, Ordering::Relaxed);
+                sent
+            });
         if !taken {
             self.backlog.lost.fetch_add(1, Ordering::Relaxed);
         }

@@ -48,6 +48,9 @@ pub enum NodeError {
     /// The scene's file.
     #[error(transparent)]
     SceneFile(Box<crate::cli::CliError>),
+    /// A recording is not what the parameters say of it.
+    #[error(transparent)]
+    Foreign(#[from] crate::rig::ForeignError),
     /// Anything else, said in full.
     #[error("{0}")]
     Other(String),
@@ -69,7 +72,7 @@ impl NodeError {
         match self {
             Self::Argument(_) | Self::Environment(_) | Self::Name(_) | Self::Parameter(_) | Self::Usage(_) => USAGE,
             Self::Participant(ParticipantError::Name(_) | ParticipantError::Qos { .. }) => USAGE,
-            Self::Participant(_) | Self::Scene(_) | Self::SceneFile(_) | Self::Other(_) => FAILURE,
+            Self::Participant(_) | Self::Scene(_) | Self::SceneFile(_) | Self::Foreign(_) | Self::Other(_) => FAILURE,
         }
     }
 }

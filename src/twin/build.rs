@@ -93,7 +93,14 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Con
             let on_top = |n: u32| cloud.faces[n as usize] & TOP != 0;
             let depth = |n: u32| if on_top(n) { 0.0 } else { top - cloud.points[n as usize][2] };
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
-            Contact::Needle(Box::new(NeedlePath::new(nodes, cloud.points.len(), *needle, *layer, watched, corners.zip(table.volume.iter().copied()))))
+            Contact::Needle(Box::new(NeedlePath::new(
+                nodes,
+                cloud.points.len(),
+                *needle,
+                *layer,
+                watched,
+                corners.zip(table.volume.iter().copied()),
+            )))
         }
     }
 }

@@ -7,11 +7,13 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 use ros2_client::NodeLoggingHandle;
 
 use super::playback::Command;
+use crate::rig::Stretch;
 use crate::ros::clock::NodeClock;
 use crate::ros::graph::Graph;
 use crate::ros::logging::Record;
 use crate::ros::messages::rosbag2_interfaces::{
-    BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, SeekRequest, SetRateRequest, Success,
+    BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
+    Success,
 };
 use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
@@ -35,6 +37,7 @@ struct PlayerServices {
     play_next: Service<Empty, Success>,
     burst: Service<BurstRequest, BurstResponse>,
     stop: Service<Empty, Empty>,
+    play: Service<PlayRequest, Success>,
 }
 
 impl PlayerServices {
@@ -50,6 +53,7 @@ impl PlayerServices {
             play_next: participant.server("~/play_next", PACKAGE, "PlayNext")?,
             burst: participant.server("~/burst", PACKAGE, "Burst")?,
             stop: participant.server("~/stop", PACKAGE, "Stop")?,
+            play: participant.server("~/play", PACKAGE, "Play")?,
         })
     }
 
@@ -68,10 +72,22 @@ impl PlayerServices {
         self.set_rate.answer(|q| success(ask(commands, |reply| Command::SetRate(q.rate, reply))));
         self.seek.answer(|q| success(ask(commands, |reply| Command::Seek(q.time.nanos(), reply))));
         self.play_next.answer(|_| success(ask(commands, Command::PlayNext)));
+        self.play.answer(|q| {
+            let (offset, stretch) = stretch(&q);
+            success(ask(commands, |reply| Command::Play(offset, stretch, reply)))
+        });
         self.burst.answer(|q| BurstResponse {
             actually_burst: ask(commands, |reply| Command::Burst(q.num_messages, reply)).unwrap_or(0),
         });
     }
+}
+
+/// Negative times mean that there is no such limit.
+fn stretch(request: &PlayRequest) -> (Duration, Stretch) {
+    let positive = |nanos: i64| u64::try_from(nanos).ok().map(Duration::from_nanos);
+    let until_ns = Some(request.playback_until_timestamp.nanos()).filter(|t| *t >= 0);
+    let stretch = Stretch { duration: positive(request.playback_duration.nanos()), until_ns };
+    (positive(request.start_offset.nanos()).unwrap_or_default(), stretch)
 }
 
 fn success(done: Option<bool>) -> Success {

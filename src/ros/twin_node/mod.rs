@@ -152,7 +152,7 @@ impl Node {
             Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
         let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
         participant.set_mapping(mapping);
-        participant.record(Recorder::create(parameters)?);
+        participant.set_recorder(Recorder::create(parameters)?);
         let clock = NodeClock::new(parameters.boolean("use_sim_time"));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
         let inputs = Inputs::new(&mut participant)?;

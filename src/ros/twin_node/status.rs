@@ -61,7 +61,10 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
         State::Configuring => judgement.add(TwinStatus::HEALTH_STALE, "the model is being built".to_owned()),
         state => judgement.add(
             TwinStatus::HEALTH_STALE,
-            format!("the node is {}: a lifecycle manager has to activate it (or start it with autostart)", state.label()),
+            format!(
+                "the node is {}: a lifecycle manager has to activate it (or start it with autostart)",
+                state.label()
+            ),
         ),
     }
     if let Some(reason) = &live.halted {
@@ -98,8 +101,7 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
     }
     if around.failed_outputs > 0 {
         let failed = around.failed_outputs;
-        judgement
-            .add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
+        judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
     }
     judgement
 }
