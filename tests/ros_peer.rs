@@ -7,26 +7,11 @@
 #[path = "common/ros.rs"]
 mod ros;
 
-use ros::{Peer, Program, free_domain};
+use ros::{Peer, Program, coarse_twin, free_domain};
 use serde_json::{Value, json};
 
-const TWIN: &str = env!("CARGO_BIN_EXE_twin_node");
-/// A plate on a sample that is coarse enough to be answered at once, whatever else the machine does.
-const COARSE: [&str; 9] = [
-    "--scene",
-    "compression",
-    "--ros-args",
-    "-p",
-    "discretisation.spacing_m:=0.005",
-    "-p",
-    "discretisation.edge_refinement:=1.0",
-    "-p",
-    "stepping.max_steps_per_pose:=20",
-];
-const CYCLONE_SERVICES: [(&str, &str); 1] = [("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
-
 fn twin(domain: u16) -> Program {
-    Program::start(TWIN, &COARSE, domain, &CYCLONE_SERVICES)
+    coarse_twin(domain, &[], &[])
 }
 
 /// Writes poses, reads forces; returns when the twin has built its model and is matched.

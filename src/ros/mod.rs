@@ -14,7 +14,7 @@ pub mod logging;
 pub mod messages;
 pub mod names;
 pub mod observer;
-mod parameter_file;
+pub mod parameter_file;
 mod parameter_services;
 pub mod parameters;
 pub mod participant;

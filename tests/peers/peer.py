@@ -9,6 +9,7 @@ import os
 import sys
 import time
 
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
@@ -149,6 +150,36 @@ class Peer:
             if len(found) >= count or time.monotonic() >= end:
                 return {"messages": found}
             time.sleep(0.002)
+
+    def sent_times(self, topic, count, timeout=10.0):
+        """When each message was sent, ns, as the sender's DDS says it, with the message's own stamp."""
+        end = time.monotonic() + timeout
+        found = []
+        while len(found) < count and time.monotonic() < end:
+            for sample in self.readers[topic].take(N=1000):
+                if hasattr(sample, "__dataclass_fields__"):
+                    own = sample.header.stamp
+                    found.append([sample.sample_info.source_timestamp, own.sec * 1_000_000_000 + own.nanosec])
+            time.sleep(0.002)
+        return {"times": found}
+
+    def endpoints(self):
+        """Every publisher and subscription of the domain: topic, type, reliability, durability."""
+        found = []
+        for topic, side in ((BuiltinTopicDcpsPublication, "publisher"), (BuiltinTopicDcpsSubscription, "subscription")):
+            reader = BuiltinDataReader(self.participant, topic)
+            end = time.monotonic() + 2.0
+            seen = {}
+            while time.monotonic() < end:
+                for sample in reader.take(N=1000):
+                    if sample.sample_info.valid_data:
+                        seen[str(sample.key)] = sample
+                time.sleep(0.05)
+            for sample in seen.values():
+                found.append({"side": side, "topic": sample.topic_name, "type": sample.type_name,
+                              "reliable": isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable),
+                              "latched": sample.qos[Policy.Durability] == Policy.Durability.TransientLocal})
+        return {"endpoints": found}
 
     def last(self, topic, seconds=1.0):
         """The newest message after listening for so long."""

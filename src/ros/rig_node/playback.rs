@@ -76,6 +76,8 @@ pub(super) fn run(
             }
             Step::Looped => {
                 tracing::info!("the bag starts anew");
+                // Who lives in this time hears of the jump before the first message.
+                clock_due = now;
                 continue;
             }
             Step::Ended if !stay => break,
@@ -97,7 +99,10 @@ pub(super) fn run(
         match commands.recv_deadline(wake) {
             Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => break,
             Ok(Command::Stop) if !stay => break,
-            Ok(command) => playback.obey(&mut player, command),
+            Ok(command) => {
+                playback.obey(&mut player, command);
+                clock_due = Instant::now();
+            }
             Err(RecvTimeoutError::Timeout) => {}
         }
     }
