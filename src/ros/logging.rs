@@ -210,7 +210,9 @@ impl RosLayer {
         }
         // RustDDS speaks of itself at length: a loopback without multicast alone gives 30 errors per second
         // ("No locators for RtpsReaderProxy"), and leaving gives two. Neither is anything that a user can act on.
-        const NOISE: [&str; 3] = ["rustdds::rtps::writer", "rustdds::network", "rustdds::discovery"];
+        // And what goes to /rosout is said here once more by who publishes it.
+        const NOISE: [&str; 4] =
+            ["rustdds::rtps::writer", "rustdds::network", "rustdds::discovery", "ros2_client::rosout"];
         if NOISE.iter().any(|n| target.starts_with(n)) { Severity::Fatal } else { Severity::Error }
     }
 }

@@ -256,7 +256,10 @@ impl Participant {
         &mut self,
     ) -> Result<Publisher<ros2_client::parameters::raw::ParameterEvent>, ParticipantError> {
         let topic = self.context.get_parameter_events_topic();
-        self.node.create_publisher(&topic, None).map_err(|e| middleware("/parameter_events")(e.to_string()))
+        // Volatile as rclcpp's, unlike the crate's own: RustDDS would send a late joiner all old events.
+        self.node
+            .create_publisher(&topic, Some(qos::reliable(1000)))
+            .map_err(|e| middleware("/parameter_events")(e.to_string()))
     }
 
     fn resolve(

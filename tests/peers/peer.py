@@ -90,8 +90,8 @@ class Peer:
         writer.write(ros_types.from_dict(cls, value))
         return {}
 
-    def insert(self, topic, joint, poses, rate_hz, depth_m, from_m=0.0, force_topic=None, force_n=0.0, answers=None,
-               first_nanos=None):
+    def insert(self, topic, joint, poses, rate_hz, depth_m, from_m=0.0, force_topic=None, force_n=0.0, n_per_m=0.0,
+               answers=None, first_nanos=None):
         """Streams poses of an insertion in real time and notes when each answer comes. Returns the round trips."""
         writer, cls = self.writers[topic]
         begun = time.monotonic()
@@ -110,7 +110,7 @@ class Peer:
             header = {"stamp": stamp(nanos), "frame_id": ""}
             if force_topic:
                 self.publish(force_topic, {"header": {"stamp": stamp(nanos), "frame_id": "sample"},
-                                           "wrench": {"force": {"x": 0.0, "y": 0.0, "z": float(force_n)}}})
+                                           "wrench": {"force": {"x": 0.0, "y": 0.0, "z": float(force_n + n_per_m * depth)}}})
             writer.write(ros_types.from_dict(cls, {"header": header, "name": [joint], "position": [float(depth)]}))
             sent[nanos] = time.monotonic()
         end = time.monotonic() + 1.0

@@ -1,7 +1,9 @@
 //! A managed node: its manager is the independent peer.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::ros::{Peer, coarse_twin, free_domain, joint_state};
+use std::path::Path;
+
+use crate::ros::{Peer, Program, TWIN, coarse_twin, free_domain, joint_state};
 use serde_json::{Value, json};
 
 fn ask(peer: &mut Peer, what: &str, kind: &str, request: Value) -> Value {
@@ -96,13 +98,26 @@ fn a_manager_takes_the_node_through_its_life() {
 
 #[test]
 fn a_scene_that_can_not_be_built_fails_the_configuration_and_not_the_node() {
-    let domain = free_domain();
-    // Finer than any memory: refused while building.
-    let node = coarse_twin(domain, &["-p", "autostart:=false", "-p", "discretisation.spacing_m:=0.00005"], &[]);
+    let folder = tempfile::tempdir().unwrap();
+    let organ = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/meshes/organ.toml");
+    let scene = folder.path().join("organ.toml");
+    std::fs::copy(organ, &scene).unwrap();
+    std::fs::write(folder.path().join("organ.msh"), "not a mesh").unwrap();
+    let (scene, domain) = (scene.display().to_string(), free_domain());
+    let node = Program::start(TWIN, &["--scene", &scene, "--ros-args", "-p", "autostart:=false"], domain, &[]);
     let mut peer = Peer::start(domain);
     assert!(!change(&mut peer, "configure"));
     assert_eq!(state(&mut peer), "unconfigured");
     let (code, log, _) = node.stop("TERM");
     assert_eq!(code, Some(0), "{log}");
-    assert!(log.contains("can't be built"), "{log}");
+    assert!(log.contains("can't be built") && log.contains("organ.msh"), "{log}");
+
+    // With nobody to manage it, it ends with the reason.
+    let output = std::process::Command::new(TWIN)
+        .args(["--scene", &scene])
+        .env("ROS_DOMAIN_ID", free_domain().to_string())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1) && text.contains("organ.msh"), "{text}");
 }

@@ -19,17 +19,13 @@ fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
     peer.ask(json!({"op": "wait_matched", "topics": ["/measured_js"]}));
     std::thread::sleep(std::time::Duration::from_millis(500));
     let seen = peer.ask(json!({"op": "endpoints"}))["endpoints"].clone();
-    let described: BTreeMap<(String, String), String> = seen
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|e| {
-            let reliability = if e["reliable"] == true { "reliable" } else { "best_effort" };
-            let latched = if e["latched"] == true { " latched" } else { "" };
-            let key = (text(e, "side").to_owned(), text(e, "topic").to_owned());
-            (key, format!("{} {reliability}{latched}", text(e, "type")))
-        })
-        .collect();
+    let mut described: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
+    for e in seen.as_array().unwrap() {
+        let reliability = if e["reliable"] == true { "reliable" } else { "best_effort" };
+        let latched = if e["latched"] == true { " latched" } else { "" };
+        let text = format!("{} {reliability}{latched}", text(e, "type"));
+        described.entry((e["side"].as_str().unwrap(), e["topic"].as_str().unwrap())).or_default().push(text);
+    }
     let (publisher, subscription) = ("publisher", "subscription");
     for (side, topic, wanted) in [
         (subscription, "rt/measured_js", "sensor_msgs::msg::dds_::JointState_ best_effort"),
@@ -59,8 +55,8 @@ fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
         ),
         (subscription, "rq/twin/set_parametersRequest", "rcl_interfaces::srv::dds_::SetParameters_Request_ reliable"),
     ] {
-        let found = described.get(&(side.to_owned(), topic.to_owned()));
-        assert_eq!(found.map(String::as_str), Some(wanted), "{side} {topic} in {described:#?}");
+        let found = described.get(&(side, topic)).unwrap_or_else(|| panic!("{side} {topic} in {described:#?}"));
+        assert!(found.iter().any(|f| f == wanted), "{side} {topic}: {found:?}, not {wanted}");
     }
     drop(node);
 }
@@ -82,7 +78,7 @@ fn diagnostics_say_once_a_second_how_it_goes_and_a_lost_input_is_said() {
     peer.ask(json!({"op": "take", "topic": "/diagnostics", "timeout": 3.0}));
     peer.ask(json!({
         "op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 80, "rate_hz": 20.0, "depth_m": 0.0008,
-        "force_topic": "/measured_cf", "force_n": 0.25,
+        "force_topic": "/measured_cf", "force_n": 0.01, "n_per_m": 300.0,
     }));
     let arrays = peer.ask(json!({"op": "take", "topic": "/diagnostics", "timeout": 0.1}))["messages"].clone();
     let arrays = arrays.as_array().unwrap();
