@@ -29,6 +29,7 @@ pub mod signals;
 pub mod start;
 mod threads;
 pub mod twin_node;
+mod watchdog;
 
 pub use graph::Graph;
 pub use parameter_file::YamlError;

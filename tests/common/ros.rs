@@ -108,6 +108,14 @@ impl Program {
         (status, log.join().unwrap(), took)
     }
 
+    /// Exit code and log of a program that may have ended by itself; `None` if it had to be killed.
+    pub fn end(mut self) -> (Option<i32>, String) {
+        let code = self.child.try_wait().unwrap().map(|status| status.code().unwrap_or(-1));
+        let _ = self.child.kill();
+        let log = std::mem::replace(&mut self.log, std::thread::spawn(String::new));
+        (code, log.join().unwrap())
+    }
+
     fn wait(&mut self, timeout: Duration) -> Option<i32> {
         let begun = Instant::now();
         while begun.elapsed() < timeout {

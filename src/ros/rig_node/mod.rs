@@ -26,6 +26,7 @@ use super::recorder::{Recorder, Recording};
 use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
+use super::watchdog::Watchdog;
 use crate::bag::BagReader;
 use crate::rig::{Driver, Player};
 
@@ -202,7 +203,14 @@ fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Si
             let _ = done.send(playback::run(player, &outputs, &received, delay, stay));
         })?
     };
+    let mut watchdog = Watchdog::new();
+    let mut deaf = None;
     let report = loop {
+        if let Err(reason) = watchdog.check() {
+            deaf = Some(reason);
+            let _ = commands.send(Command::Quit);
+            break finished.recv().ok();
+        }
         if let Some(signal) = signals.wait(Duration::from_millis(20)) {
             tracing::info!("stopping ({signal:?})");
             let _ = commands.send(Command::Quit);
@@ -224,6 +232,9 @@ fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Si
     drop(outputs);
     drop(common.participant);
     let missing = common.recording.map_or(0, Recording::finish);
+    if let Some(reason) = deaf {
+        return Err(NodeError::Other(reason));
+    }
     let report = report.ok_or_else(|| NodeError::Other("the playback thread has ended unexpectedly".to_owned()))?;
     let code = conclude(&report);
     Ok(if missing > 0 { LOSSES } else { code })
@@ -260,13 +271,17 @@ fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Resul
             tracing::info!("published {published} positions");
         })?
     };
+    let mut watchdog = Watchdog::new();
     let failed = loop {
         if let Some(signal) = signals.wait(Duration::from_millis(50)) {
             tracing::info!("stopping ({signal:?})");
-            break false;
+            break None;
+        }
+        if let Err(reason) = watchdog.check() {
+            break Some(reason);
         }
         if thread.is_finished() {
-            break true;
+            break Some("the driver thread has ended unexpectedly".to_owned());
         }
     };
     drop(stop);
@@ -275,8 +290,8 @@ fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Resul
     join(common.thread);
     drop(common.participant);
     let missing = common.recording.map_or(0, Recording::finish);
-    if failed {
-        return Err(NodeError::Other("the driver thread has ended unexpectedly".to_owned()));
+    if let Some(reason) = failed {
+        return Err(NodeError::Other(reason));
     }
     Ok(if missing > 0 { LOSSES } else { SUCCESS })
 }

@@ -46,6 +46,7 @@ use super::scene_parameters;
 use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
+use super::watchdog::Watchdog;
 use crate::scene::Scene;
 use ros2_client::ParameterValue;
 
@@ -209,11 +210,15 @@ impl Node {
             spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?
         };
 
+        let mut watchdog = Watchdog::new();
         let mut tissue_thread = None;
         let outcome = loop {
             if let Some(signal) = signals.wait(Duration::from_millis(50)) {
                 tracing::info!("stopping ({signal:?})");
                 break Ok(SUCCESS);
+            }
+            if let Err(reason) = watchdog.check() {
+                break Err(NodeError::Other(reason));
             }
             match next_model(&built) {
                 Some(Ok(model)) => {
