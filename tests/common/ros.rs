@@ -144,12 +144,17 @@ pub struct Peer {
 
 impl Peer {
     pub fn start(domain: u16) -> Self {
+        Self::start_with(domain, CYCLONE)
+    }
+
+    /// With a configuration of its own.
+    pub fn start_with(domain: u16, configuration: &str) -> Self {
         let python = python::python();
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/peer.py");
         let mut child = Command::new(python)
             .arg(script)
             .env("ROS_DOMAIN_ID", domain.to_string())
-            .env("CYCLONEDDS_URI", CYCLONE)
+            .env("CYCLONEDDS_URI", configuration)
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
