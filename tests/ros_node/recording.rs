@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::ros::{COARSE, Peer, Program, TWIN, coarse_twin, free_domain};
-use needle_twin::bag::{BagReader, Loss, check};
+use needle_twin::bag::{BagReader, check};
 use needle_twin::ros::messages::geometry_msgs::WrenchStamped;
 use serde_json::json;
 
@@ -84,24 +84,36 @@ fn a_folder_that_is_not_empty_is_refused() {
     assert!(text.contains("record") && text.contains("exists already"), "{text}");
 }
 
-/// The system's limit on the size of a file stands for a disk that is full; `tests/bags.rs` fills a real one.
+/// A small file system of its own, where the system lets an ordinary user have one.
 #[test]
-fn a_full_disk_ends_the_recording_and_not_the_node() {
+fn a_full_disk_ends_the_recording_and_not_the_node_and_the_bag_is_closed() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run");
-    let domain = free_domain();
-    let record = format!("record:={}", path.display());
-    let mut arguments = vec!["-c", "ulimit -f 2000; exec \"$0\" \"$@\"", TWIN];
+    let script = r#"mount -t tmpfs -o size=1500k none "$1" && shift || exit 99
+        check=$1; bag=$2; shift 2
+        "$@" & twin=$!
+        trap 'kill -INT $twin' INT
+        wait $twin; wait $twin; code=$?
+        "$check" bag check "$bag" >&2 && echo "the bag is sound" >&2
+        exit $code"#;
+    let trial = ["-rm", "mount", "-t", "tmpfs", "none"];
+    let trial = std::process::Command::new("unshare").args(trial).arg(folder.path()).output();
+    if !trial.is_ok_and(|o| o.status.success()) {
+        eprintln!("not tried: this system gives no private file system (unshare -rm)");
+        return;
+    }
+    let bag = folder.path().join("run").display().to_string();
+    let record = format!("record:={bag}");
+    let place = folder.path().display().to_string();
+    let mut arguments = vec!["-rm", "sh", "-c", script, "sh", &place, env!("CARGO_BIN_EXE_needle_twin"), &bag, TWIN];
     arguments.extend(COARSE);
     arguments.extend(["-p", &record, "-p", "tissue_rate_hz:=200", "-p", "status_rate_hz:=200"]);
-    let node = Program::start("sh", &arguments, domain, &[]);
+    let domain = free_domain();
+    let node = Program::start("unshare", &arguments, domain, &[]);
     let mut peer = Peer::start(domain);
-    let answered = insert(&mut peer) + insert(&mut peer) + insert(&mut peer);
-    assert!(answered > 90, "the node goes on: {answered}");
+    let answered = insert(&mut peer) + insert(&mut peer);
+    assert!(answered > 60, "the node goes on: {answered}");
     let (code, log, _) = node.stop("INT");
     assert_eq!(code, Some(3), "{log}");
     assert_eq!(log.matches("the recording stops").count(), 1, "said once: {log}");
-    let bag = BagReader::open(&path).unwrap();
-    assert!(bag.losses().iter().all(|l| matches!(l, Loss::CutOff { .. })), "{:?}", bag.losses());
-    assert!(bag.messages().count() > 50);
+    assert!(log.contains("the bag is sound"), "{log}");
 }

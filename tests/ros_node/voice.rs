@@ -110,6 +110,21 @@ fn diagnostics_say_once_a_second_how_it_goes_and_a_lost_input_is_said() {
 }
 
 #[test]
+fn a_subscription_that_asks_for_too_much_is_told_the_remedy() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &["-p", "autostart:=false"], &[]);
+    let mut peer = Peer::start(domain);
+    peer.ask(json!({
+        "op": "subscribe", "topic": "/predicted_cf", "type": "geometry_msgs/msg/WrenchStamped", "qos": "latched",
+    }));
+    std::thread::sleep(std::time::Duration::from_millis(2500));
+    let (_, log, _) = node.stop("INT");
+    let line = log.lines().find(|l| l.contains("/predicted_cf")).unwrap_or_else(|| panic!("{log}"));
+    assert!(line.contains("WARN"), "{line}");
+    assert!(line.contains("qos_overrides./predicted_cf.publisher.durability:=transient_local"), "{line}");
+}
+
+#[test]
 fn a_node_that_was_frozen_ends_instead_of_living_on_deaf() {
     let domain = free_domain();
     let node = coarse_twin(domain, &[], &[]);
