@@ -9,7 +9,7 @@ mod ros;
 
 use std::path::Path;
 
-use needle_twin::bag::{BagWriter, Qos, WriterOptions};
+use needle_twin::bag::{BagReader, BagWriter, Qos, WriterOptions};
 use needle_twin::ros::messages::builtin_interfaces::Time;
 use needle_twin::ros::messages::sensor_msgs::JointState;
 use needle_twin::ros::messages::std_msgs::Header;
@@ -43,8 +43,11 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("not a number: {value}"))
 }
 
+/// Stamps, ns, and values.
+type Series = Vec<(i64, f64)>;
+
 /// Plays 200 samples and gives the depths and forces that come out, with their stamps.
-fn played(bag: &str, parameters: &[&str]) -> (Vec<(i64, f64)>, Vec<(i64, f64)>) {
+fn played(bag: &str, parameters: &[&str]) -> (Series, Series) {
     let domain = free_domain();
     let always = ["start_paused:=true", "rate:=4.0", "exit_at_end:=false"];
     let node = rig(domain, bag, &[&always, parameters].concat());
@@ -54,7 +57,7 @@ fn played(bag: &str, parameters: &[&str]) -> (Vec<(i64, f64)>, Vec<(i64, f64)>) 
     let matched = peer.ask(json!({"op": "wait_matched", "topics": ["/measured_js", "/measured_cf"]}));
     assert_eq!(matched["missing"], json!([]));
     call(&mut peer, "/rig", "resume", "Resume", json!({}));
-    let mut take = |topic: &str, value: &dyn Fn(&Value) -> f64| -> Vec<(i64, f64)> {
+    let mut take = |topic: &str, value: &dyn Fn(&Value) -> f64| -> Series {
         let messages =
             peer.ask(json!({"op": "take", "topic": topic, "count": 200, "timeout": 10.0}))["messages"].clone();
         messages.as_array().unwrap().iter().map(|m| (nanos(&m["header"]["stamp"]), value(m))).collect()
@@ -242,4 +245,27 @@ fn two_rigs_and_two_twins_hear_only_their_own_and_a_loop_resets() {
         assert!(log.contains("time went back"), "{log}");
         assert!(!log.contains("refused"), "a loop refuses no pose: {log}");
     }
+}
+
+#[test]
+fn a_rig_records_what_it_plays_whatever_its_type() {
+    let folder = tempfile::tempdir().unwrap();
+    ros::python::run_script("peers/foreign_bag.py", &[folder.path()]);
+    let (from, to) = (folder.path().join("ranges"), folder.path().join("copy"));
+    let record = format!("record:={}", to.display());
+    // Played to its end, it leaves by itself.
+    let node = rig(free_domain(), &from.display().to_string(), &["rate:=4.0", &record]);
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let (code, log) = node.end();
+    assert_eq!(code, Some(0), "{log}");
+    let (from, copy) = (BagReader::open(from).unwrap(), BagReader::open(&to).unwrap());
+    assert_eq!(copy.losses(), []);
+    for topic in from.topics() {
+        let same = copy.topics().iter().find(|t| t.name == topic.name).unwrap_or_else(|| panic!("{}", topic.name));
+        assert_eq!((&same.type_name, same.messages), (&topic.type_name, 200));
+        let bytes = |bag: &BagReader| bag.select(|t| t.name == topic.name).map(|m| m.data).collect::<Vec<_>>();
+        assert_eq!(bytes(&copy), bytes(&from), "{}", topic.name);
+    }
+    let read = ros::python::run_script("peers/read_bag.py", &[&to, Path::new("/ft_sensor")]);
+    assert_eq!(read.lines().count(), 200, "another reader reads it");
 }

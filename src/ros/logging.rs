@@ -106,7 +106,7 @@ pub fn install(node: &str, arguments: &LogArguments) -> Receiver<Record> {
     let (sender, receiver) = crossbeam_channel::bounded(256);
     if INSTALLED.set(()).is_ok() {
         let layer = RosLayer {
-            name: node.trim_start_matches('/').replace('/', "."),
+            name: logger_name(node),
             level: arguments.level.unwrap_or(Severity::Info),
             loggers: arguments.loggers.clone(),
             console: arguments.stdout.unwrap_or(true).then(Console::from_environment),
@@ -116,6 +116,12 @@ pub fn install(node: &str, arguments: &LogArguments) -> Receiver<Record> {
         let _ = tracing_subscriber::registry().with(layer).try_init();
     }
     receiver
+}
+
+/// `/or1/twin` as loggers are called: `or1.twin`.
+#[must_use]
+pub fn logger_name(node: &str) -> String {
+    node.trim_start_matches('/').replace('/', ".")
 }
 
 impl Console {

@@ -22,7 +22,7 @@ pub mod qos;
 mod raw;
 mod recorder;
 pub mod rig_node;
-mod rosout;
+pub mod rosout;
 mod scene_parameters;
 pub mod service;
 pub mod signals;

@@ -2,15 +2,15 @@
 
 use std::ffi::OsString;
 
-use crossbeam_channel::Receiver;
 use ros2_client::ServiceMapping;
 
 use super::arguments::{self, ArgumentError, ParameterOverride, RosArguments};
 use super::environment::{Environment, EnvironmentError, Reach};
-use super::logging::{self, Record};
+use super::logging;
 use super::names::{NameError, Names};
 use super::parameters::{Declaration, ParameterError, Range};
 use super::participant::ParticipantError;
+use super::rosout::Rosout;
 use super::service::Mapping;
 use ros2_client::ParameterValue;
 
@@ -89,7 +89,7 @@ pub struct Start {
     /// Name, namespace and remapping.
     pub names: Names,
     /// Lines for `/rosout`.
-    pub rosout: Receiver<Record>,
+    pub rosout: Rosout,
 }
 
 /// Reads command line and environment, starts the log.
@@ -100,7 +100,8 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
     let (own, ros) = arguments::split(arguments)?;
     let environment = Environment::read()?;
     let names = Names::new(default_name, &ros)?;
-    let rosout = logging::install(&names.fully_qualified(), &ros.log);
+    let node = names.fully_qualified();
+    let rosout = Rosout::new(logging::install(&node, &ros.log), logging::logger_name(&node));
     for warning in &environment.warnings {
         tracing::warn!("{warning}");
     }

@@ -10,7 +10,6 @@ use super::playback::Command;
 use crate::rig::Stretch;
 use crate::ros::clock::NodeClock;
 use crate::ros::graph::Graph;
-use crate::ros::logging::Record;
 use crate::ros::messages::rosbag2_interfaces::{
     BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
     Success,
@@ -18,7 +17,7 @@ use crate::ros::messages::rosbag2_interfaces::{
 use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Participant, ParticipantError};
-use crate::ros::rosout;
+use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
 
 const TICK: Duration = Duration::from_millis(10);
@@ -127,7 +126,7 @@ impl Housekeeping {
         clock: &NodeClock,
         commands: &Sender<Command>,
         logger: &NodeLoggingHandle,
-        lines: &Receiver<Record>,
+        rosout: &Rosout,
         stop: &Receiver<()>,
     ) {
         loop {
@@ -142,9 +141,9 @@ impl Housekeeping {
             if let Some(player) = &self.player {
                 player.serve(commands);
             }
-            rosout::publish(logger, lines);
+            rosout.publish(logger);
             if !matches!(stop.recv_timeout(TICK), Err(RecvTimeoutError::Timeout)) {
-                rosout::publish(logger, lines);
+                rosout.publish(logger);
                 return;
             }
         }

@@ -17,7 +17,6 @@ use super::tissue::{Model, TissueOutputs};
 use crate::ros::Graph;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
-use crate::ros::logging::Record;
 use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
 use crate::ros::messages::needle_twin::TwinStatus;
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
@@ -25,7 +24,7 @@ use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError, Wish};
 use crate::ros::qos;
-use crate::ros::rosout;
+use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
 
 /// Longest time between two looks at the services.
@@ -63,7 +62,7 @@ pub(super) struct Context {
     pub force: Arc<ForceOutputs>,
     pub tissue: Arc<TissueOutputs>,
     pub models: Receiver<Option<Arc<Model>>>,
-    pub rosout: Receiver<Record>,
+    pub rosout: Rosout,
     pub logger: NodeLoggingHandle,
 }
 
@@ -104,7 +103,7 @@ impl Housekeeping {
         loop {
             self.graph.poll();
             self.serve(context);
-            rosout::publish(&context.logger, &context.rosout);
+            context.rosout.publish(&context.logger);
             if let Ok(built) = context.models.try_recv() {
                 self.configured(context, built.is_some());
                 model = built.or(model);
@@ -134,7 +133,7 @@ impl Housekeeping {
                 _ => break,
             }
         }
-        rosout::publish(&context.logger, &context.rosout);
+        context.rosout.publish(&context.logger);
     }
 
     /// Answers a lifecycle manager, and makes a change of the node's own accord.

@@ -71,6 +71,7 @@ pub(super) fn run(
     let wrench = executor.spawn(async {
         loop {
             let message = inputs.wrench.next().await;
+            intake.borrow_mut().check_cell(&message.header.frame_id);
             let event = Event::Measured {
                 stamp_nanos: stamp_or_now(shared, message.header.stamp),
                 force_n: message.wrench.force.into(),
@@ -104,6 +105,7 @@ struct Intake<'a> {
     source: Option<(&'static str, Instant)>,
     warnings: BTreeMap<Reject, Throttle>,
     unstamped: Throttle,
+    cell_frame: Throttle,
 }
 
 impl<'a> Intake<'a> {
@@ -116,6 +118,7 @@ impl<'a> Intake<'a> {
             source: None,
             warnings: BTreeMap::new(),
             unstamped: Throttle::new(Duration::from_secs(60)),
+            cell_frame: Throttle::new(Duration::from_secs(60)),
         }
     }
 
@@ -154,6 +157,17 @@ impl<'a> Intake<'a> {
                 .reject(Reject::NotFinite, || format!("the position in measured_js is {depth}; check the sensor"));
         }
         self.accept("measured_js", message.header.stamp, Where::Depth(depth));
+    }
+
+    /// A load cell may call its frame as it likes; that its axes are those of the sample is then the user's word.
+    fn check_cell(&mut self, frame_id: &str) {
+        if !frame_id.is_empty() && frame_id != self.frame_id && self.cell_frame.pass().is_some() {
+            tracing::warn!(
+                "measured_cf is in frame `{frame_id}`, taken as if its axes were those of `{}`: rotate it if they are \
+                 not",
+                self.frame_id
+            );
+        }
     }
 
     fn pose_stamped(&mut self, message: &PoseStamped) {
