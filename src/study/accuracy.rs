@@ -8,8 +8,8 @@
 use std::fmt::Write as _;
 use std::time::Instant;
 
-use super::reference::{self, DISPLACEMENT_DEPTH_M, PointDisplacement};
-use crate::scene::{Override, Scene, SceneError, Target};
+use super::reference::{self, DISPLACEMENT_DEPTH_M};
+use crate::scene::{Override, Scene, SceneError};
 use crate::twin::{BuildError, Halt, StampedPose, Twin};
 
 /// Poses between two depths of the reference: near enough for the motion to be quasi-static without the rests.
@@ -20,10 +20,6 @@ const LONGEST_REST: usize = 400;
 const POSE_PERIOD_S: f64 = 0.01;
 /// Inertial error that is tolerated: small against the errors under study.
 const TOLERANCE: &str = "0.003";
-/// Directions from the axis in which each reference displacement is compared, rad.
-const AZIMUTHS: [f64; 4] = [0.3, 1.9, 3.4, 5.0];
-/// The outermost points of the reference lie outside a cylinder of chords, m.
-const OUTERMOST_M: f64 = 0.0145;
 
 /// A way to discretise: its name in the table, and the keys that make it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,7 +132,8 @@ impl Case {
         keys.extend(self.variant.keys.iter().map(|(path, value)| Override::text(path, value, "study")));
         let mut scene = preset.with(&keys)?;
         if self.compares_displacements() {
-            scene.targets = scene.sample.shape.height().map_or_else(Vec::new, |height| targets(height.get()));
+            scene.targets =
+                scene.sample.shape.height().map_or_else(Vec::new, |height| reference::targets(height.get()));
         }
         Ok(scene)
     }
@@ -178,7 +175,9 @@ impl Case {
         let work = row.steps.max(1) as f64 * row.integration_points as f64;
         row.ns_per_point = 1e9 * start.elapsed().as_secs_f64() / work;
         if self.compares_displacements() && row.ended.is_none() {
-            row.displacement_error = Some(displacement_error(&twin));
+            let mut positions = Vec::new();
+            twin.target_positions(&mut positions);
+            row.displacement_error = Some(reference::displacement_error(&positions, twin.pose_at_depth(0.0).tip[2]));
         }
         Ok(row)
     }
@@ -214,32 +213,6 @@ impl Walk<'_> {
         let answer = self.twin.step(StampedPose { time_s: POSE_PERIOD_S * self.poses as f64, pose })?;
         Ok((answer.force_n[2], answer.steps))
     }
-}
-
-fn compared() -> impl Iterator<Item = (PointDisplacement, f64)> {
-    let points = reference::indentation_displacements().into_iter().filter(|p| p.radius_m <= OUTERMOST_M);
-    points.flat_map(|p| AZIMUTHS.into_iter().map(move |a| (p, a)))
-}
-
-fn targets(height: f64) -> Vec<Target> {
-    let target = |(i, (p, a)): (usize, (PointDisplacement, f64))| Target {
-        name: format!("p{i}"),
-        position: [p.radius_m * a.cos(), p.radius_m * a.sin(), height - p.below_top_m],
-    };
-    compared().enumerate().map(target).collect()
-}
-
-/// Largest distance between predicted and reference displacement, over the depth.
-fn displacement_error(twin: &Twin) -> f64 {
-    let mut positions = Vec::new();
-    twin.target_positions(&mut positions);
-    let height = twin.pose_at_depth(0.0).tip[2];
-    let distance = |(now, (p, a)): (&[f64; 3], (PointDisplacement, f64))| {
-        let r = p.radius_m + p.radial_m;
-        let expected = [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m];
-        (0..3).map(|k| (now[k] - expected[k]).powi(2)).sum::<f64>().sqrt()
-    };
-    positions.iter().zip(compared()).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
 }
 
 impl Row {

@@ -1,7 +1,8 @@
 //! Studies of the method itself: what a discretisation costs and how near it comes to independent solutions.
 //!
 //! [`accuracy`] refines the clouds of the presets and compares forces and displacements, at rest, with the finite
-//! elements of [`mod@reference`].
+//! elements of [`mod@reference`]. [`verification`] holds the presets, as they ship, to their targets.
 
 pub mod accuracy;
 pub mod reference;
+pub mod verification;

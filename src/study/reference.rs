@@ -1,6 +1,8 @@
 //! Independent finite-element solutions of the presets (`bags/reference/`, whose README says how they were made and
 //! how far they can be trusted). The solver shares no code with them.
 
+use crate::scene::Target;
+
 /// Displacement of one material point of the indentation at [`DISPLACEMENT_DEPTH_M`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointDisplacement {
@@ -18,6 +20,10 @@ pub struct PointDisplacement {
 pub const DISPLACEMENT_DEPTH_M: f64 = 0.004;
 /// Radius on the top surface within which the reference itself is uncertain (the edge of the disc is singular), m.
 const NEAR_EDGE_M: f64 = 0.006;
+/// Directions from the axis in which each reference displacement is compared, rad.
+const AZIMUTHS: [f64; 4] = [0.3, 1.9, 3.4, 5.0];
+/// The outermost points of the reference lie outside a cylinder of chords, m.
+const OUTERMOST_M: f64 = 0.0145;
 
 /// (depth in m, force in N) of a preset, by rising depth; `None` for a scene without a reference.
 #[must_use]
@@ -49,6 +55,33 @@ pub fn indentation_displacements() -> Vec<PointDisplacement> {
         vertical_m,
     });
     on_axis.chain(on_top.filter(|p| p.radius_m >= NEAR_EDGE_M)).collect()
+}
+
+fn compared() -> impl Iterator<Item = (PointDisplacement, f64)> {
+    let points = indentation_displacements().into_iter().filter(|p| p.radius_m <= OUTERMOST_M);
+    points.flat_map(|p| AZIMUTHS.into_iter().map(move |a| (p, a)))
+}
+
+/// Targets at the points of [`indentation_displacements`], each in four directions, for a sample of a height in m.
+#[must_use]
+pub fn targets(height: f64) -> Vec<Target> {
+    let target = |(i, (p, a)): (usize, (PointDisplacement, f64))| Target {
+        name: format!("p{i}"),
+        position: [p.radius_m * a.cos(), p.radius_m * a.sin(), height - p.below_top_m],
+    };
+    compared().enumerate().map(target).collect()
+}
+
+/// Largest distance between the present positions of [`targets`], m, and the reference at [`DISPLACEMENT_DEPTH_M`], over
+/// that depth.
+#[must_use]
+pub fn displacement_error(positions: &[[f64; 3]], height: f64) -> f64 {
+    let distance = |(now, (p, a)): (&[f64; 3], (PointDisplacement, f64))| {
+        let r = p.radius_m + p.radial_m;
+        let expected = [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m];
+        (0..3).map(|k| (now[k] - expected[k]).powi(2)).sum::<f64>().sqrt()
+    };
+    positions.iter().zip(compared()).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
 }
 
 /// The first N columns of the lines of a table that holds numbers there.
