@@ -84,6 +84,15 @@ fn a_recording_comes_out_complete_in_order_and_steerable() {
     let first = peer.ask(json!({"op": "take", "topic": "/measured_js", "count": 1}))["messages"].clone();
     assert_eq!(first.as_array().unwrap().len(), 1, "the latched one, a depth and a force");
 
+    assert_eq!(call(&mut peer, "burst", "Burst", json!({"num_messages": 5}))["actually_burst"], 5);
+    for paused in [false, true] {
+        call(&mut peer, "toggle_paused", "TogglePaused", json!({}));
+        assert_eq!(call(&mut peer, "is_paused", "IsPaused", json!({}))["paused"], paused);
+    }
+    call(&mut peer, "pause", "Pause", json!({}));
+    assert_eq!(call(&mut peer, "is_paused", "IsPaused", json!({}))["paused"], true);
+    peer.ask(json!({"op": "take", "topic": "/measured_js", "timeout": 0.3, "count": 1000}));
+
     // Back to the start, at twice the speed.
     let seek = json!({"time": {"sec": START / 1_000_000_000, "nanosec": 0}});
     assert_eq!(call(&mut peer, "seek", "Seek", seek)["success"], true);

@@ -2,6 +2,8 @@
 
 #[path = "ros_node/lifecycle.rs"]
 mod lifecycle;
+#[path = "ros_node/outputs.rs"]
+mod outputs;
 #[path = "ros_node/recording.rs"]
 mod recording;
 #[path = "common/ros.rs"]
