@@ -212,7 +212,13 @@ fn without_input_it_says_what_it_waits_for() {
     let (code, log, _) = node.stop("TERM");
     assert_eq!(code, Some(0));
     let line = log.lines().find(|l| l.contains("waiting for")).unwrap_or_else(|| panic!("{log}"));
-    for word in ["/rig/depth", "sensor_msgs/msg/JointState", "best_effort", "nobody publishes it"] {
+    for word in [
+        "/rig/depth",
+        "sensor_msgs/msg/JointState",
+        "best_effort",
+        "nobody publishes it",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+    ] {
         assert!(line.contains(word), "{line}");
     }
 }

@@ -138,5 +138,5 @@ fn child_between_two_hosts() {
     std::thread::sleep(std::time::Duration::from_secs(7));
     rig.stop("INT");
     let (_, log, _) = twin.stop("INT");
-    assert!(log.contains("heard by this machine only") && log.contains("nobody publishes it"), "{log}");
+    assert!(log.contains("loopback only") && log.contains("nobody publishes it"), "{log}");
 }

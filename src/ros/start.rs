@@ -115,7 +115,7 @@ impl Start {
     /// Says once what is exposed to whom.
     pub fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
-            Reach::Localhost => "this machine only",
+            Reach::Localhost => "this machine's loopback (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network)",
             Reach::Subnet => "every network of this machine",
         };
         tracing::info!(

@@ -15,6 +15,7 @@ use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
 use crate::ros::Graph;
+use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
 use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
@@ -63,6 +64,7 @@ pub(super) struct Context {
     pub tissue: Arc<TissueOutputs>,
     pub models: Receiver<Option<Arc<Model>>>,
     pub rosout: Rosout,
+    pub reach: Reach,
     pub logger: NodeLoggingHandle,
 }
 
@@ -122,7 +124,7 @@ impl Housekeeping {
             }
             if now >= waiting_due {
                 waiting_due = now + WAITING;
-                let line = status::waiting(&self.shared.lock(), &self.shared, &self.wishes, begun);
+                let line = status::waiting(&self.shared.lock(), &self.shared, &self.wishes, begun, context.reach);
                 if let Some(line) = line {
                     tracing::info!("{line}");
                 }

@@ -205,6 +205,7 @@ impl Node {
                 tissue: Arc::clone(&tissue),
                 models,
                 rosout: start.rosout,
+                reach: start.environment.reach,
                 logger: participant.node().logging_handle(),
             };
             spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?

@@ -7,6 +7,7 @@ use super::shared::{Live, Shared};
 use super::solver::LOST_ANSWERS;
 use super::tissue::Model;
 use crate::ros::clock::NodeClock;
+use crate::ros::environment::Reach;
 use crate::ros::lifecycle::State;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
@@ -303,7 +304,13 @@ fn load_cell_values(live: &Live) -> Vec<KeyValue> {
 }
 
 /// What the node waits for, if it waits: topics, types, QoS and how many publish there.
-pub(super) fn waiting(live: &Live, shared: &Shared, wishes: &[Wish; 4], since: Instant) -> Option<String> {
+pub(super) fn waiting(
+    live: &Live,
+    shared: &Shared,
+    wishes: &[Wish; 4],
+    since: Instant,
+    reach: Reach,
+) -> Option<String> {
     let clock = &shared.clock;
     if shared.state() != State::Active {
         let state = shared.state().label();
@@ -327,6 +334,12 @@ pub(super) fn waiting(live: &Live, shared: &Shared, wishes: &[Wish; 4], since: I
         return Some(format!("simulated time stands still: waiting for {}", describe(time)));
     }
     let silent = live.last_pose.is_none_or(|at| at.wall.elapsed().as_secs_f64() > 5.0);
+    // A peer that uses a network card is not heard, even one on this machine: the most likely cause.
+    let hint = if reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0 {
+        "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network"
+    } else {
+        ""
+    };
     (silent && since.elapsed().as_secs_f64() > 1.0)
-        .then(|| format!("waiting for a pose on {} or {}", describe(joint), describe(pose)))
+        .then(|| format!("waiting for a pose on {} or {}{hint}", describe(joint), describe(pose)))
 }
