@@ -162,11 +162,17 @@ fn parameters_are_listed_described_set_and_refused() {
     };
     let listed = call(&mut peer, "list_parameters", "ListParameters", json!({"prefixes": [], "depth": 0}));
     let names: Vec<&str> = listed["result"]["names"].as_array().unwrap().iter().map(|n| n.as_str().unwrap()).collect();
-    for name in ["scene", "joint_name", "use_sim_time", "material.shear_modulus_pa", "discretisation.spacing_m"] {
+    let qos = "qos_overrides./predicted_cf.publisher.reliability";
+    for name in [qos, "scene", "joint_name", "use_sim_time", "material.shear_modulus_pa", "discretisation.spacing_m"] {
         assert!(names.contains(&name), "{names:?}");
     }
-    let got =
-        call(&mut peer, "get_parameters", "GetParameters", json!({"names": ["discretisation.spacing_m", "nonsense"]}));
+    let got = call(
+        &mut peer,
+        "get_parameters",
+        "GetParameters",
+        json!({"names": ["discretisation.spacing_m", "nonsense", qos]}),
+    );
+    assert_eq!(got["values"][2]["string_value"], "reliable");
     assert_eq!(got["values"][0]["double_value"], 0.005);
     assert_eq!(got["values"][1]["type"], 0);
     let types = call(&mut peer, "get_parameter_types", "GetParameterTypes", json!({"names": ["scene", "threads"]}));

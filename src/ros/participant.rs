@@ -20,6 +20,7 @@ use super::environment::{Environment, Reach};
 use super::graph::{EndpointRecord, Graph};
 use super::messages::RosMessage;
 use super::names::{self, Endpoint, NameError, Names};
+use super::parameters::Parameters;
 use super::qos::{self, Side};
 use super::recorder::{Recorder, Recording, Tap};
 use super::service::{Mapping, Service};
@@ -311,6 +312,12 @@ impl Participant {
             Arc::clone(&matched),
         ));
         matched
+    }
+
+    /// As [`Participant::graph`]; the QoS of every endpoint shows as read-only parameters, as rclcpp has it.
+    pub(super) fn declared_graph(&mut self, parameters: &Parameters) -> Graph {
+        parameters.declare_more(self.records.iter().flat_map(EndpointRecord::declarations).collect());
+        self.graph()
     }
 
     /// Overrides of QoS that name no endpoint of this node.

@@ -117,7 +117,7 @@ impl Housekeeping {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
             player: if plays { Some(PlayerServices::new(participant)?) } else { None },
-            graph: participant.graph(),
+            graph: participant.declared_graph(parameters),
         })
     }
 

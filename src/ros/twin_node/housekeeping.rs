@@ -84,7 +84,7 @@ impl Housekeeping {
             status: participant.publisher("status", qos::reliable(10))?,
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
             lifecycle: LifecycleServices::new(participant)?,
-            graph: participant.graph(),
+            graph: participant.declared_graph(parameters),
             shared: Arc::clone(shared),
             wishes,
             node: participant.names().fully_qualified(),
