@@ -14,6 +14,7 @@ use crate::compare::Watch as _;
 use crate::report;
 use crate::scene::Override;
 use crate::study::accuracy::{self, StudyError};
+use crate::study::stability;
 use crate::study::verification::{self, Verification};
 
 /// Presets that have a reference solution.
@@ -30,6 +31,59 @@ pub(super) struct Arguments {
 enum Study {
     Accuracy(Accuracy),
     Verification(Verify),
+    Stability(Stability),
+}
+
+/// Drive the indentation on until each method ends, and map how deep it came and why it ended
+#[derive(Debug, Args)]
+struct Stability {
+    /// Three methods, five changes, a coarse cloud: about two minutes
+    #[arg(long)]
+    quick: bool,
+
+    /// Write stability.csv and the map into this folder; runs that its stability.csv has already are not run again
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    #[command(flatten)]
+    threads: ThreadOptions,
+}
+
+impl Stability {
+    fn run(&self) -> Result<Outcome, CliError> {
+        let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
+        let known = folder.as_ref().and_then(|f| std::fs::read_to_string(f.path.join("stability.csv")).ok());
+        let mut rows = known.map_or_else(Vec::new, |text| stability::parse(&text));
+        let cases: Vec<_> =
+            stability::cases(self.quick).into_iter().filter(|c| !rows.iter().any(|r| r.is_of(c))).collect();
+        if !rows.is_empty() {
+            warn(&format!("{} runs are known, {} are left", rows.len(), cases.len()));
+        }
+        let bar = ProgressBar::new(cases.len() as u64);
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {elapsed}, {eta} left  {msg}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.enable_steady_tick(std::time::Duration::from_millis(500));
+        let progress = Progress::silent();
+        print(&stability::heading())?;
+        for case in cases {
+            bar.set_message(format!("{}, {} {}", case.method.name, case.change.group, case.change.label));
+            let row = self.threads.install(|| case.run(&progress))??;
+            if progress.stop() {
+                break;
+            }
+            bar.suspend(|| print(&row.line()))?;
+            rows.push(row);
+            bar.inc(1);
+            if let Some(folder) = &folder {
+                report::write_stability(&folder.path, &rows)?;
+            }
+        }
+        bar.finish_and_clear();
+        if let Some(folder) = &folder {
+            report::write_stability(&folder.path, &rows)?;
+        }
+        Ok(if progress.stop() { Outcome::Lossy } else { Outcome::Complete })
+    }
 }
 
 /// Refine the clouds of the presets and compare force and displacement, at rest, with independent finite elements
@@ -38,6 +92,10 @@ struct Accuracy {
     /// Preset to study (may be repeated) [default: all three]
     #[arg(long = "scene", value_name = "NAME")]
     scenes: Vec<String>,
+
+    /// Method to study, as the table names it, such as "mmls, averaged" (may be repeated) [default: all six]
+    #[arg(long = "method", value_name = "NAME", value_parser = accuracy::VARIANTS.map(|v| v.name))]
+    methods: Vec<String>,
 
     /// Coarser clouds, fewer methods, half the depth: about two minutes
     #[arg(long)]
@@ -73,6 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     match &arguments.study {
         Study::Accuracy(accuracy) => accuracy.run(),
         Study::Verification(verify) => verify.run(),
+        Study::Stability(stability) => stability.run(),
     }
 }
 
@@ -112,10 +171,20 @@ impl Verify {
 }
 
 impl Accuracy {
+    /// The methods that were named; the first few for the quick form, otherwise all.
+    fn variants(&self) -> Vec<accuracy::Variant> {
+        let all = accuracy::VARIANTS;
+        match (self.methods.is_empty(), self.quick) {
+            (true, true) => all[..accuracy::QUICK].to_vec(),
+            (true, false) => all.to_vec(),
+            (false, _) => all.into_iter().filter(|v| self.methods.iter().any(|m| m == v.name)).collect(),
+        }
+    }
+
     fn run(&self) -> Result<Outcome, CliError> {
         let presets = presets(&self.scenes)?;
         let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
-        let cases = accuracy::cases(&presets, self.quick);
+        let cases = accuracy::cases(&presets, &self.variants(), self.quick);
         let bar = ProgressBar::new(cases.len() as u64);
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {elapsed}  {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));

@@ -18,6 +18,7 @@ mod plot;
 mod raster;
 mod section;
 mod settings;
+mod stability_map;
 mod svg;
 mod tables;
 mod thin;
@@ -34,6 +35,7 @@ pub use vtu::{final_vtu, write_series};
 
 use crate::compare::Run;
 use crate::study::accuracy::{self, Row};
+use crate::study::stability;
 use crate::study::verification::{self, Verification};
 use files::Rendered;
 use std::path::{Path, PathBuf};
@@ -87,6 +89,20 @@ pub fn write_accuracy(out: &Path, rows: &[Row]) -> Result<Vec<PathBuf>, ReportEr
         rendered.push(Rendered::new(format!("accuracy_{scene}.svg"), picture.to_svg()));
         rendered.push(Rendered::new(format!("accuracy_{scene}.png"), picture.to_png("accuracy_SCENE.png", PNG_SCALE)?));
     }
+    files::write(out, &rendered)
+}
+
+/// Writes `stability.csv` and `stability.svg` and `.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_stability(out: &Path, rows: &[stability::Row]) -> Result<Vec<PathBuf>, ReportError> {
+    let map = stability_map::stability_map(rows);
+    let rendered = [
+        Rendered::new("stability.csv", stability::csv(rows)),
+        Rendered::new("stability.svg", map.to_svg()),
+        Rendered::new("stability.png", map.to_png("stability.png", PNG_SCALE)?),
+    ];
     files::write(out, &rendered)
 }
 

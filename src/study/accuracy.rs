@@ -9,8 +9,8 @@ use std::fmt::Write as _;
 use std::time::Instant;
 
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
-use crate::scene::{Override, Scene, SceneError};
-use crate::twin::{BuildError, Halt, StampedPose, Twin};
+use crate::scene::{InstrumentKind, Override, Scene, SceneError};
+use crate::twin::{BuildError, Halt, PATH_SPACING, StampedPose, Twin};
 
 /// Poses between two depths of the reference: near enough for the motion to be quasi-static without the rests.
 const POSES_PER_DEPTH: usize = 25;
@@ -30,6 +30,9 @@ pub struct Variant {
     pub keys: &'static [(&'static str, &'static str)],
 }
 
+/// Methods of the quick form.
+pub const QUICK: usize = 3;
+
 /// The methods and the cures of locking that are compared; the first is the default.
 pub const VARIANTS: [Variant; 6] = [
     Variant { name: "mmls", keys: &[] },
@@ -40,8 +43,20 @@ pub const VARIANTS: [Variant; 6] = [
     Variant { name: "mmls, 4 points", keys: &[("discretisation.points_per_cell", "4")] },
 ];
 
-/// Factors on the preset's `discretisation.spacing_m`, coarse first.
-pub const SPACINGS: [f64; 3] = [1.6, 1.25, 1.0];
+/// Factors on the spacing of a preset's nodes, coarse first.
+///
+/// Of the needle's cloud only the path is refined, and never coarsened: half a capture radius, the preset's spacing
+/// there, is the coarsest that a needle takes, and the force depends on little else.
+fn spacings(preset: &str) -> [f64; 3] {
+    match preset {
+        NEEDLE => [1.0, 0.7, 0.5],
+        _ => [1.6, 1.25, 1.0],
+    }
+}
+
+const NEEDLE: &str = "needle_insertion";
+/// Depth of the needle in this study, m: the finest path to the preset's whole depth would take an hour per run.
+const NEEDLE_DEPTH_M: f64 = 0.005;
 
 /// One run of the study.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +65,7 @@ pub struct Case {
     pub preset: &'static str,
     /// Method.
     pub variant: Variant,
-    /// Factor on the preset's spacing.
+    /// Factor on the preset's spacing; of the needle's cloud, on that of the path.
     pub spacing: f64,
     /// Depth to go to, m.
     pub depth_m: f64,
@@ -94,20 +109,21 @@ pub enum StudyError {
     Build(#[from] BuildError),
 }
 
-/// The cases of a study, cheapest first. `quick` leaves out the finest clouds, half of the methods, and stops at half
-/// of the depth.
+/// The cases of a study with these methods, cheapest first. `quick` leaves out the finest clouds and stops at half of the
+/// depth.
 #[must_use]
-pub fn cases(presets: &[&'static str], quick: bool) -> Vec<Case> {
+pub fn cases(presets: &[&'static str], variants: &[Variant], quick: bool) -> Vec<Case> {
     let mut cases = Vec::new();
     for &preset in presets {
         // the reference of the indentation is good to 0.45% up to 4 mm, and to 2% beyond
         let deepest = match preset {
             "indentation" => DISPLACEMENT_DEPTH_M,
+            NEEDLE => NEEDLE_DEPTH_M,
             _ => reference::force(preset).and_then(|f| f.last().map(|p| p.0)).unwrap_or(0.0),
         };
         let depth_m = if quick { 0.5 * deepest } else { deepest };
-        for &spacing in &SPACINGS[..if quick { 2 } else { 3 }] {
-            for variant in &VARIANTS[..if quick { 3 } else { VARIANTS.len() }] {
+        for &spacing in &spacings(preset)[..if quick { 2 } else { 3 }] {
+            for variant in variants {
                 cases.push(Case { preset, variant: *variant, spacing, depth_m });
             }
         }
@@ -122,10 +138,17 @@ impl Case {
     /// [`StudyError::Scene`] if the preset does not take the keys.
     pub fn scene(&self) -> Result<Scene, StudyError> {
         let preset = Scene::preset(self.preset)?;
-        let grading = preset.discretisation.grading.map_or(f64::NAN, |g| g.spacing.get());
-        let spacing = self.spacing * grading;
+        let (far, near) =
+            preset.discretisation.grading.map_or((f64::NAN, f64::NAN), |g| (g.spacing.get(), g.edge_refinement));
+        let (key, value) = match preset.instrument.map(|i| i.kind) {
+            Some(InstrumentKind::Needle(needle)) => {
+                let path = (far * near).min(PATH_SPACING * needle.capture_radius.get());
+                ("discretisation.edge_refinement", self.spacing * path / far)
+            }
+            _ => ("discretisation.spacing_m", self.spacing * far),
+        };
         let mut keys = vec![
-            Override::text("discretisation.spacing_m", &format!("{spacing}"), "study"),
+            Override::text(key, &value.to_string(), "study"),
             Override::text("motion.depth_m", &format!("{}", self.depth_m), "study"),
             Override::text("stepping.tolerance", TOLERANCE, "study"),
         ];
@@ -368,7 +391,7 @@ mod tests {
 
     #[test]
     fn every_case_is_a_scene() {
-        for case in cases(&["compression", "indentation", "needle_insertion"], false) {
+        for case in cases(&["compression", "indentation", NEEDLE], &VARIANTS, false) {
             let scene = case.scene().unwrap();
             assert!(scene.motion.unwrap().depth.get() >= case.depth_m * 0.999, "{case:?}");
         }

@@ -49,6 +49,7 @@ impl Twin {
             pace,
             steps_since_save: 0,
             steps: 0,
+            recoveries: 0,
             tip: [0.0; 3],
             shaft: [0.0; 2],
             phase: Phase::Approach,
