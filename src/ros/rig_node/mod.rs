@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use crossbeam_channel::Sender;
+use crossbeam_channel::{Receiver, Sender};
 use ros2_client::ParameterValue;
 
 use self::housekeeping::Housekeeping;
@@ -203,28 +203,7 @@ fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Si
             let _ = done.send(playback::run(player, &outputs, &received, delay, stay));
         })?
     };
-    let mut watchdog = Watchdog::new();
-    let mut deaf = None;
-    let report = loop {
-        if let Err(reason) = watchdog.check() {
-            deaf = Some(reason);
-            let _ = commands.send(Command::Quit);
-            break finished.recv().ok();
-        }
-        if let Some(signal) = signals.wait(Duration::from_millis(20)) {
-            tracing::info!("stopping ({signal:?})");
-            let _ = commands.send(Command::Quit);
-            break finished.recv().ok();
-        }
-        if let Ok(report) = finished.try_recv() {
-            let until = Instant::now() + LINGER;
-            while Instant::now() < until && signals.wait(Duration::from_millis(20)).is_none() {}
-            break Some(report);
-        }
-        if thread.is_finished() && finished.is_empty() {
-            break None;
-        }
-    };
+    let outcome = supervise(&commands, &finished, &thread, signals);
     drop(commands);
     join(thread);
     drop(common.stop);
@@ -232,12 +211,41 @@ fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Si
     drop(outputs);
     drop(common.participant);
     let missing = common.recording.map_or(0, Recording::finish);
-    if let Some(reason) = deaf {
-        return Err(NodeError::Other(reason));
-    }
-    let report = report.ok_or_else(|| NodeError::Other("the playback thread has ended unexpectedly".to_owned()))?;
-    let code = conclude(&report);
+    let code = conclude(&outcome?);
     Ok(if missing > 0 { LOSSES } else { code })
+}
+
+/// Waits for the end of the bag or for a signal.
+fn supervise(
+    commands: &Sender<Command>,
+    finished: &Receiver<Report>,
+    playback: &JoinHandle<()>,
+    signals: &Signals,
+) -> Result<Report, NodeError> {
+    let gone = || NodeError::Other("the playback thread has ended unexpectedly".to_owned());
+    let quit = || {
+        let _ = commands.send(Command::Quit);
+        finished.recv().map_err(|_| gone())
+    };
+    let mut watchdog = Watchdog::new();
+    loop {
+        if let Err(reason) = watchdog.check() {
+            quit()?;
+            return Err(NodeError::Other(reason));
+        }
+        if let Some(signal) = signals.wait(Duration::from_millis(20)) {
+            tracing::info!("stopping ({signal:?})");
+            return quit();
+        }
+        if let Ok(report) = finished.try_recv() {
+            let until = Instant::now() + LINGER;
+            while Instant::now() < until && signals.wait(Duration::from_millis(20)).is_none() {}
+            return Ok(report);
+        }
+        if playback.is_finished() && finished.is_empty() {
+            return Err(gone());
+        }
+    }
 }
 
 fn conclude(report: &Report) -> u8 {

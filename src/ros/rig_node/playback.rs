@@ -45,68 +45,23 @@ pub(super) fn run(
     stay: bool,
 ) -> Report {
     precise_timers();
-    #[allow(clippy::expect_used)] // constant bounds that the library accepts
-    let late = hdrhistogram::Histogram::new_with_bounds(100, 100_000_000_000, 2).expect("constant bounds");
-    let mut playback = Playback { outputs, late, refused: BTreeMap::new(), bag: player.bag().clone(), ended: false };
-    // The delay, cut short when the node stops.
-    let begin = Instant::now() + delay;
-    while !delay.is_zero() {
-        match commands.recv_deadline(begin) {
-            Ok(Command::Stop | Command::Quit) | Err(RecvTimeoutError::Disconnected) => return playback.report(&player),
-            Ok(command) => playback.obey(&mut player, command),
-            Err(RecvTimeoutError::Timeout) => break,
-        }
-    }
-    let (start, _) = player.span_ns();
-    player.seek(Instant::now(), start);
-    let mut clock_due = Instant::now();
-    loop {
-        let now = Instant::now();
-        if let Some((clock, period)) = &outputs.clock
-            && now >= clock_due
-        {
-            clock_due = if now - clock_due > *period { now + *period } else { clock_due + *period };
-            clock.send(Clock { clock: Time::from_nanos(player.now_ns(now)) });
-        }
-        let step = if playback.ended { Step::Ended } else { player.step(now) };
-        let wake = match step {
-            Step::Publish(message) => {
-                playback.publish(&player, message);
-                continue;
-            }
-            Step::Looped => {
-                tracing::info!("the bag starts anew");
-                // Who lives in this time hears of the jump before the first message.
-                clock_due = now;
-                continue;
-            }
-            Step::Ended if !stay => break,
-            Step::Ended if !playback.ended => {
-                playback.ended = true;
-                tracing::info!("at the end: waiting for ~/play or ~/seek");
-                continue;
-            }
-            Step::WaitUntil(due) if outputs.clock.is_some() => due.min(clock_due),
-            Step::WaitUntil(due) => due,
-            Step::Paused | Step::Ended => {
-                if outputs.clock.is_some() {
-                    clock_due
-                } else {
-                    now + Duration::from_secs(1)
-                }
-            }
-        };
-        match commands.recv_deadline(wake) {
-            Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => break,
-            Ok(Command::Stop) if !stay => break,
-            Ok(command) => {
-                playback.obey(&mut player, command);
-                clock_due = Instant::now();
-            }
-            Err(RecvTimeoutError::Timeout) => {}
-        }
+    let mut playback = Playback::new(&player, outputs, stay);
+    if playback.wait(&mut player, commands, delay) {
+        let (start, _) = player.span_ns();
+        player.seek(Instant::now(), start);
+        while playback.go_on(&mut player, commands) {}
     }
     playback.report(&player)
+}
+
+/// What follows a step.
+enum Next {
+    /// Another one.
+    Again,
+    /// Nothing, until this time or a command.
+    Wait(Instant),
+    /// The end.
+    Over,
 }
 
 struct Playback<'a> {
@@ -117,9 +72,82 @@ struct Playback<'a> {
     bag: BagReader,
     /// There is nothing more to play until somebody asks for it.
     ended: bool,
+    /// Wait for more at the end.
+    stay: bool,
+    clock_due: Instant,
 }
 
-impl Playback<'_> {
+impl<'a> Playback<'a> {
+    fn new(player: &Player, outputs: &'a Outputs, stay: bool) -> Self {
+        #[allow(clippy::expect_used)] // constant bounds that the library accepts
+        let late = hdrhistogram::Histogram::new_with_bounds(100, 100_000_000_000, 2).expect("constant bounds");
+        let (bag, refused) = (player.bag().clone(), BTreeMap::new());
+        Self { outputs, late, refused, bag, ended: false, stay, clock_due: Instant::now() }
+    }
+
+    /// The delay; false if the node stops meanwhile.
+    fn wait(&mut self, player: &mut Player, commands: &Receiver<Command>, delay: Duration) -> bool {
+        let begin = Instant::now() + delay;
+        while !delay.is_zero() {
+            match commands.recv_deadline(begin) {
+                Ok(Command::Stop | Command::Quit) | Err(RecvTimeoutError::Disconnected) => return false,
+                Ok(command) => self.obey(player, command),
+                Err(RecvTimeoutError::Timeout) => break,
+            }
+        }
+        true
+    }
+
+    /// One step, and the wait behind it; false at the end.
+    fn go_on(&mut self, player: &mut Player, commands: &Receiver<Command>) -> bool {
+        let now = Instant::now();
+        self.tick(player, now);
+        let wake = match self.act(player, now) {
+            Next::Again => return true,
+            Next::Over => return false,
+            Next::Wait(until) => until,
+        };
+        match commands.recv_deadline(wake) {
+            Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => return false,
+            Ok(Command::Stop) if !self.stay => return false,
+            Ok(command) => {
+                self.obey(player, command);
+                self.clock_due = Instant::now();
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        true
+    }
+
+    fn tick(&mut self, player: &Player, now: Instant) {
+        let Some((clock, period)) = &self.outputs.clock else { return };
+        if now >= self.clock_due {
+            self.clock_due = if now - self.clock_due > *period { now + *period } else { self.clock_due + *period };
+            clock.send(Clock { clock: Time::from_nanos(player.now_ns(now)) });
+        }
+    }
+
+    fn act(&mut self, player: &mut Player, now: Instant) -> Next {
+        let ticks = self.outputs.clock.is_some();
+        match if self.ended { Step::Ended } else { player.step(now) } {
+            Step::Publish(message) => self.publish(player, message),
+            Step::Looped => {
+                tracing::info!("the bag starts anew");
+                // Who lives in this time hears of the jump before the first message.
+                self.clock_due = now;
+            }
+            Step::Ended if !self.stay => return Next::Over,
+            Step::Ended if !self.ended => {
+                self.ended = true;
+                tracing::info!("at the end: waiting for ~/play or ~/seek");
+            }
+            Step::WaitUntil(due) => return Next::Wait(if ticks { due.min(self.clock_due) } else { due }),
+            Step::Paused | Step::Ended if ticks => return Next::Wait(self.clock_due),
+            Step::Paused | Step::Ended => return Next::Wait(now + Duration::from_secs(1)),
+        }
+        Next::Again
+    }
+
     fn publish(&mut self, player: &Player, message: Message) {
         let due = player.clock().due(i64::try_from(message.log_ns).unwrap_or(i64::MAX));
         let late = due.map(|due| Instant::now().saturating_duration_since(due));

@@ -6,7 +6,7 @@ use crate::ros::parameters::{Declaration, Parameters, Range};
 use crate::ros::recorder;
 use crate::ros::start::common_declarations;
 
-/// Everything but the scene's keys.
+/// Everything but the scene's keys: a table, one entry per parameter.
 pub(super) fn declarations() -> Vec<Declaration> {
     let double =
         |name, default, low, high, text| Declaration::new(name, P::Double(default), Range::Double(low, high), text);

@@ -19,7 +19,7 @@ use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
 use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
-use crate::ros::messages::needle_twin::TwinStatus;
+use crate::ros::messages::needle_twin::{TissueModel, TwinStatus};
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
 use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
@@ -43,6 +43,7 @@ pub(super) struct Housekeeping {
     tare: Trigger,
     status: Output<TwinStatus>,
     diagnostics: Output<DiagnosticArray>,
+    model: Output<TissueModel>,
     lifecycle: LifecycleServices,
     graph: Graph,
     shared: Arc<Shared>,
@@ -51,7 +52,7 @@ pub(super) struct Housekeeping {
     /// The poses that came have stopped.
     lost: bool,
     warned_of_clocks: bool,
-    /// The node has activated itself.
+    /// The model has been published.
     started: bool,
 }
 
@@ -83,6 +84,7 @@ impl Housekeeping {
             tare: participant.server("~/tare", "std_srvs", "Trigger")?,
             status: participant.publisher("status", qos::reliable(10))?,
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
+            model: participant.publisher("tissue_model", qos::latched())?,
             lifecycle: LifecycleServices::new(participant)?,
             graph: participant.declared_graph(parameters),
             shared: Arc::clone(shared),
@@ -107,7 +109,7 @@ impl Housekeeping {
             self.serve(context);
             context.rosout.publish(&context.logger);
             if let Ok(built) = context.models.try_recv() {
-                self.configured(context, built.is_some());
+                self.configured(context, built.as_deref());
                 model = built.or(model);
             }
             self.manage(context, None);
@@ -160,14 +162,17 @@ impl Housekeeping {
         shared.set_state(lifecycle.state());
     }
 
-    /// The model is there, or can't be built.
-    fn configured(&mut self, context: &Context, success: bool) {
-        self.lifecycle.finish(success, &self.shared.clock);
+    /// The model is there, or can't be built. It is published once, since the same scene gives the same model; a node
+    /// that activates itself answers poses by then.
+    fn configured(&mut self, context: &Context, built: Option<&Model>) {
+        self.lifecycle.finish(built.is_some(), &self.shared.clock);
         self.shared.set_state(self.lifecycle.state());
-        if success && self.parameters.boolean("autostart") && !self.started {
-            self.started = true;
+        let Some(built) = built.filter(|_| !self.started) else { return };
+        self.started = true;
+        if self.parameters.boolean("autostart") {
             self.manage(context, Some("activate"));
         }
+        self.model.send(built.message(self.shared.clock.stamp(), &context.frame_id));
     }
 
     /// Says when the poses stop and when they are back, and when two make the time.

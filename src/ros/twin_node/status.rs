@@ -57,16 +57,8 @@ fn worse(a: u8, b: u8) -> u8 {
 pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> Judgement {
     let mut judgement = Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new() };
     let clock = &shared.clock;
-    match shared.state() {
-        State::Active => {}
-        State::Configuring => judgement.add(TwinStatus::HEALTH_STALE, "the model is being built".to_owned()),
-        state => judgement.add(
-            TwinStatus::HEALTH_STALE,
-            format!(
-                "the node is {}: a lifecycle manager has to activate it (or start it with autostart)",
-                state.label()
-            ),
-        ),
+    if let Some(reason) = not_active(shared.state()) {
+        judgement.add(TwinStatus::HEALTH_STALE, reason);
     }
     if let Some(reason) = &live.halted {
         judgement.add(TwinStatus::HEALTH_ERROR, format!("{reason}: retract the instrument and call ~/reset"));
@@ -105,6 +97,17 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
         judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
     }
     judgement
+}
+
+fn not_active(state: State) -> Option<String> {
+    match state {
+        State::Active => None,
+        State::Configuring => Some("the model is being built".to_owned()),
+        other => Some(format!(
+            "the node is {}: a lifecycle manager has to activate it (or start it with autostart)",
+            other.label()
+        )),
+    }
 }
 
 fn silence(silent: Option<f64>, clock: &NodeClock, around: Around) -> String {
