@@ -76,6 +76,8 @@ pub struct NeedlePath {
     inner: Vec<(u32, [u32; 4])>,
     /// m; see [`NeedlePath::effective_radius`].
     effective_radius: f64,
+    /// Whether the nodes are those of a half plane, whose radial displacement is no sideways motion.
+    revolved: bool,
     state: Insertion,
 }
 
@@ -109,7 +111,13 @@ impl NeedlePath {
         let slope = needle.slope();
         let along = nodes.last().map_or(0.0, |(_, z)| z * 1.0_f64.hypot(slope[0]).hypot(slope[1]));
         let effective_radius = if along > 0.0 { (filled / (PI * along)).sqrt() } else { 0.0 };
-        Self { nodes, hold, needle, slope, layer, watched, inner, effective_radius, state }
+        Self { nodes, hold, needle, slope, layer, watched, inner, effective_radius, revolved: false, state }
+    }
+
+    /// The same path in a meridian half plane: its nodes are rings, and no ring moves sideways.
+    #[must_use]
+    pub fn revolved(self) -> Self {
+        Self { revolved: true, ..self }
     }
 
     /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
@@ -221,6 +229,9 @@ impl NeedlePath {
     /// How far the path's layer of nodes at depth z has been moved sideways off the path, m: its mean lateral
     /// displacement less what motion along the path would make.
     fn layer_shift(&self, z: f64, solver: &Solver) -> [f64; 2] {
+        if self.revolved {
+            return [0.0; 2];
+        }
         let near = 0.25 * self.layer;
         let first = self.nodes.partition_point(|(_, d)| *d < z - near);
         let layer = self.nodes[first..].iter().take_while(|(_, d)| *d <= z + near);

@@ -5,6 +5,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 use super::block::Block;
 use super::points::PointLaw;
+use crate::approximation::Form;
 
 /// What the kernel needs of a floating-point type.
 pub trait Real:
@@ -46,14 +47,14 @@ macro_rules! real {
     ($t:ty, $iterations:literal, $deform:ident, $stress:ident, $($loops:item),*) => {
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        fn $deform(block: &mut Block<$t>) {
-            block.deform_points();
+        fn $deform<const AXISYMMETRIC: bool>(block: &mut Block<$t>) {
+            block.deform_points::<AXISYMMETRIC>();
         }
 
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        fn $stress<L: PointLaw<$t>>(block: &mut Block<$t>, law: &L) {
-            block.stress_points(law);
+        fn $stress<L: PointLaw<$t>, const AXISYMMETRIC: bool>(block: &mut Block<$t>, law: &L) {
+            block.stress_points::<L, AXISYMMETRIC>(law);
         }
 
         impl Real for $t {
@@ -87,17 +88,33 @@ macro_rules! real {
                 #[cfg(target_arch = "x86_64")]
                 if has_fma() {
                     // SAFETY: the processor has both features.
-                    return unsafe { $deform(block) };
+                    return unsafe {
+                        match block.form {
+                            Form::Full => $deform::<false>(block),
+                            Form::Axisymmetric => $deform::<true>(block),
+                        }
+                    };
                 }
-                block.deform_points();
+                match block.form {
+                    Form::Full => block.deform_points::<false>(),
+                    Form::Axisymmetric => block.deform_points::<true>(),
+                }
             }
             fn dispatch_stress<L: PointLaw<Self>>(block: &mut Block<Self>, law: &L) {
                 #[cfg(target_arch = "x86_64")]
                 if has_fma() {
                     // SAFETY: the processor has both features.
-                    return unsafe { $stress(block, law) };
+                    return unsafe {
+                        match block.form {
+                            Form::Full => $stress::<L, false>(block, law),
+                            Form::Axisymmetric => $stress::<L, true>(block, law),
+                        }
+                    };
                 }
-                block.stress_points(law);
+                match block.form {
+                    Form::Full => block.stress_points::<L, false>(law),
+                    Form::Axisymmetric => block.stress_points::<L, true>(law),
+                }
             }
         }
     };
