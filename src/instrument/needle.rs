@@ -74,6 +74,8 @@ pub struct NeedlePath {
     watched: Vec<u32>,
     /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
     inner: Vec<(u32, [u32; 4])>,
+    /// Share of each of these that the needle fills.
+    filled: Vec<f64>,
     /// m; see [`NeedlePath::effective_radius`].
     effective_radius: f64,
     /// Whether the nodes are those of a half plane, whose radial displacement is no sideways motion.
@@ -111,7 +113,19 @@ impl NeedlePath {
         let slope = needle.slope();
         let along = nodes.last().map_or(0.0, |(_, z)| z * 1.0_f64.hypot(slope[0]).hypot(slope[1]));
         let effective_radius = if along > 0.0 { (filled / (PI * along)).sqrt() } else { 0.0 };
-        Self { nodes, hold, needle, slope, layer, watched, inner, effective_radius, revolved: false, state }
+        Self {
+            nodes,
+            hold,
+            needle,
+            slope,
+            layer,
+            watched,
+            filled: vec![0.0; inner.len()],
+            inner,
+            effective_radius,
+            revolved: false,
+            state,
+        }
     }
 
     /// The same path in a meridian half plane: its nodes are rings, and no ring moves sideways.
@@ -166,6 +180,8 @@ impl NeedlePath {
 
     pub(super) fn reset(&mut self, solver: &mut Solver) {
         self.release_all(solver);
+        // a solver that is reset has made all of it tissue again
+        self.filled.fill(0.0);
         self.state = Insertion { punctured: false, deepest: 0.0 };
     }
 
@@ -245,13 +261,17 @@ impl NeedlePath {
     }
 
     /// The needle takes the place of the tissue in the cells that it fills.
-    fn fill(&self, depth: f64, solver: &mut Solver) {
-        for (point, corners) in &self.inner {
+    fn fill(&mut self, depth: f64, solver: &mut Solver) {
+        for ((point, corners), filled) in self.inner.iter().zip(&mut self.filled) {
             let least = corners.iter().map(|&c| match self.hold[c as usize] {
                 Hold::Captured { since, .. } => captured_share(depth, since, WINDOW * self.layer),
                 Hold::Free | Hold::Indented => 0.0,
             });
-            solver.set_active(*point as usize, 1.0 - least.fold(1.0, f64::min));
+            let share = least.fold(1.0, f64::min);
+            if share != *filled {
+                *filled = share;
+                solver.set_active(*point as usize, 1.0 - share);
+            }
         }
     }
 

@@ -52,13 +52,14 @@ impl<T: Real> Parts<'_, T> {
     fn bound(&self, team: &Team) {
         let constants = &self.kernel.constants;
         // SAFETY: each block is claimed by one thread.
-        team.claim(self.blocks.len(), |b| unsafe { self.blocks.get(b) }.bound(constants));
+        team.claim(self.blocks.len(), |b| T::dispatch_bound(unsafe { self.blocks.get(b) }, constants));
         team.barrier();
     }
 }
 
 impl<T: Real> Block<T> {
-    fn bound(&mut self, constants: &Constants) {
+    #[inline(always)]
+    pub(super) fn bound_points(&mut self, constants: &Constants) {
         self.force.fill([T::default(); 4]);
         for p in 0..self.volume.len() {
             let range = self.start[p] as usize..self.start[p + 1] as usize;

@@ -8,7 +8,7 @@ use super::real::Real;
 
 /// Material and how its bulk modulus is shared out.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Constants {
+pub struct Constants {
     pub law: Law,
     /// Bulk modulus of the projected part, Pa; 0 with the pointwise volume ratio.
     pub projected: f64,

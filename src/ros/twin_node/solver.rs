@@ -64,6 +64,7 @@ pub(super) fn run(
         }
     };
     twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
+    tracing::info!("the model is {}: {}", twin.dimension().as_str(), twin.dimension_because());
     let model = Model::of(&twin, begun.elapsed());
     if built.send(Ok(Box::new(model))).is_err() {
         return;
