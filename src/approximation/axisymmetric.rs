@@ -101,6 +101,8 @@ pub struct AxisymmetricApproximation {
     triangles: Vec<[u32; 3]>,
     settings: Settings,
     supports: MirroredSupports,
+    /// Triangles that get a single point.
+    plain: Vec<bool>,
 }
 
 thread_local! {
@@ -113,7 +115,17 @@ impl AxisymmetricApproximation {
     #[must_use]
     pub fn new(points: &[[f64; 3]], triangles: &[[u32; 3]], interpolating: &[bool], settings: Settings) -> Self {
         let supports = MirroredSupports::new(points, &radii(points, triangles, settings.support_factor), interpolating);
-        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports }
+        let plain = vec![false; triangles.len()];
+        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, plain }
+    }
+
+    /// Gives the triangles between these nodes one point each: enough for tissue whose place a needle takes.
+    #[must_use]
+    pub fn with_plain(mut self, nodes: &[u32]) -> Self {
+        let mut among = vec![false; self.points.len()];
+        nodes.iter().for_each(|&n| among[n as usize] = true);
+        self.plain = self.triangles.iter().map(|t| t.iter().all(|&n| among[n as usize])).collect();
+        self
     }
 
     /// The shape table of the triangles.
@@ -121,7 +133,13 @@ impl AxisymmetricApproximation {
     /// # Errors
     /// [`ApproximationError::Singular`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let rows: Vec<Vec<Row>> = self.triangles.par_iter().map(|t| self.rows(t)).collect::<Result<_, _>>()?;
+        let rule = gauss_points(self.settings.points_per_cell);
+        let rows: Vec<Vec<Row>> = self
+            .triangles
+            .par_iter()
+            .zip(&self.plain)
+            .map(|(t, &plain)| self.rows(t, if plain { &CENTRE } else { &rule }))
+            .collect::<Result<_, _>>()?;
         Ok(ShapeTable { form: Form::Axisymmetric, ..assemble(&rows) })
     }
 
@@ -146,11 +164,10 @@ impl AxisymmetricApproximation {
         t.map(|n| self.points[n as usize])
     }
 
-    fn rows(&self, t: &[u32; 3]) -> Result<Vec<Row>, ApproximationError> {
+    fn rows(&self, t: &[u32; 3], rule: &[Gauss]) -> Result<Vec<Row>, ApproximationError> {
         let x = self.corners(t);
         let (area, _) = triangle(&x);
-        gauss_points(self.settings.points_per_cell)
-            .iter()
+        rule.iter()
             .map(|(bary, weight)| {
                 let at: [f64; 3] = std::array::from_fn(|k| (0..3).map(|a| bary[a] * x[a][k]).sum());
                 let entries = self.entries(at, Some(t))?;
@@ -211,6 +228,12 @@ impl AxisymmetricApproximation {
     }
 }
 
+/// Barycentric place and weight of an integration point.
+type Gauss = ([f64; 3], f64);
+
+/// A single point.
+const CENTRE: [Gauss; 1] = [([1.0 / 3.0; 3], 1.0)];
+
 /// phi of one node, or of its image, at a point.
 #[derive(Clone, Copy)]
 struct Entry {
@@ -240,7 +263,7 @@ pub fn triangle(x: &[[f64; 3]; 3]) -> (f64, [[f64; 3]; 3]) {
 /// Barycentric points and weights of a triangle: 3 of degree 2, 6 of degree 4 (Dunavant 1985) or 7 of degree 5 (Radon
 /// 1948), where a tetrahedron has 1, 4 or 5. So there are as many points per node as in space, where a node has 5.5
 /// cells and not 2: with a single point per triangle an indentation loses 12% of its force past 4 mm.
-fn gauss_points(n: u32) -> Vec<([f64; 3], f64)> {
+fn gauss_points(n: u32) -> Vec<Gauss> {
     let vertex = |a: f64, weight: f64| {
         (0..3).map(move |i| (std::array::from_fn(|k| if k == i { a } else { 0.5 * (1.0 - a) }), weight))
     };

@@ -20,7 +20,7 @@ pub struct Constants {
 
 impl Constants {
     /// The constants of the neo-Hookean law with quadratic volumetric energy and no relaxation, if it is that.
-    pub fn plain<T: Real>(&self) -> Option<NeoHookean<T>> {
+    pub(super) fn plain<T: Real>(&self) -> Option<NeoHookean<T>> {
         match self.law {
             Law {
                 distortional: Distortional::NeoHookean { shear_modulus },

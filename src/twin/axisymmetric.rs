@@ -60,7 +60,12 @@ fn cloud_error(e: cloud::CloudError) -> BuildError {
 fn approximation(scene: &Scene, plane: &Meridian, held: &[u32]) -> AxisymmetricApproximation {
     let mut interpolating: Vec<bool> = plane.faces.iter().map(|f| f & BASE != 0).collect();
     held.iter().for_each(|&n| interpolating[n as usize] = true);
-    AxisymmetricApproximation::new(&plane.points, &plane.triangles, &interpolating, settings(scene))
+    let approximation =
+        AxisymmetricApproximation::new(&plane.points, &plane.triangles, &interpolating, settings(scene));
+    match scene.instrument.map(|i| i.kind) {
+        Some(InstrumentKind::Needle(_)) => approximation.with_plain(held),
+        _ => approximation,
+    }
 }
 
 fn contact(
