@@ -20,6 +20,9 @@ use super::points::{Constants, PointLaw, Relaxing};
 use super::pool::{Dealt, Team};
 use super::real::Real;
 
+/// Points whose law is evaluated before their stress is spread.
+const RUN: usize = 16;
+
 /// Columns of F = I.
 const UNDEFORMED: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
@@ -359,25 +362,35 @@ impl<T: Real> Block<T> {
         }
     }
 
-    /// The loop over points of pass 2.
+    /// The loop over points of pass 2, in runs: the law of one point waits for itself most of the time, so those of a run
+    /// are evaluated side by side before their stress is spread.
     #[inline(always)]
     pub(super) fn stress_points<L: PointLaw<T>, const AXISYMMETRIC: bool>(&mut self, law: &L) {
         let mut energy = T::default();
-        for p in 0..self.volume.len() {
-            let volume = self.active[p] * self.volume[p];
-            if volume == T::default() {
-                continue;
+        let mut stress = [[[T::default(); 4]; 3]; RUN];
+        let count = self.volume.len();
+        for first in (0..count).step_by(RUN) {
+            let run = first..(first + RUN).min(count);
+            for (columns, p) in stress.iter_mut().zip(run.clone()) {
+                let volume = self.active[p] * self.volume[p];
+                if volume == T::default() {
+                    continue;
+                }
+                let f = gradient(&self.deformation[p]);
+                let (density, s) = law.at(p, &f, self.projected_pressure(p));
+                energy += volume * density;
+                *columns = std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
+                if AXISYMMETRIC {
+                    hoop_to_radius(columns);
+                }
             }
-            let f = gradient(&self.deformation[p]);
-            let (density, s) = law.at(p, &f, self.projected_pressure(p));
-            energy += volume * density;
-            let mut columns: [[T; 4]; 3] =
-                std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
-            if AXISYMMETRIC {
-                hoop_to_radius(&mut columns);
+            for (columns, p) in stress.iter().zip(run) {
+                if self.active[p] * self.volume[p] == T::default() {
+                    continue;
+                }
+                let range = self.start[p] as usize..self.start[p + 1] as usize;
+                T::scatter(&self.local[range.clone()], &self.gradient[range], columns, &mut self.force);
             }
-            let range = self.start[p] as usize..self.start[p + 1] as usize;
-            T::scatter(&self.local[range.clone()], &self.gradient[range], &columns, &mut self.force);
         }
         self.energy = energy.get();
     }
