@@ -69,8 +69,8 @@ impl Scene {
     /// A half plane: area over the square of the spacing, what the refinement adds, and the body that is shown.
     fn estimate_half_plane(&self, grading: &Grading) -> Estimate {
         let (far, edge) = (grading.spacing.get(), grading.spacing.get() * grading.edge_refinement);
-        // round a point: the integral of 2 pi s / h(s)^2; along the axis: of 1 / h(s)^2, both with h = h_e + g s
-        let round = 2.0 * PI / grading.growth.powi(2) * (far / edge).ln();
+        // round the edge: the integral of pi s / h(s)^2; along the axis: of 1 / h(s)^2, both with h = h_e + g s
+        let round = PI / grading.growth.powi(2) * (far / edge).ln();
         let along = match self.instrument.map(|i| i.kind) {
             Some(InstrumentKind::Needle(_)) => self.height() / (grading.growth * edge),
             _ => 0.0,

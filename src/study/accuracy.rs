@@ -128,7 +128,9 @@ impl Case {
         let preset = Scene::preset(self.preset)?;
         let grading = preset.discretisation.grading.map_or(f64::NAN, |g| g.spacing.get());
         let spacing = self.spacing * grading;
+        // the study is of clouds in space, where a scene of its own accord takes the least model
         let mut keys = vec![
+            Override::text("discretisation.dimension", "full", "study"),
             Override::text("discretisation.spacing_m", &format!("{spacing}"), "study"),
             Override::text("motion.depth_m", &format!("{}", self.depth_m), "study"),
             Override::text("stepping.tolerance", TOLERANCE, "study"),
