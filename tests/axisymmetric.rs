@@ -7,10 +7,10 @@ mod coarse;
 
 use clouds::{KAPPA, METHODS, MU, norm, settings, uniform};
 use coarse::{at_depth, digits, press, travel};
-use needle_twin::approximation::axisymmetric::AxisymmetricApproximation;
+use needle_twin::approximation::axisymmetric::{AxisymmetricApproximation, triangle};
 use needle_twin::approximation::{Basis, ShapeTable};
 use needle_twin::cloud::meridian::meridian;
-use needle_twin::cloud::{Axis, BASE, Domain, Feature, Meridian, Spacing};
+use needle_twin::cloud::{Axis, BASE, CloudError, Domain, Feature, Meridian, Spacing};
 use needle_twin::material::Law;
 use needle_twin::scene::{Dimension, Override, Scene, Target, VolumeRatio};
 use needle_twin::solver::kernel::Kernel;
@@ -472,9 +472,42 @@ fn a_scene_says_what_breaks_its_symmetry() {
         let resolved = scene.dimension();
         assert_eq!(resolved.dimension, Dimension::Full);
         assert!(resolved.because.contains(word), "{}", resolved.because);
+        assert!(resolved.because.len() < 200, "one clause: {}", resolved.because);
         let mut asked = changes.to_vec();
         asked.push(("discretisation.dimension", "axisymmetric"));
         let refused = with("needle_insertion", &asked).unwrap_err().to_string();
         assert!(refused.contains("discretisation.dimension") && refused.contains(word), "{refused}");
     }
+}
+
+/// Half planes of all sizes, gradings and instruments: nodes where they belong, the whole rectangle and nothing else.
+#[test]
+fn half_planes_of_many_shapes_are_sound() {
+    let mut random = ChaCha8Rng::seed_from_u64(22);
+    let mut lowest = 1.0_f64;
+    for case in 0..400 {
+        let mut between = |a: f64, b: f64| a * (b / a).powf(uniform(&mut random));
+        let (radius, height) = (between(0.003, 0.1), between(0.003, 0.1));
+        let far = radius.min(0.5 * height) * between(0.08, 0.9);
+        let spacing = far * between(0.05, 1.0);
+        let length = (height * between(0.05, 0.8)).max(spacing);
+        let capture_radius = (0.5 * radius).min(spacing * between(0.9, 4.0));
+        let features = match case % 4 {
+            0 => vec![],
+            1 => vec![Feature::Rim { top: true, spacing }, Feature::Rim { top: false, spacing }],
+            2 => vec![Feature::ContactRing { centre: [0.0; 2], radius: radius * between(0.3, 0.9), spacing }],
+            _ => vec![Feature::Path { axis: Axis::vertical([0.0; 2]), capture_radius, length, spacing }],
+        };
+        let spacing = Spacing { far, growth: between(0.15, 0.5), features };
+        let plane = match meridian(&Domain::Cylinder { radius, height }, &spacing) {
+            Ok(plane) => plane,
+            Err(CloudError::OutOfRange { .. }) => continue, // the instrument doesn't fit
+            Err(e) => panic!("case {case}: {e}: {radius} {height} {spacing:?}"),
+        };
+        lowest = lowest.min(plane.lowest_shape());
+        let area: f64 = plane.triangles.iter().map(|t| triangle(&t.map(|n| plane.points[n as usize])).0).sum();
+        assert!((area / (radius * height) - 1.0).abs() < 1e-12, "case {case}: {area}");
+        assert!(plane.points.iter().all(|p| p[0] >= 0.0 && p[1] == 0.0 && p[2] >= 0.0 && p[2] <= height));
+    }
+    println!("lowest shape {lowest:.3}");
 }
