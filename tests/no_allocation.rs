@@ -99,7 +99,7 @@ fn a_step_allocates_nothing() {
             let (count, phases) = calls(&mut twin, &depths);
             assert!(phases.contains(&Phase::Indentation) && phases.contains(&Phase::Approach), "{phases:?}");
             assert_eq!(phases.contains(&Phase::Penetration), preset == "needle_insertion", "{phases:?}");
-            assert_eq!(count, 0, "{preset}: {count} calls of the allocator in {} poses", depths.len());
+            assert_eq!(count, 0, "{preset} {changes:?}: {count} calls of the allocator in {} poses", depths.len());
         });
     }
 }

@@ -74,7 +74,7 @@ pub fn meridian(domain: &Domain, spacing: &Spacing) -> Result<Meridian, CloudErr
     plane.affordable()?;
     let mut nodes = plane.edges()?;
     plane.fill(&mut nodes)?;
-    plane.relax(&mut nodes)?;
+    plane.relax(&mut nodes);
     let order = hilbert_order(&nodes.points);
     let pick = |i: &u32| *i as usize;
     let mut points: Vec<Point> = order.iter().map(|i| nodes.points[pick(i)]).collect();
@@ -126,8 +126,8 @@ impl Plane<'_> {
         bit(p[2] == 0.0, BASE) | bit(p[2] == self.height, TOP) | bit(p[0] == self.radius, WALL)
     }
 
-    /// Refuses more than [`MAX_NODES`] nodes before anything is allocated: area over spacing squared, on a grid of
-    /// samples that no feature is finer than by much, or by a bound for absurd spacings.
+    /// Refuses more than [`MAX_NODES`] nodes before anything is allocated: area over spacing squared, and what the
+    /// refinement round each feature adds at most.
     fn affordable(&self) -> Result<(), CloudError> {
         let finest = self.spacing.finest();
         let mut nodes = DENSITY * self.radius * self.height / (self.spacing.far * self.spacing.far);
@@ -264,7 +264,7 @@ impl Plane<'_> {
     }
 
     /// Short-range forces between neighbours, as in [`super::packing`].
-    fn relax(&self, nodes: &mut Nodes) -> Result<(), CloudError> {
+    fn relax(&self, nodes: &mut Nodes) {
         let mut near: Vec<Vec<u32>> = Vec::new();
         for iteration in 0..RELAXATIONS {
             let spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
@@ -288,7 +288,6 @@ impl Plane<'_> {
                 .collect();
             nodes.points[nodes.fixed..].copy_from_slice(&moved);
         }
-        Ok(())
     }
 
     fn relaxed(&self, points: &[Point], spacings: &[f64], i: usize, near: &[u32]) -> Point {
