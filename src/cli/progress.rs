@@ -24,6 +24,11 @@ impl Progress {
         Self { bar, interrupt: Interrupt::listen() }
     }
 
+    /// Shows nothing, and only listens for Ctrl-C.
+    pub(super) fn silent() -> Self {
+        Self { bar: ProgressBar::hidden(), interrupt: Interrupt::listen() }
+    }
+
     /// Goes over to counting poses.
     pub(super) fn count(&self, poses: usize) {
         self.bar.disable_steady_tick();

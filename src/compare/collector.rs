@@ -199,6 +199,7 @@ impl Collector {
                 .losses
                 .push(format!("{} of the poses refused and left out; the first {}", self.refused, self.first_refusal));
         }
+        self.run.recoveries = twin.recoveries();
         self.finish_health();
         let mut displacement = Vec::new();
         twin.displacements(&mut displacement);

@@ -130,6 +130,8 @@ pub struct Run {
     pub force_imbalance: f64,
     /// Largest constraint error, m.
     pub constraint_error_m: f64,
+    /// Times that the twin went back to the last good state and tried again with smaller steps.
+    pub recoveries: u64,
     /// Radius that the cloud gives a needle, m.
     pub effective_radius_m: Option<f64>,
     /// Hex of the hash over every predicted force and the final displacement field.

@@ -84,13 +84,14 @@ pub struct NeedlePath {
 }
 
 impl NeedlePath {
-    /// A path through some of `count` nodes, each with its reference depth in m. `watched` are the integration points
+    /// A path of a length in m through some of `count` nodes, each with its reference depth in m. `watched` are the integration points
     /// whose strain decides about the puncture, `cells` the cell corners and the volume in m³ of every integration point.
     #[must_use]
     pub fn new(
         mut nodes: Vec<(u32, f64)>,
         count: usize,
         needle: Needle,
+        length: f64,
         layer: f64,
         watched: Vec<u32>,
         cells: impl Iterator<Item = ([u32; 4], f64)>,
@@ -102,17 +103,18 @@ impl NeedlePath {
         for (i, (n, _)) in nodes.iter().enumerate() {
             place[*n as usize] = Some(i as u32);
         }
+        let slope = needle.slope();
+        let end = length / 1.0_f64.hypot(slope[0]).hypot(slope[1]) * (1.0 + 1e-9);
         let mut inner = Vec::new();
         let mut filled = 0.0;
         for (point, (c, volume)) in (0u32..).zip(cells) {
             if let [Some(a), Some(b), Some(c), Some(d)] = c.map(|n| place[n as usize]) {
                 inner.push((point, [a, b, c, d]));
-                filled += volume;
+                let on_path = [a, b, c, d].iter().all(|&c| nodes[c as usize].1 <= end);
+                filled += if on_path { volume } else { 0.0 };
             }
         }
-        let slope = needle.slope();
-        let along = nodes.last().map_or(0.0, |(_, z)| z * 1.0_f64.hypot(slope[0]).hypot(slope[1]));
-        let effective_radius = if along > 0.0 { (filled / (PI * along)).sqrt() } else { 0.0 };
+        let effective_radius = (filled / (PI * length)).sqrt();
         Self {
             nodes,
             hold,

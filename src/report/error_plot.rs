@@ -14,7 +14,7 @@ const LEGEND_TOP: f64 = 84.0;
 const LINE: f64 = 20.0;
 
 /// Colour by method; width and dash by cloud, the finest widest.
-fn pen(row: &Row) -> Pen {
+fn pen(row: &Row, rows: &[&Row]) -> Pen {
     let colour = match row.case.variant.name {
         "mmls" => BLUE,
         "mls" => VERMILION,
@@ -23,10 +23,12 @@ fn pen(row: &Row) -> Pen {
         "mmls, pointwise" => Colour(0x8a, 0x4f, 0xc7, 1.0),
         _ => Colour(0x9a, 0x7b, 0x00, 1.0),
     };
-    match row.case.spacing {
-        s if s > 1.5 => Pen::new(colour, 1.2).dashed([2.0, 3.0]),
-        s if s > 1.1 => Pen::new(colour, 1.6).dashed([8.0, 5.0]),
-        _ => Pen::new(colour, 2.4),
+    let mut finer: Vec<f64> = rows.iter().map(|r| r.case.spacing).filter(|s| *s < row.case.spacing).collect();
+    finer.dedup();
+    match finer.len() {
+        0 => Pen::new(colour, 2.4),
+        1 => Pen::new(colour, 1.6).dashed([8.0, 5.0]),
+        _ => Pen::new(colour, 1.2).dashed([2.0, 3.0]),
     }
 }
 
@@ -40,12 +42,12 @@ pub(super) fn error_plot(scene: &str, rows: &[&Row]) -> Picture {
     picture.text([SIDES[0], 36.0], format!("{scene}: error of the force at rest"), title);
     picture.text(
         [SIDES[0], 60.0],
-        "Predicted over reference - 1; reference: independent finite elements. Dotted: coarse, dashed: medium, full: preset.",
+        "Predicted over reference - 1; reference: independent finite elements. Dotted: coarse, dashed: medium, full: finest.",
         label(Anchor::Start),
     );
     for (i, row) in rows.iter().enumerate() {
         let (x, y) = (SIDES[0] + 285.0 * (i % 3) as f64, LEGEND_TOP + LINE * (i / 3) as f64);
-        picture.line([[x, y - 4.5], [x + 26.0, y - 4.5]], pen(row));
+        picture.line([[x, y - 4.5], [x + 26.0, y - 4.5]], pen(row, rows));
         let text = format!("{}, {} nodes", row.case.variant.name, row.nodes);
         picture.text([x + 33.0, y], text, Type { colour: INK, ..label(Anchor::Start) });
     }
@@ -60,7 +62,7 @@ pub(super) fn error_plot(scene: &str, rows: &[&Row]) -> Picture {
     panel.grid(&mut picture, true);
     panel.title(&mut picture, "Error of the force in %", 12.0);
     for row in rows {
-        panel.curve(&mut picture, points(row), pen(row));
+        panel.curve(&mut picture, points(row), pen(row, rows));
     }
     let centre = Type { bold: true, colour: INK, ..label(Anchor::Middle) };
     picture.text([0.5 * (SIDES[0] + SIDES[1]), bottom + 44.0], "Depth in mm", centre);

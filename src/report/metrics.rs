@@ -91,6 +91,7 @@ impl Nulls<'_> {
         json!({
             "diverged": run.diverged.is_some(),
             "divergence": run.diverged,
+            "recoveries": run.recoveries,
             "min_jacobian": self.number("stability.min_jacobian", Some(run.min_jacobian), ""),
             "max_kinetic_to_strain_energy":
                 self.number("stability.max_kinetic_to_strain_energy", Some(run.max_kinetic_to_strain_energy), ""),

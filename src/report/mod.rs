@@ -18,10 +18,12 @@ mod plot;
 mod raster;
 mod section;
 mod settings;
+mod stability_map;
 mod svg;
 mod tables;
 mod thin;
 mod unit;
+mod verification_plot;
 mod vtu;
 
 pub use csv::{force_csv, targets_csv};
@@ -33,6 +35,8 @@ pub use vtu::{final_vtu, write_series};
 
 use crate::compare::Run;
 use crate::study::accuracy::{self, Row};
+use crate::study::stability;
+use crate::study::verification::{self, Verification};
 use files::Rendered;
 use std::path::{Path, PathBuf};
 
@@ -84,6 +88,35 @@ pub fn write_accuracy(out: &Path, rows: &[Row]) -> Result<Vec<PathBuf>, ReportEr
         let picture = error_plot::error_plot(scene, &of);
         rendered.push(Rendered::new(format!("accuracy_{scene}.svg"), picture.to_svg()));
         rendered.push(Rendered::new(format!("accuracy_{scene}.png"), picture.to_png("accuracy_SCENE.png", PNG_SCALE)?));
+    }
+    files::write(out, &rendered)
+}
+
+/// Writes `stability.csv` and `stability.svg` and `.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_stability(out: &Path, rows: &[stability::Row]) -> Result<Vec<PathBuf>, ReportError> {
+    let map = stability_map::stability_map(rows);
+    let rendered = [
+        Rendered::new("stability.csv", stability::csv(rows)),
+        Rendered::new("stability.svg", map.to_svg()),
+        Rendered::new("stability.png", map.to_png("stability.png", PNG_SCALE)?),
+    ];
+    files::write(out, &rendered)
+}
+
+/// Writes `verification.csv` and, for each preset, `verification_SCENE.svg` and `.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBuf>, ReportError> {
+    let mut rendered = vec![Rendered::new("verification.csv", verification::csv(all))];
+    for one in all {
+        let (preset, picture) = (one.preset, verification_plot::verification_plot(one));
+        let png = picture.to_png("verification_SCENE.png", PNG_SCALE)?;
+        rendered.push(Rendered::new(format!("verification_{preset}.svg"), picture.to_svg()));
+        rendered.push(Rendered::new(format!("verification_{preset}.png"), png));
     }
     files::write(out, &rendered)
 }

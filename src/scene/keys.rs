@@ -228,7 +228,7 @@ pub static KEYS: &[Key] = &[
     )
     .or("0.01")
     .live(),
-    Key::real("stepping.step_factor", Range::open(0.0, 1.0), "", "Fraction of the largest stable step that is used.")
+    Key::real("stepping.step_factor", Range::open(0.0, 2.0), "", "Fraction of the largest stable step that is used; 1 and more are for studies of what happens then.")
         .or("0.9"),
     Key::integer("stepping.max_steps_per_pose", 1, 1_000_000, "Largest number of explicit steps for one pose.")
         .or("2000")

@@ -8,9 +8,9 @@
 use std::fmt::Write as _;
 use std::time::Instant;
 
-use super::reference::{self, DISPLACEMENT_DEPTH_M, PointDisplacement};
-use crate::scene::{Override, Scene, SceneError, Target};
-use crate::twin::{BuildError, Halt, StampedPose, Twin};
+use super::reference::{self, DISPLACEMENT_DEPTH_M};
+use crate::scene::{InstrumentKind, Override, Scene, SceneError};
+use crate::twin::{BuildError, Halt, PATH_SPACING, StampedPose, Twin};
 
 /// Poses between two depths of the reference: near enough for the motion to be quasi-static without the rests.
 const POSES_PER_DEPTH: usize = 25;
@@ -20,10 +20,6 @@ const LONGEST_REST: usize = 400;
 const POSE_PERIOD_S: f64 = 0.01;
 /// Inertial error that is tolerated: small against the errors under study.
 const TOLERANCE: &str = "0.003";
-/// Directions from the axis in which each reference displacement is compared, rad.
-const AZIMUTHS: [f64; 4] = [0.3, 1.9, 3.4, 5.0];
-/// The outermost points of the reference lie outside a cylinder of chords, m.
-const OUTERMOST_M: f64 = 0.0145;
 
 /// A way to discretise: its name in the table, and the keys that make it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +29,9 @@ pub struct Variant {
     /// Keys of the scene.
     pub keys: &'static [(&'static str, &'static str)],
 }
+
+/// Methods of the quick form.
+pub const QUICK: usize = 3;
 
 /// The methods and the cures of locking that are compared; the first is the default.
 pub const VARIANTS: [Variant; 6] = [
@@ -44,8 +43,20 @@ pub const VARIANTS: [Variant; 6] = [
     Variant { name: "mmls, 4 points", keys: &[("discretisation.points_per_cell", "4")] },
 ];
 
-/// Factors on the preset's `discretisation.spacing_m`, coarse first.
-pub const SPACINGS: [f64; 3] = [1.6, 1.25, 1.0];
+/// Factors on the spacing of a preset's nodes, coarse first.
+///
+/// Of the needle's cloud only the path is refined, and never coarsened: half a capture radius, the preset's spacing
+/// there, is the coarsest that a needle takes, and the force depends on little else.
+fn spacings(preset: &str) -> [f64; 3] {
+    match preset {
+        NEEDLE => [1.0, 0.7, 0.5],
+        _ => [1.6, 1.25, 1.0],
+    }
+}
+
+const NEEDLE: &str = "needle_insertion";
+/// Depth of the needle in this study, m: the finest path to the preset's whole depth would take an hour per run.
+const NEEDLE_DEPTH_M: f64 = 0.005;
 
 /// One run of the study.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,7 +65,7 @@ pub struct Case {
     pub preset: &'static str,
     /// Method.
     pub variant: Variant,
-    /// Factor on the preset's spacing.
+    /// Factor on the preset's spacing; of the needle's cloud, on that of the path.
     pub spacing: f64,
     /// Depth to go to, m.
     pub depth_m: f64,
@@ -98,20 +109,21 @@ pub enum StudyError {
     Build(#[from] BuildError),
 }
 
-/// The cases of a study, cheapest first. `quick` leaves out the finest clouds, half of the methods, and stops at half
-/// of the depth.
+/// The cases of a study with these methods, cheapest first. `quick` leaves out the finest clouds and stops at half of the
+/// depth.
 #[must_use]
-pub fn cases(presets: &[&'static str], quick: bool) -> Vec<Case> {
+pub fn cases(presets: &[&'static str], variants: &[Variant], quick: bool) -> Vec<Case> {
     let mut cases = Vec::new();
     for &preset in presets {
         // the reference of the indentation is good to 0.45% up to 4 mm, and to 2% beyond
         let deepest = match preset {
             "indentation" => DISPLACEMENT_DEPTH_M,
+            NEEDLE => NEEDLE_DEPTH_M,
             _ => reference::force(preset).and_then(|f| f.last().map(|p| p.0)).unwrap_or(0.0),
         };
         let depth_m = if quick { 0.5 * deepest } else { deepest };
-        for &spacing in &SPACINGS[..if quick { 2 } else { 3 }] {
-            for variant in &VARIANTS[..if quick { 3 } else { VARIANTS.len() }] {
+        for &spacing in &spacings(preset)[..if quick { 2 } else { 3 }] {
+            for variant in variants {
                 cases.push(Case { preset, variant: *variant, spacing, depth_m });
             }
         }
@@ -126,19 +138,27 @@ impl Case {
     /// [`StudyError::Scene`] if the preset does not take the keys.
     pub fn scene(&self) -> Result<Scene, StudyError> {
         let preset = Scene::preset(self.preset)?;
-        let grading = preset.discretisation.grading.map_or(f64::NAN, |g| g.spacing.get());
-        let spacing = self.spacing * grading;
+        let (far, near) =
+            preset.discretisation.grading.map_or((f64::NAN, f64::NAN), |g| (g.spacing.get(), g.edge_refinement));
+        let (key, value) = match preset.instrument.map(|i| i.kind) {
+            Some(InstrumentKind::Needle(needle)) => {
+                let path = (far * near).min(PATH_SPACING * needle.capture_radius.get());
+                ("discretisation.edge_refinement", self.spacing * path / far)
+            }
+            _ => ("discretisation.spacing_m", self.spacing * far),
+        };
         // the study is of clouds in space, where a scene of its own accord takes the least model
         let mut keys = vec![
             Override::text("discretisation.dimension", "full", "study"),
-            Override::text("discretisation.spacing_m", &format!("{spacing}"), "study"),
+            Override::text(key, &value.to_string(), "study"),
             Override::text("motion.depth_m", &format!("{}", self.depth_m), "study"),
             Override::text("stepping.tolerance", TOLERANCE, "study"),
         ];
         keys.extend(self.variant.keys.iter().map(|(path, value)| Override::text(path, value, "study")));
         let mut scene = preset.with(&keys)?;
         if self.compares_displacements() {
-            scene.targets = scene.sample.shape.height().map_or_else(Vec::new, |height| targets(height.get()));
+            scene.targets =
+                scene.sample.shape.height().map_or_else(Vec::new, |height| reference::targets(height.get()));
         }
         Ok(scene)
     }
@@ -180,7 +200,9 @@ impl Case {
         let work = row.steps.max(1) as f64 * row.integration_points as f64;
         row.ns_per_point = 1e9 * start.elapsed().as_secs_f64() / work;
         if self.compares_displacements() && row.ended.is_none() {
-            row.displacement_error = Some(displacement_error(&twin));
+            let mut positions = Vec::new();
+            twin.target_positions(&mut positions);
+            row.displacement_error = Some(reference::displacement_error(&positions, twin.pose_at_depth(0.0).tip[2]));
         }
         Ok(row)
     }
@@ -216,32 +238,6 @@ impl Walk<'_> {
         let answer = self.twin.step(StampedPose { time_s: POSE_PERIOD_S * self.poses as f64, pose })?;
         Ok((answer.force_n[2], answer.steps))
     }
-}
-
-fn compared() -> impl Iterator<Item = (PointDisplacement, f64)> {
-    let points = reference::indentation_displacements().into_iter().filter(|p| p.radius_m <= OUTERMOST_M);
-    points.flat_map(|p| AZIMUTHS.into_iter().map(move |a| (p, a)))
-}
-
-fn targets(height: f64) -> Vec<Target> {
-    let target = |(i, (p, a)): (usize, (PointDisplacement, f64))| Target {
-        name: format!("p{i}"),
-        position: [p.radius_m * a.cos(), p.radius_m * a.sin(), height - p.below_top_m],
-    };
-    compared().enumerate().map(target).collect()
-}
-
-/// Largest distance between predicted and reference displacement, over the depth.
-fn displacement_error(twin: &Twin) -> f64 {
-    let mut positions = Vec::new();
-    twin.target_positions(&mut positions);
-    let height = twin.pose_at_depth(0.0).tip[2];
-    let distance = |(now, (p, a)): (&[f64; 3], (PointDisplacement, f64))| {
-        let r = p.radius_m + p.radial_m;
-        let expected = [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m];
-        (0..3).map(|k| (now[k] - expected[k]).powi(2)).sum::<f64>().sqrt()
-    };
-    positions.iter().zip(compared()).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
 }
 
 impl Row {
@@ -397,7 +393,7 @@ mod tests {
 
     #[test]
     fn every_case_is_a_scene() {
-        for case in cases(&["compression", "indentation", "needle_insertion"], false) {
+        for case in cases(&["compression", "indentation", NEEDLE], &VARIANTS, false) {
             let scene = case.scene().unwrap();
             assert!(scene.motion.unwrap().depth.get() >= case.depth_m * 0.999, "{case:?}");
         }

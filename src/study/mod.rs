@@ -1,7 +1,10 @@
 //! Studies of the method itself: what a discretisation costs and how near it comes to independent solutions.
 //!
 //! [`accuracy`] refines the clouds of the presets and compares forces and displacements, at rest, with the finite
-//! elements of [`mod@reference`].
+//! elements of [`mod@reference`]. [`stability`] drives the indentation
+//! on until each method ends. [`verification`] holds the presets, as they ship, to their targets.
 
 pub mod accuracy;
 pub mod reference;
+pub mod stability;
+pub mod verification;

@@ -1,6 +1,8 @@
 //! Independent finite-element solutions of the presets (`bags/reference/`, whose README says how they were made and
 //! how far they can be trusted). The solver shares no code with them.
 
+use crate::scene::Target;
+
 /// Displacement of one material point of the indentation at [`DISPLACEMENT_DEPTH_M`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointDisplacement {
@@ -18,6 +20,10 @@ pub struct PointDisplacement {
 pub const DISPLACEMENT_DEPTH_M: f64 = 0.004;
 /// Radius on the top surface within which the reference itself is uncertain (the edge of the disc is singular), m.
 const NEAR_EDGE_M: f64 = 0.006;
+/// Directions from the axis in which each reference displacement is compared, rad.
+const AZIMUTHS: [f64; 4] = [0.3, 1.9, 3.4, 5.0];
+/// The outermost points of the reference lie outside a cylinder of chords, m.
+const OUTERMOST_M: f64 = 0.0145;
 
 /// (depth in m, force in N) of a preset, by rising depth; `None` for a scene without a reference.
 #[must_use]
@@ -51,6 +57,67 @@ pub fn indentation_displacements() -> Vec<PointDisplacement> {
     on_axis.chain(on_top.filter(|p| p.radius_m >= NEAR_EDGE_M)).collect()
 }
 
+/// Where a finite element of a size ended in the indentation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElementStability {
+    /// Element.
+    pub element: String,
+    /// Edge length, mm.
+    pub size_mm: f64,
+    /// Relative error of the force at 4 mm, if it came there.
+    pub force_error: Option<f64>,
+    /// Last depth that converged, m.
+    pub depth_m: f64,
+    /// Whether it came to the depth that was asked for.
+    pub reached: bool,
+}
+
+/// Ordinary finite elements, axisymmetric, driven to 10 mm with Newton's method; those in three dimensions are left out,
+/// since they were stopped on the way.
+#[must_use]
+pub fn element_stability() -> Vec<ElementStability> {
+    let row = |line: &str| {
+        let f: Vec<&str> = line.split(',').collect();
+        let [element, size, _, _, _, error, depth, _, reason] = f[..] else { return None };
+        Some(ElementStability {
+            element: element.to_owned(),
+            size_mm: size.parse().ok()?,
+            force_error: error.parse().ok(),
+            depth_m: 1e-3 * depth.parse::<f64>().ok()?,
+            reached: reason.starts_with("reached"),
+        })
+    };
+    let table = include_str!("../../bags/reference/finite_element_stability.csv");
+    table.lines().skip(1).filter_map(row).filter(|e| !e.element.starts_with("3D")).collect()
+}
+
+fn compared() -> impl Iterator<Item = (PointDisplacement, f64)> {
+    let points = indentation_displacements().into_iter().filter(|p| p.radius_m <= OUTERMOST_M);
+    points.flat_map(|p| AZIMUTHS.into_iter().map(move |a| (p, a)))
+}
+
+/// Targets at the points of [`indentation_displacements`], each in four directions, for a sample of a height in m.
+#[must_use]
+pub fn targets(height: f64) -> Vec<Target> {
+    let target = |(i, (p, a)): (usize, (PointDisplacement, f64))| Target {
+        name: format!("p{i}"),
+        position: [p.radius_m * a.cos(), p.radius_m * a.sin(), height - p.below_top_m],
+    };
+    compared().enumerate().map(target).collect()
+}
+
+/// Largest distance between the present positions of [`targets`], m, and the reference at [`DISPLACEMENT_DEPTH_M`], over
+/// that depth.
+#[must_use]
+pub fn displacement_error(positions: &[[f64; 3]], height: f64) -> f64 {
+    let distance = |(now, (p, a)): (&[f64; 3], (PointDisplacement, f64))| {
+        let r = p.radius_m + p.radial_m;
+        let expected = [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m];
+        (0..3).map(|k| (now[k] - expected[k]).powi(2)).sum::<f64>().sqrt()
+    };
+    positions.iter().zip(compared()).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
+}
+
 /// The first N columns of the lines of a table that holds numbers there.
 fn rows<const N: usize>(table: &str) -> impl Iterator<Item = [f64; N]> {
     table.lines().filter_map(|line| {
@@ -74,6 +141,7 @@ mod tests {
         assert_eq!(force("indentation").unwrap()[7], (0.004, 0.340319));
         assert_eq!(force("needle_insertion").unwrap().last().copied(), Some((0.01, 0.0674753)));
         assert_eq!(force("other"), None);
+        assert_eq!(element_stability().len(), 23);
         let points = indentation_displacements();
         assert!(points.iter().any(|p| p.radius_m == 0.0) && points.iter().any(|p| p.radius_m > 0.014));
         assert!(points.iter().all(|p| p.below_top_m == 0.0 || p.radius_m == 0.0));

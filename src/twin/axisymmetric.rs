@@ -91,7 +91,7 @@ fn contact(
         let [a, b, c] = triangle(p);
         ([a, b, c, c], table.volume[p])
     });
-    let path = NeedlePath::new(nodes, plane.points.len(), *needle, layout.layer(), watched, corners);
+    let path = NeedlePath::new(nodes, plane.points.len(), *needle, layout.reach, layout.layer(), watched, corners);
     Contact::Needle(Box::new(path.revolved()))
 }
 

@@ -10,7 +10,7 @@ use super::{BuildError, mesh};
 const PATH_MARGIN: f64 = 1.0;
 /// Largest spacing along a needle's path over the capture radius: the effective radius equals the capture radius only
 /// where the cloud resolves it.
-const PATH_SPACING: f64 = 0.5;
+pub const PATH_SPACING: f64 = 0.5;
 /// A contact ring has at least this many nodes along its radius's worth of arc.
 const RING_SPACING: f64 = 0.15;
 /// Spacing at an edge of contact in a half plane over that in space.

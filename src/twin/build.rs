@@ -49,6 +49,7 @@ impl Twin {
             pace: Pace::new(scene, height),
             steps_since_save: 0,
             steps: 0,
+            recoveries: 0,
             tip: [0.0; 3],
             shaft: [0.0; 2],
             phase: Phase::Approach,
@@ -101,7 +102,7 @@ pub(super) fn settings(scene: &Scene) -> Settings {
 }
 
 fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Contact {
-    let Body { cloud, held, top, layer, .. } = body;
+    let Body { cloud, held, top, reach, layer, .. } = body;
     match &instrument.kind {
         InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Contact::Bonded(Bonded::new(held.clone())),
         InstrumentKind::Needle(needle) => {
@@ -118,14 +119,9 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Con
             let on_top = |n: u32| cloud.faces[n as usize] & TOP != 0;
             let depth = |n: u32| if on_top(n) { 0.0 } else { top - cloud.points[n as usize][2] };
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
-            Contact::Needle(Box::new(NeedlePath::new(
-                nodes,
-                cloud.points.len(),
-                *needle,
-                *layer,
-                watched,
-                corners.zip(table.volume.iter().copied()),
-            )))
+            let cells = corners.zip(table.volume.iter().copied());
+            let path = NeedlePath::new(nodes, cloud.points.len(), *needle, *reach, *layer, watched, cells);
+            Contact::Needle(Box::new(path))
         }
     }
 }

@@ -3,6 +3,7 @@
 mod axisymmetric;
 mod body;
 mod build;
+mod contain;
 mod mesh;
 mod observe;
 mod pace;
@@ -14,7 +15,7 @@ use crate::instrument::Contact;
 use crate::scene::{Dimension, Instrument, Resolved, Scene};
 use crate::solver::Solver;
 
-pub use body::Body;
+pub use body::{Body, PATH_SPACING};
 
 use pace::Pace;
 use tissue::Tissue;
@@ -118,14 +119,52 @@ pub enum Halt {
         reason: String,
     },
     /// The solution diverged.
-    #[error("the solution diverged at step {step}, depth {depth_m:.6} m: {reason}")]
+    #[error(
+        "the solution diverged at step {step}, depth {depth_m:.6} m, after {tries} tries with ever smaller steps: {trouble}"
+    )]
     Diverged {
         /// What was seen.
-        reason: String,
+        trouble: Trouble,
+        /// Tries to get past it.
+        tries: u32,
         /// Explicit step since the last reset.
         step: u64,
         /// Depth, m.
         depth_m: f64,
+    },
+}
+
+/// What makes a state useless.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Trouble {
+    /// Forces or energies are no numbers.
+    #[error("forces or energies are not finite; try a smaller stepping.step_factor")]
+    NotFinite,
+    /// A cell is crushed to nothing or turned inside out.
+    #[error(
+        "integration point {point} at ({:.6}, {:.6}, {:.6}) m of the undeformed body is inverted (volume ratio \
+         {volume_ratio:.3e}); try a coarser discretisation.spacing_m, a larger edge_refinement, or material.volumetric = \
+         \"logarithmic\"", place[0], place[1], place[2]
+    )]
+    Inverted {
+        /// Index of the integration point.
+        point: usize,
+        /// Its cell's centre in the undeformed body, m.
+        place: [f64; 3],
+        /// det F.
+        volume_ratio: f64,
+    },
+    /// More energy of motion than a quasi-static motion has: the step is too large.
+    #[error(
+        "kinetic energy {kinetic_j:.3e} J runs away from strain energy {strain_j:.3e} J; try a smaller \
+         stepping.step_factor or a slower motion"
+    )]
+    RunsAway {
+        /// J
+        kinetic_j: f64,
+        /// J
+        strain_j: f64,
     },
 }
 
@@ -175,6 +214,8 @@ pub struct Twin {
     pace: Pace,
     steps_since_save: u32,
     steps: u64,
+    /// Times that the twin went back to the last good state.
+    recoveries: u64,
     /// Tip of the last pose relative to the entry point, m.
     tip: [f64; 3],
     /// Where the instrument's axis met the undeformed top at the last pose, relative to the entry point, m.
@@ -187,6 +228,12 @@ impl Twin {
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// Times that the twin went back to the last good state and tried again with smaller steps, since the last reset.
+    #[must_use]
+    pub fn recoveries(&self) -> u64 {
+        self.recoveries
     }
 
     /// What is worth knowing about the scene's mesh and is no error.

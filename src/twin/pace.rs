@@ -4,7 +4,7 @@
 //! travel / (omega L) with omega the slowest frequency (rad per step) and L the distance over which the force changes
 //! by its own size: that gives the steps that the tolerance asks for. The gap between the instrument's force and the
 //! base's, zero at rest, then says whether they were enough; the next pose gets more while it is too wide, and fewer
-//! again when it has closed. An instrument at rest is followed until the gap has closed, then costs nothing.
+//! again when it has closed. A motion that begins is a jolt, so it begins with the most. An instrument at rest is followed until the gap has closed, then costs nothing.
 
 use crate::scene::{Scene, Stepping};
 use crate::solver::Balance;
@@ -19,8 +19,10 @@ const RELAXATION: f64 = 0.5;
 const PATIENCE: f64 = 0.1;
 /// The gap, over what the tolerance allows, at which a resting instrument needs no more steps.
 const QUIET: f64 = 0.1;
-/// Largest factor on the steps that the tolerance asks for.
-const LARGEST_BOOST: f64 = 6.0;
+/// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
+const LARGEST_BOOST: f64 = 16.0;
+/// Steps after a relaxation of the stress: the pressure has to find its new balance, which its fast waves do in these.
+const SETTLING: u32 = 4;
 
 /// Pace of one scene.
 #[derive(Clone, Debug)]
@@ -52,7 +54,7 @@ impl Pace {
             peak: 0.0,
             imbalance: 0.0,
             gap: 0.0,
-            boost: 1.0,
+            boost: LARGEST_BOOST,
             limit: u32::MAX,
             pending: 0.0,
         }
@@ -64,14 +66,14 @@ impl Pace {
         let s = &self.stepping;
         self.pending += unrest;
         if travel > 0.0 {
-            let wanted = self.boost * travel / (s.tolerance * slowest * self.length);
-            return (wanted.ceil() as u32).max(s.min_steps_per_pose).min(self.most());
+            let wanted = (travel / (s.tolerance * slowest * self.length)).max(1.0);
+            return ((self.boost * wanted).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
         if self.gap >= QUIET {
             return ((RELAXATION / slowest).ceil() as u32).min(self.most());
         }
-        // Relaxation of the same material everywhere changes forces more than places: one step finds most of it.
-        u32::from(self.pending > PATIENCE * s.tolerance)
+        // Relaxation of the same material everywhere changes forces more than places.
+        if self.pending > PATIENCE * s.tolerance { SETTLING.min(self.most()) } else { 0 }
     }
 
     /// Most steps that a pose may cost.
@@ -95,7 +97,7 @@ impl Pace {
         self.peak = 0.0;
         self.imbalance = 0.0;
         self.gap = 0.0;
-        self.boost = 1.0;
+        self.boost = LARGEST_BOOST;
         self.pending = 0.0;
     }
 }

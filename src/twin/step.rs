@@ -1,21 +1,11 @@
-//! A pose in, a prediction out: pacing, divergence contained in one place.
+//! A pose in, a prediction out.
 
 use crate::instrument::Tip;
 use crate::scene::Dimension;
-use crate::solver::{Advance, Balance};
+use crate::solver::Balance;
 
 use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
 
-/// Steps between two saved states.
-const SAVE: u32 = 64;
-/// Tries to get past trouble, each with twice the mass and twice the steps of the one before.
-const TRIES: u32 = 6;
-/// Volume ratio at which a point counts as inverted.
-const INVERTED: f64 = 1e-3;
-/// Kinetic over strain energy that a quasi-static motion never reaches.
-const RUNAWAY: f64 = 10.0;
-/// Strain energy, over mu V, below which the ratio means nothing.
-const ENERGY_FLOOR: f64 = 1e-6;
 /// Largest tilt of the instrument's axis (sine).
 const ALIGNMENT: f64 = 0.02;
 /// Largest tilt of an inserted needle (sine).
@@ -93,6 +83,7 @@ impl Twin {
         }
         self.pace.reset();
         self.steps = 0;
+        self.recoveries = 0;
         self.steps_since_save = 0;
         self.tip = [0.0; 3];
         self.shaft = [0.0; 2];
@@ -107,10 +98,6 @@ impl Twin {
             force_imbalance: self.pace.imbalance,
             constraint_error_m: self.constraint_error(),
         }
-    }
-
-    fn energy_floor(&self) -> f64 {
-        ENERGY_FLOOR * self.scene.material.shear_modulus.get() * self.height.powi(3)
     }
 
     /// Checks a pose and expresses its tip relative to the entry point.
@@ -174,59 +161,6 @@ impl Twin {
             return None;
         };
         Some(format!("{what} by an axisymmetric model: set discretisation.dimension = \"full\""))
-    }
-
-    /// Advances; on trouble goes back to the saved state and tries again with smaller steps.
-    fn advance_safely(&mut self, steps: u32, travel: f64, depth: f64, time_s: f64) -> Result<Balance, Halt> {
-        self.solver.refresh_if_due();
-        // after the estimate, which takes the force of the last step for that of the present state
-        self.solver.relax_until(time_s);
-        self.solver.advance(&Advance { steps, travel });
-        self.steps_since_save += steps;
-        let mut balance = self.solver.balance();
-        let mut finer = steps.max(SAVE);
-        for _ in 0..TRIES {
-            if self.trouble(&balance).is_none() {
-                self.solver.commit(time_s);
-                if self.steps_since_save >= SAVE {
-                    self.solver.save();
-                    self.steps_since_save = 0;
-                }
-                return Ok(balance);
-            }
-            finer = finer.saturating_mul(2);
-            self.solver.restore(2.0);
-            self.solver.relax_again(time_s);
-            self.solver.refresh_step();
-            self.solver.advance(&Advance { steps: finer, travel: 0.0 });
-            self.steps += u64::from(finer);
-            balance = self.solver.balance();
-        }
-        match self.trouble(&balance) {
-            None => {
-                self.solver.commit(time_s);
-                Ok(balance)
-            }
-            Some(reason) => Err(Halt::Diverged { reason, step: self.steps, depth_m: depth }),
-        }
-    }
-
-    /// What is wrong with the present state, if anything.
-    fn trouble(&self, b: &Balance) -> Option<String> {
-        let least = self.solver.min_jacobian();
-        let finite = b.instrument.iter().chain(&b.base).all(|f| f.is_finite());
-        if !(finite && b.kinetic.is_finite() && b.strain.is_finite()) {
-            return Some("forces or energies are not finite; try a smaller stepping.step_factor".into());
-        }
-        if least < INVERTED {
-            return Some(format!(
-                "an integration point is inverted (volume ratio {least:.3e}); try a coarser discretisation.spacing_m \
-                 or a smaller edge_refinement"
-            ));
-        }
-        let limit = RUNAWAY * b.strain.max(self.energy_floor());
-        (b.kinetic > limit)
-            .then(|| format!("kinetic energy {:.3e} J runs away from strain energy {:.3e} J", b.kinetic, b.strain))
     }
 }
 

@@ -120,6 +120,17 @@ impl Tissue {
         }
     }
 
+    /// Centre of the cell that an integration point lies in, in the undeformed body, m: of a ring at azimuth zero.
+    pub fn place(&self, point: usize) -> [f64; 3] {
+        let corners = self.model.corners(point, &self.cells);
+        let shown = |n: u32| match &self.fields {
+            Fields::Full { .. } => n as usize,
+            Fields::Revolved { first, .. } => first[n as usize] as usize,
+        };
+        let sum = |k: usize| corners.iter().map(|&n| self.points[shown(n)][k]).sum::<f64>();
+        std::array::from_fn(|k| sum(k) / corners.len() as f64)
+    }
+
     /// Largest distance between the field and its prescribed value at a held node, m.
     pub fn constraint_error(&self, solver: &Solver) -> f64 {
         let u = solver.parameters();

@@ -19,6 +19,12 @@ pub fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
     Scene::preset(preset).unwrap().with(&changes).unwrap()
 }
 
+/// Does some work with one thread per twin: tests run side by side, and threads that wait for each other on a busy
+/// machine wait long.
+pub fn alone<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(work)
+}
+
 /// The twin's answer to a depth, m.
 pub fn at_depth(twin: &mut Twin, depth_m: f64) -> Prediction {
     let pose = StampedPose { time_s: 0.0, pose: twin.pose_at_depth(depth_m) };

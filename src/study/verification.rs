@@ -1,0 +1,291 @@
+//! The presets as they ship, at their own speed, against independent finite elements: force over depth, saw-tooth of the
+//! needle's force, displacement inside the tissue, balance of forces.
+
+use std::fmt::Write as _;
+
+use super::accuracy::StudyError;
+use super::reference::{self, DISPLACEMENT_DEPTH_M};
+use crate::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};
+use crate::scene::{Override, Scene};
+
+/// Half of the stretch over which the smooth curve of the saw-tooth is fitted, m: the layers of nodes along the needle
+/// preset's path are half as far apart.
+const SMOOTH_OVER_M: f64 = 2.5e-4;
+
+/// What the force is held to between two depths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct ForceTarget {
+    preset: &'static str,
+    /// m
+    from: f64,
+    /// m
+    to: f64,
+    /// Largest |relative error|.
+    bound: f64,
+}
+
+const FORCE_TARGETS: [ForceTarget; 4] = [
+    ForceTarget { preset: "compression", from: 0.0, to: 2.5e-3, bound: 0.01 },
+    ForceTarget { preset: "indentation", from: 0.0, to: 4e-3, bound: 0.015 },
+    ForceTarget { preset: "indentation", from: 0.0, to: 1e-2, bound: 0.05 },
+    ForceTarget { preset: "needle_insertion", from: 2e-3, to: 1e-2, bound: 0.03 },
+];
+const SAW_TOOTH_FROM_M: f64 = 2e-3;
+const SAW_TOOTH_TARGET: f64 = 0.02;
+const DISPLACEMENT_TARGET: f64 = 0.01;
+const BALANCE_TARGET: f64 = 0.005;
+
+/// One depth of the reference.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compared {
+    /// m
+    pub depth_m: f64,
+    /// N
+    pub predicted_n: f64,
+    /// N
+    pub reference_n: f64,
+}
+
+impl Compared {
+    /// Predicted over reference force - 1.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        self.predicted_n / self.reference_n - 1.0
+    }
+}
+
+/// One preset against its reference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verification {
+    /// Preset.
+    pub preset: &'static str,
+    /// The run.
+    pub run: Run,
+    /// Depths that the run reached.
+    pub compared: Vec<Compared>,
+    /// Depths of the reference that it was to reach.
+    pub asked: usize,
+    /// Largest distance between predicted and reference displacement over the depth, where there is a reference.
+    pub displacement_error: Option<f64>,
+}
+
+/// A figure and what it is held to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// What it is.
+    pub what: String,
+    /// The figure, relative.
+    pub reached: f64,
+    /// Its bound.
+    pub target: f64,
+}
+
+impl Verdict {
+    /// Whether the figure is within its bound.
+    #[must_use]
+    pub fn met(&self) -> bool {
+        self.reached <= self.target
+    }
+}
+
+impl Verification {
+    /// Runs a preset with some keys changed, on the present rayon pool, at its own speed and rate of poses, to the last
+    /// depth of the reference or to `depth_m`.
+    ///
+    /// # Errors
+    /// [`StudyError`] if there is no reference, or no such scene. A run that ends early is a result, not an error.
+    pub fn run(
+        preset: &'static str,
+        keys: &[Override],
+        depth_m: Option<f64>,
+        watch: &mut dyn Watch,
+    ) -> Result<Self, StudyError> {
+        let mut table = reference::force(preset).ok_or_else(|| StudyError::NoReference(preset.to_owned()))?;
+        table.retain(|(depth, _)| depth_m.is_none_or(|last| *depth <= last * (1.0 + 1e-9)));
+        let deepest = table.last().map_or(0.0, |p| p.0);
+        let depth = Override::text("motion.depth_m", &deepest.to_string(), "study");
+        // the targets are those of the clouds in space; `keys` may ask for another dimension
+        let dimension = Override::text("discretisation.dimension", "full", "study");
+        let mut scene = Scene::preset(preset)?.with(&[&[dimension, depth], keys].concat())?;
+        let height = scene.sample.shape.height().map_or(0.0, |h| h.get());
+        if preset == "indentation" {
+            scene.targets = reference::targets(height);
+        }
+        let run = drive(&scene, watch)?;
+        let compared = table.iter().filter_map(|&(depth_m, reference_n)| {
+            Some(Compared { depth_m, predicted_n: force_at(&run.answers, depth_m)?, reference_n })
+        });
+        Ok(Self {
+            preset,
+            compared: compared.collect(),
+            asked: table.len(),
+            displacement_error: (preset == "indentation").then(|| displacement_error(&run, height)).flatten(),
+            run,
+        })
+    }
+
+    /// Every figure with its target.
+    #[must_use]
+    pub fn verdicts(&self) -> Vec<Verdict> {
+        let mut verdicts: Vec<Verdict> = self.force_verdicts().collect();
+        if self.preset == "needle_insertion" {
+            let what = format!("saw-tooth from {} mm", 1e3 * SAW_TOOTH_FROM_M);
+            verdicts.push(Verdict { what, reached: saw_tooth(&self.run.answers), target: SAW_TOOTH_TARGET });
+        }
+        verdicts.extend(self.displacement_error.map(|reached| Verdict {
+            what: format!("displacement at {} mm", 1e3 * DISPLACEMENT_DEPTH_M),
+            reached,
+            target: DISPLACEMENT_TARGET,
+        }));
+        let what = "force + base reaction".to_owned();
+        verdicts.push(Verdict { what, reached: self.run.force_imbalance, target: BALANCE_TARGET });
+        verdicts
+    }
+
+    fn force_verdicts(&self) -> impl Iterator<Item = Verdict> {
+        let whole = self.compared.len() == self.asked;
+        let reached = self.compared.last().map_or(0.0, |c| c.depth_m);
+        FORCE_TARGETS.iter().filter(|t| t.preset == self.preset).map(move |t| {
+            let within = self.compared.iter().filter(|c| (t.from..=t.to * (1.0 + 1e-9)).contains(&c.depth_m));
+            let largest = within.map(|c| c.error().abs()).fold(0.0, f64::max);
+            // a run that ended before the target's last depth has not met it
+            let ended = !whole && reached < t.to * (1.0 - 1e-9);
+            Verdict {
+                what: format!("force, {} to {} mm", 1e3 * t.from, 1e3 * t.to.min(reached)),
+                reached: if ended { f64::INFINITY } else { largest },
+                target: t.bound,
+            }
+        })
+    }
+}
+
+fn drive(scene: &Scene, watch: &mut dyn Watch) -> Result<Run, StudyError> {
+    let motion = scene.motion.ok_or_else(|| StudyError::NoReference(scene.name.clone()))?;
+    let (mut twin, build_s) = compare::build(scene)?;
+    let collector = Collector::new(&twin, "study verification", build_s, Keep::ANSWERS);
+    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+    Ok(compare::drive(&mut twin, readings, None, collector, watch))
+}
+
+/// Force at a depth on the way in, between the two poses next to it, N; `None` if it was not reached.
+fn force_at(answers: &[Answer], depth_m: f64) -> Option<f64> {
+    let reached = |a: &Answer| a.depth_m >= depth_m * (1.0 - 1e-9);
+    let next = answers.iter().position(reached)?;
+    let (a, b) = (&answers[next.saturating_sub(1)], &answers[next]);
+    let share = if b.depth_m > a.depth_m { (depth_m - a.depth_m) / (b.depth_m - a.depth_m) } else { 1.0 };
+    Some(a.predicted_n + share.min(1.0) * (b.predicted_n - a.predicted_n))
+}
+
+/// Largest distance between the force and a smooth curve, over the force. The curve at a depth is the parabola that
+/// fits the forces nearby best.
+fn saw_tooth(answers: &[Answer]) -> f64 {
+    let deepest = answers.iter().map(|a| a.depth_m).fold(0.0, f64::max);
+    let inside = |a: &&Answer| a.depth_m >= SAW_TOOTH_FROM_M && a.depth_m <= deepest - SMOOTH_OVER_M;
+    let roughness = |a: &Answer| {
+        let near = answers.iter().filter(|b| (b.depth_m - a.depth_m).abs() <= SMOOTH_OVER_M);
+        let rows: Vec<[f64; 2]> = near.map(|b| [(b.depth_m - a.depth_m) / SMOOTH_OVER_M, b.predicted_n]).collect();
+        parabola_at_zero(&rows).map(|smooth| (a.predicted_n / smooth - 1.0).abs())
+    };
+    answers.iter().filter(inside).filter_map(roughness).fold(0.0, f64::max)
+}
+
+/// Value at zero of the parabola that fits (x, y) best; `None` if the points don't determine it.
+fn parabola_at_zero(points: &[[f64; 2]]) -> Option<f64> {
+    let (mut normal, mut right) = (nalgebra::Matrix3::zeros(), nalgebra::Vector3::zeros());
+    for &[x, y] in points {
+        let p = nalgebra::Vector3::new(1.0, x, x * x);
+        normal += p * p.transpose();
+        right += y * p;
+    }
+    normal.cholesky().map(|factor| factor.solve(&right)[0])
+}
+
+fn displacement_error(run: &Run, height: f64) -> Option<f64> {
+    let row = run.targets.iter().find(|row| row.depth_m >= DISPLACEMENT_DEPTH_M * (1.0 - 1e-6))?;
+    Some(reference::displacement_error(&row.positions, height))
+}
+
+/// What people read: a line per depth, then a line per target.
+#[must_use]
+pub fn table(verification: &Verification) -> String {
+    let run = &verification.run;
+    let factor = run.real_time_factor().map_or_else(|| "-".to_owned(), |f| format!("{f:.2}"));
+    let mut out = format!("{}: {}, {} nodes, real-time factor {factor}\n", verification.preset, run.method, run.nodes);
+    let _ = writeln!(out, "{:>9} {:>13} {:>13} {:>9}", "depth mm", "predicted N", "reference N", "error");
+    for c in &verification.compared {
+        let error = 100.0 * c.error();
+        let _ =
+            writeln!(out, "{:>9.2} {:>13.6} {:>13.6} {error:>+7.2} %", 1e3 * c.depth_m, c.predicted_n, c.reference_n);
+    }
+    if let Some(reason) = &run.diverged {
+        let _ = writeln!(out, "ended: {reason}");
+    }
+    for v in verification.verdicts() {
+        let met = if v.met() { "met" } else { "NOT met" };
+        let (reached, target) = (100.0 * v.reached, 100.0 * v.target);
+        let _ = writeln!(out, "  {:<24} {reached:>7.2} % of {target:.1} %: {met}", v.what);
+    }
+    out
+}
+
+/// `verification.csv`: a line per depth of the reference.
+#[must_use]
+pub fn csv(all: &[Verification]) -> String {
+    let mut out = String::from("scene,method,nodes,depth_m,predicted_n,reference_n,relative_error\n");
+    for v in all {
+        for c in &v.compared {
+            let _ = writeln!(
+                out,
+                "{},{},{},{},{:.9},{},{:.6}",
+                v.preset,
+                v.run.method,
+                v.run.nodes,
+                c.depth_m,
+                c.predicted_n,
+                c.reference_n,
+                c.error()
+            );
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::twin::Phase;
+
+    fn answers(force: impl Fn(f64) -> f64) -> Vec<Answer> {
+        let answer = |i: u32| {
+            let depth_m = 1e-5 * f64::from(i);
+            Answer {
+                time_s: 0.0,
+                depth_m,
+                predicted_n: force(depth_m),
+                measured_n: None,
+                phase: Phase::Penetration,
+                event: None,
+                steps: 1,
+                latency_s: 0.0,
+            }
+        };
+        (0..=500).map(answer).collect()
+    }
+
+    #[test]
+    fn the_saw_tooth_is_what_a_smooth_curve_leaves() {
+        let smooth = |d: f64| d.powf(1.7);
+        assert!(saw_tooth(&answers(smooth)) < 1e-3);
+        let wave = |d: f64| 1.0 + 0.02 * (d * std::f64::consts::TAU / 2.5e-4).sin();
+        let found = saw_tooth(&answers(|d| smooth(d) * wave(d)));
+        assert!((found - 0.02).abs() < 2e-3, "{found}");
+    }
+
+    #[test]
+    fn a_depth_that_was_not_reached_has_no_force() {
+        let answers = answers(|d| d);
+        assert!((force_at(&answers, 1.234e-3).unwrap() - 1.234e-3).abs() < 1e-12);
+        assert_eq!(force_at(&answers, 6e-3), None);
+    }
+}

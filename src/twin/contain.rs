@@ -1,0 +1,99 @@
+//! Divergence contained in one place: what counts as trouble, the way back to the last good state, and when to give up.
+//!
+//! Masses follow the stiffness of the deformed tissue (`solver::mass`), so a step that was stable stays so. What that
+//! doesn't foresee ends here: the state is looked at after every pose, and if it can't be vouched for, the twin goes back
+//! to the last good one and tries again with twice the mass, twice the steps and no velocities, up to [`TRIES`] times.
+
+use crate::material::neo_hookean::{cofactor, determinant};
+use crate::solver::{Advance, Balance};
+
+use super::{Halt, Trouble, Twin};
+
+/// Steps between two saved states.
+const SAVE: u32 = 64;
+/// Tries to get past trouble, each with twice the mass and twice the steps of the one before.
+pub(super) const TRIES: u32 = 6;
+/// Volume ratio at which a point counts as inverted.
+const INVERTED: f64 = 1e-3;
+/// Kinetic over strain energy that a quasi-static motion never reaches.
+const RUNAWAY: f64 = 10.0;
+/// Strain energy, over mu V, below which the ratio means nothing.
+const ENERGY_FLOOR: f64 = 1e-6;
+
+impl Twin {
+    /// Advances; on trouble goes back to the saved state and tries again with smaller steps.
+    pub(super) fn advance_safely(
+        &mut self,
+        steps: u32,
+        travel: f64,
+        depth_m: f64,
+        time_s: f64,
+    ) -> Result<Balance, Halt> {
+        self.solver.refresh_if_due();
+        // after the estimate, which takes the force of the last step for that of the present state
+        self.solver.relax_until(time_s);
+        self.solver.advance(&Advance { steps, travel });
+        self.steps_since_save += steps;
+        let mut balance = self.solver.balance();
+        let mut finer = steps.max(SAVE);
+        for _ in 0..TRIES {
+            if self.trouble(&balance).is_none() {
+                self.keep(time_s);
+                return Ok(balance);
+            }
+            self.recoveries += 1;
+            finer = finer.saturating_mul(2);
+            self.solver.restore(2.0);
+            self.solver.relax_again(time_s);
+            self.solver.refresh_step();
+            self.solver.advance(&Advance { steps: finer, travel: 0.0 });
+            self.steps += u64::from(finer);
+            balance = self.solver.balance();
+        }
+        match self.trouble(&balance) {
+            None => {
+                self.keep(time_s);
+                Ok(balance)
+            }
+            Some(trouble) => Err(Halt::Diverged { trouble, tries: TRIES, step: self.steps, depth_m }),
+        }
+    }
+
+    /// The present state is good.
+    fn keep(&mut self, time_s: f64) {
+        self.solver.commit(time_s);
+        if self.steps_since_save >= SAVE {
+            self.solver.save();
+            self.steps_since_save = 0;
+        }
+    }
+
+    /// What is wrong with the present state, if anything.
+    fn trouble(&self, b: &Balance) -> Option<Trouble> {
+        let finite = b.instrument.iter().chain(&b.base).all(|f| f.is_finite());
+        if !(finite && b.kinetic.is_finite() && b.strain.is_finite()) {
+            return Some(Trouble::NotFinite);
+        }
+        if self.solver.min_jacobian() < INVERTED {
+            return Some(self.inverted());
+        }
+        let limit = RUNAWAY * b.strain.max(self.energy_floor());
+        (b.kinetic > limit).then_some(Trouble::RunsAway { kinetic_j: b.kinetic, strain_j: b.strain })
+    }
+
+    /// The point with the smallest volume ratio.
+    fn inverted(&self) -> Trouble {
+        let ratio = |p: usize| {
+            let f = self.solver.deformation(p);
+            determinant(&f, &cofactor(&f))
+        };
+        let least = (0..self.integration_points()).map(|p| (p, ratio(p))).min_by(|a, b| a.1.total_cmp(&b.1));
+        let (point, volume_ratio) = least.unwrap_or((0, f64::NAN));
+        Trouble::Inverted { point, place: self.tissue.place(point), volume_ratio }
+    }
+
+    /// Strain energy below which the kinetic energy is not compared with it, J.
+    pub(super) fn energy_floor(&self) -> f64 {
+        ENERGY_FLOOR * self.scene.material.shear_modulus.get() * self.height.powi(3)
+    }
+}
