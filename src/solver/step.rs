@@ -55,7 +55,7 @@ pub struct Balance {
 }
 
 impl Solver {
-    /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every [`REFRESH`] steps masses
+    /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every `REFRESH` steps masses
     /// and step follow the deformation.
     pub fn advance(&mut self, advance: &Advance) {
         let travel = advance.travel / f64::from(advance.steps);
@@ -128,14 +128,14 @@ impl Solver {
         b
     }
 
-    /// [`Solver::refresh_step`] if the last one is [`REFRESH`] steps ago.
+    /// [`Solver::refresh_step`] if the last one is `REFRESH` steps ago.
     pub fn refresh_if_due(&mut self) {
         if self.steps_since_refresh >= REFRESH {
             self.refresh_step();
         }
     }
 
-    /// Brings masses and step up to date: each point's own bound goes into the masses (see [`super::mass`]), and one
+    /// Brings masses and step up to date: each point's own bound goes into the masses (see `solver::mass`), and one
     /// power iteration on M^-1 K of the present state, which sees what the bounds don't, into the factor on all of
     /// them. Costs 1.3 evaluations of the internal force.
     pub fn refresh_step(&mut self) {

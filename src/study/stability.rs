@@ -42,7 +42,7 @@ pub const METHODS: [Method; 6] = [
     method("tet4, no cure", "tet4", "pointwise"),
 ];
 
-/// A property and the value that it is changed to; everything else is as in [`BASE`].
+/// A property and the value that it is changed to; everything else is as in `BASE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// Group of columns in the map.
