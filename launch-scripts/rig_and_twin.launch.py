@@ -9,7 +9,10 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     share = FindPackageShare("needle_twin")
+    # Several systems run side by side, each in a namespace and with a clock of its own.
+    own = {"namespace": LaunchConfiguration("namespace"), "remappings": [("/clock", "clock")], "output": "screen"}
     return LaunchDescription([
+        DeclareLaunchArgument("namespace", default_value=""),
         DeclareLaunchArgument("bag", default_value=PathJoinSubstitution([share, "bags", "needle_insertion"])),
         DeclareLaunchArgument("rate", default_value="1.0"),
         DeclareLaunchArgument(
@@ -20,7 +23,7 @@ def generate_launch_description():
             package="needle_twin",
             executable="twin_node",
             name="twin",
-            output="screen",
+            **own,
             parameters=[LaunchConfiguration("params_file"), {"use_sim_time": True}],
             ros_arguments=["--log-level", LaunchConfiguration("log_level")],
         ),
@@ -28,7 +31,7 @@ def generate_launch_description():
             package="needle_twin",
             executable="rig_node",
             name="rig",
-            output="screen",
+            **own,
             parameters=[
                 PathJoinSubstitution([share, "parameters", "rig_player.yaml"]),
                 # The model is built meanwhile.

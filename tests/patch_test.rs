@@ -76,6 +76,17 @@ fn meshless_methods_pass_up_to_the_error_of_boundary_and_integration() {
 }
 
 #[test]
+fn random_clouds_pass_as_well() {
+    for seed in 1..=4 {
+        let cloud = clouds::random_cube(seed);
+        assert!(cloud.points != clouds::cube().points);
+        let [tet4, mmls, mls] = [TET4, MMLS, MLS].map(|basis| patch_error(&cloud, basis, 1));
+        println!("cloud {seed}: tet4 {tet4:.1e}, mmls {mmls:.3}, mls {mls:.3}");
+        assert!(tet4 < 1e-6 && mmls < 0.1 && mls < 0.1, "cloud {seed}: {tet4:.1e} {mmls:.3} {mls:.3}");
+    }
+}
+
+#[test]
 fn rigid_motions_cause_no_force() {
     let cloud = clouds::cube();
     let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();

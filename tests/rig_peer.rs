@@ -84,6 +84,15 @@ fn a_recording_comes_out_complete_in_order_and_steerable() {
     let first = peer.ask(json!({"op": "take", "topic": "/measured_js", "count": 1}))["messages"].clone();
     assert_eq!(first.as_array().unwrap().len(), 1, "the latched one, a depth and a force");
 
+    assert_eq!(call(&mut peer, "burst", "Burst", json!({"num_messages": 5}))["actually_burst"], 5);
+    for paused in [false, true] {
+        call(&mut peer, "toggle_paused", "TogglePaused", json!({}));
+        assert_eq!(call(&mut peer, "is_paused", "IsPaused", json!({}))["paused"], paused);
+    }
+    call(&mut peer, "pause", "Pause", json!({}));
+    assert_eq!(call(&mut peer, "is_paused", "IsPaused", json!({}))["paused"], true);
+    peer.ask(json!({"op": "take", "topic": "/measured_js", "timeout": 0.3, "count": 1000}));
+
     // Back to the start, at twice the speed.
     let seek = json!({"time": {"sec": START / 1_000_000_000, "nanosec": 0}});
     assert_eq!(call(&mut peer, "seek", "Seek", seek)["success"], true);
@@ -224,4 +233,32 @@ fn what_can_not_be_played_is_said() {
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
         assert!(text.contains(word), "{arguments:?}: {text}");
     }
+}
+
+#[test]
+fn what_is_latched_comes_first_when_starting_late() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = bag(folder.path(), 2);
+    let domain = free_domain();
+    let late = ["-p", "start_offset:=1.5", "-p", "start_paused:=true", "-p", "exclude_topics:=[/measured_cf]"];
+    let node = rig(domain, &[&[path.as_str(), "--ros-args"][..], &late].concat());
+    let mut peer = Peer::start(domain);
+    for (topic, kind, qos) in [
+        ("/sample_temperature", "std_msgs/msg/Float64", "latched"),
+        ("/measured_js", "sensor_msgs/msg/JointState", "reliable"),
+    ] {
+        peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": qos}));
+    }
+    assert_eq!(
+        peer.ask(json!({"op": "wait_matched", "topics": ["/sample_temperature", "/measured_js"]}))["missing"],
+        json!([])
+    );
+    for _ in 0..2 {
+        assert_eq!(call(&mut peer, "play_next", "PlayNext", json!({}))["success"], true);
+    }
+    let latched = peer.ask(json!({"op": "take", "topic": "/sample_temperature"}))["messages"].clone();
+    assert_eq!(latched[0]["data"], 21.5, "from before the offset");
+    let first = peer.ask(json!({"op": "take", "topic": "/measured_js"}))["messages"].clone();
+    assert_eq!(nanos(&first[0]["header"]["stamp"]), START + 1_500_000_000);
+    drop(node);
 }

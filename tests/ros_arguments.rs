@@ -4,11 +4,14 @@
 //! remaps move every topic and service; parameter files, wildcards and the order of the command line count.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+#[path = "fuzz/command_line.rs"]
+mod command_line;
 #[path = "common/ros.rs"]
 mod ros;
 
 use std::process::{Command, Output};
 
+use proptest::prelude::*;
 use ros::{Peer, Program, free_domain};
 use serde_json::json;
 
@@ -209,7 +212,120 @@ fn without_input_it_says_what_it_waits_for() {
     let (code, log, _) = node.stop("TERM");
     assert_eq!(code, Some(0));
     let line = log.lines().find(|l| l.contains("waiting for")).unwrap_or_else(|| panic!("{log}"));
-    for word in ["/rig/depth", "sensor_msgs/msg/JointState", "best_effort", "nobody publishes it"] {
+    for word in [
+        "/rig/depth",
+        "sensor_msgs/msg/JointState",
+        "best_effort",
+        "nobody publishes it",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+    ] {
         assert!(line.contains(word), "{line}");
     }
+}
+
+/// Words that mean something, and pieces of them.
+const WORDS: [&str; 52] = [
+    "--ros-args",
+    "--ros-args",
+    "--ros-args",
+    "--",
+    "-r",
+    "--remap",
+    "-p",
+    "--param",
+    "--log-level",
+    "-e",
+    "--enclave",
+    "--log-config-file",
+    "--enable-rosout-logs",
+    "--disable-stdout-logs",
+    "--log-file-name",
+    "--scene",
+    "measured_js:=/a/b",
+    "__ns:=/or1",
+    "__node:=sim",
+    "twin:a:=b",
+    "rostopic://a:=b",
+    "rosservice://~/x:=y",
+    "~:=x",
+    "rate:=1",
+    "rate:=[1, 2]",
+    "scene:=true",
+    "topics:=[a, 'b']",
+    "topics:=[]",
+    "twin:rate:=2",
+    "/or1/twin:rate:=.nan",
+    "qos_overrides./a.publisher.depth:=3",
+    "debug",
+    "twin:=warn",
+    ":=",
+    ":",
+    "/",
+    "\u{e4}",
+    "a:=&a [*a]",
+    "rate:=!!float 1",
+    "rate:=0x1F",
+    "rate:=1_000",
+    "scene:=|",
+    "---",
+    "/**:",
+    "  ros__parameters:",
+    "    rate: 3",
+    "    a: {b: [1]}",
+    "    a.b: 2",
+    "twin:",
+    "    rate: &x 1",
+    "    topics: [*x]",
+    "\t- [",
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_command_line_and_no_parameter_file_does_harm(
+        words in prop::collection::vec(prop::sample::select(WORDS.to_vec()), 0..16),
+        noise in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..3),
+    ) {
+        let mut data = words.join("\n").into_bytes();
+        for (at, byte) in noise {
+            if !data.is_empty() {
+                let at = at.index(data.len());
+                data[at] = byte;
+            }
+        }
+        command_line::exercise(&data);
+    }
+}
+
+#[test]
+fn what_has_no_effect_is_said_by_name() {
+    let node = Program::start(
+        TWIN,
+        &[
+            "--scene",
+            "compression",
+            "--ros-args",
+            "-p",
+            "autostart:=false",
+            "--log-file-name",
+            "x",
+            "-e",
+            "/keys",
+            "--enable-external-lib-logs",
+            "--log-level",
+            "warn",
+            "--log-level",
+            "twin:=info",
+        ],
+        free_domain(),
+        &[("ROS_STATIC_PEERS", "10.0.0.1"), ("RCUTILS_CONSOLE_OUTPUT_FORMAT", "{severity}|{name}|{message}")],
+    );
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+    for word in ["--log-file-name x", "-e /keys", "--enable-external-lib-logs", "ROS_STATIC_PEERS"] {
+        assert!(log.lines().any(|l| l.starts_with("WARN|twin|") && l.contains(word)), "{word}: {log}");
+    }
+    assert!(log.contains("INFO|twin|/twin on domain"), "the logger's own level counts: {log}");
 }

@@ -7,26 +7,11 @@
 #[path = "common/ros.rs"]
 mod ros;
 
-use ros::{Peer, Program, free_domain};
+use ros::{Peer, Program, coarse_twin, free_domain};
 use serde_json::{Value, json};
 
-const TWIN: &str = env!("CARGO_BIN_EXE_twin_node");
-/// A plate on a sample that is coarse enough to be answered at once, whatever else the machine does.
-const COARSE: [&str; 9] = [
-    "--scene",
-    "compression",
-    "--ros-args",
-    "-p",
-    "discretisation.spacing_m:=0.005",
-    "-p",
-    "discretisation.edge_refinement:=1.0",
-    "-p",
-    "stepping.max_steps_per_pose:=20",
-];
-const CYCLONE_SERVICES: [(&str, &str); 1] = [("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
-
 fn twin(domain: u16) -> Program {
-    Program::start(TWIN, &COARSE, domain, &CYCLONE_SERVICES)
+    coarse_twin(domain, &[], &[])
 }
 
 /// Writes poses, reads forces; returns when the twin has built its model and is matched.
@@ -177,11 +162,17 @@ fn parameters_are_listed_described_set_and_refused() {
     };
     let listed = call(&mut peer, "list_parameters", "ListParameters", json!({"prefixes": [], "depth": 0}));
     let names: Vec<&str> = listed["result"]["names"].as_array().unwrap().iter().map(|n| n.as_str().unwrap()).collect();
-    for name in ["scene", "joint_name", "use_sim_time", "material.shear_modulus_pa", "discretisation.spacing_m"] {
+    let qos = "qos_overrides./predicted_cf.publisher.reliability";
+    for name in [qos, "scene", "joint_name", "use_sim_time", "material.shear_modulus_pa", "discretisation.spacing_m"] {
         assert!(names.contains(&name), "{names:?}");
     }
-    let got =
-        call(&mut peer, "get_parameters", "GetParameters", json!({"names": ["discretisation.spacing_m", "nonsense"]}));
+    let got = call(
+        &mut peer,
+        "get_parameters",
+        "GetParameters",
+        json!({"names": ["discretisation.spacing_m", "nonsense", qos]}),
+    );
+    assert_eq!(got["values"][2]["string_value"], "reliable");
     assert_eq!(got["values"][0]["double_value"], 0.005);
     assert_eq!(got["values"][1]["type"], 0);
     let types = call(&mut peer, "get_parameter_types", "GetParameterTypes", json!({"names": ["scene", "threads"]}));

@@ -2,9 +2,11 @@
 
 mod clock;
 mod driver;
+mod foreign;
 mod player;
 pub mod sensors;
 
 pub use clock::PlaybackClock;
 pub use driver::{Driver, DriverLimits};
-pub use player::{PlayOptions, Player, Step};
+pub use foreign::{ForceSource, ForeignError, PositionSource};
+pub use player::{PlayOptions, Player, Step, Stretch};

@@ -19,11 +19,32 @@ pub struct PlayOptions {
     pub start_paused: bool,
     /// Topics to play; empty: all.
     pub topics: Vec<String>,
+    /// Topics not to play.
+    pub exclude_topics: Vec<String>,
+    /// Where to end.
+    pub stretch: Stretch,
+}
+
+/// Where playing ends, if not at the end of the bag; the earlier of the two counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stretch {
+    /// So long after the start.
+    pub duration: Option<Duration>,
+    /// At this bag time, ns since 1970.
+    pub until_ns: Option<i64>,
 }
 
 impl Default for PlayOptions {
     fn default() -> Self {
-        Self { rate: 1.0, looping: false, start_offset: Duration::ZERO, start_paused: false, topics: Vec::new() }
+        Self {
+            rate: 1.0,
+            looping: false,
+            start_offset: Duration::ZERO,
+            start_paused: false,
+            topics: Vec::new(),
+            exclude_topics: Vec::new(),
+            stretch: Stretch::default(),
+        }
     }
 }
 
@@ -53,6 +74,8 @@ pub struct Player {
     pending: Vec<Message>,
     clock: PlaybackClock,
     looping: bool,
+    /// First and last bag time.
+    bounds: (i64, i64),
     start_ns: i64,
     end_ns: i64,
     played: u64,
@@ -66,14 +89,16 @@ impl Player {
         let wanted: Vec<bool> = bag
             .topics()
             .iter()
-            .map(|t| t.messages > 0 && (options.topics.is_empty() || options.topics.contains(&t.name)))
+            .map(|t| {
+                let asked = options.topics.is_empty() || options.topics.contains(&t.name);
+                t.messages > 0 && asked && !options.exclude_topics.contains(&t.name)
+            })
             .collect();
         if !wanted.contains(&true) {
             return None;
         }
         let (first, last) = bag.span_ns()?;
-        let (first, last) = (signed(first), signed(last));
-        let offset = i64::try_from(options.start_offset.as_nanos()).unwrap_or(i64::MAX);
+        let bounds = (signed(first), signed(last));
         let latched = bag.topics().iter().map(|t| t.qos.iter().any(crate::bag::Qos::is_transient_local)).collect();
         let messages = select(&bag, &wanted);
         let mut player = Self {
@@ -81,16 +106,27 @@ impl Player {
             latched,
             messages,
             pending: Vec::new(),
-            clock: PlaybackClock::new(wall, first, options.rate, options.start_paused),
+            clock: PlaybackClock::new(wall, bounds.0, options.rate, options.start_paused),
             looping: options.looping,
-            start_ns: first.saturating_add(offset).min(last),
-            end_ns: last,
+            bounds,
+            start_ns: bounds.0,
+            end_ns: bounds.1,
             played: 0,
             losses: Vec::new(),
             bag,
         };
-        player.go_to(wall, player.start_ns);
+        player.restart(wall, options.start_offset, options.stretch);
         Some(player)
+    }
+
+    /// Goes to an offset from the start of the bag and plays a stretch from there. The pause stays as it is.
+    pub fn restart(&mut self, wall: Instant, offset: Duration, stretch: Stretch) {
+        let (first, last) = self.bounds;
+        let nanos = |d: Duration| i64::try_from(d.as_nanos()).unwrap_or(i64::MAX);
+        self.start_ns = first.saturating_add(nanos(offset)).min(last);
+        let after = stretch.duration.map_or(last, |d| self.start_ns.saturating_add(nanos(d)));
+        self.end_ns = last.min(after).min(stretch.until_ns.unwrap_or(last)).max(self.start_ns);
+        self.go_to(wall, self.start_ns);
     }
 
     /// The bag.
@@ -105,7 +141,7 @@ impl Player {
         self.wanted.get(topic).copied().unwrap_or(false)
     }
 
-    /// First and last bag time, ns since 1970.
+    /// First and last bag time that is played, ns since 1970.
     #[must_use]
     pub const fn span_ns(&self) -> (i64, i64) {
         (self.start_ns, self.end_ns)
@@ -175,7 +211,7 @@ impl Player {
 
     /// Goes to a bag time; false if the bag does not reach there. Latched messages from before it come first.
     pub fn seek(&mut self, wall: Instant, bag_ns: i64) -> bool {
-        let inside = (self.bag.span_ns().map_or(0, |(first, _)| signed(first))..=self.end_ns).contains(&bag_ns);
+        let inside = (self.bounds.0..=self.end_ns).contains(&bag_ns);
         if inside {
             self.go_to(wall, bag_ns);
         }
@@ -206,7 +242,7 @@ impl Player {
         if self.pending.is_empty() {
             self.pending.extend(self.messages.next());
         }
-        self.pending.last().map(|m| m.log_ns)
+        self.pending.last().map(|m| m.log_ns).filter(|t| signed(*t) <= self.end_ns)
     }
 
     fn take(&mut self) -> Option<Message> {
@@ -298,6 +334,36 @@ mod tests {
         assert_eq!(values[..10], expected);
         assert_eq!(values[10], None, "looped");
         assert_eq!(values[11], Some(-1.0));
+    }
+
+    #[test]
+    fn a_stretch_is_played_and_then_another() {
+        let (_folder, bag) = bag();
+        let t0 = Instant::now();
+        let stretch = Stretch { duration: Some(Duration::from_millis(15)), until_ns: None };
+        let options = PlayOptions {
+            start_offset: Duration::from_millis(100),
+            exclude_topics: vec!["/latched".into()],
+            stretch,
+            ..Default::default()
+        };
+        let mut player = Player::new(bag, &options, t0).unwrap();
+        let late = t0 + Duration::from_secs(10);
+        let all = |player: &mut Player| {
+            let steps: Vec<Step> =
+                std::iter::repeat_with(|| player.step(late)).take_while(|s| *s != Step::Ended).collect();
+            steps.iter().map(|s| value(player, s).unwrap()).collect::<Vec<_>>()
+        };
+        assert_eq!(all(&mut player), [10.0, 11.0]);
+        assert!(!player.seek(t0, signed(START + 200 * MS)), "beyond the stretch");
+        player.restart(
+            t0,
+            Duration::from_millis(970),
+            Stretch { duration: None, until_ns: Some(signed(START + 980 * MS)) },
+        );
+        assert_eq!(all(&mut player), [97.0, 98.0]);
+        player.restart(t0, Duration::from_millis(990), Stretch::default());
+        assert_eq!(all(&mut player), [99.0]);
     }
 
     #[test]

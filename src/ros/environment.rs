@@ -5,6 +5,19 @@
 
 use ros2_client::ServiceMapping;
 
+const OWN_DDS: &str = "the programs bring their own DDS";
+
+/// Variables that mean something to other ROS 2 programs, and why not to these.
+const WITHOUT_EFFECT: [(&str, &str); 7] = [
+    ("ROS_STATIC_PEERS", "peers are found by multicast, and on this machine"),
+    ("ROS_DISCOVERY_SERVER", OWN_DDS),
+    ("CYCLONEDDS_URI", OWN_DDS),
+    ("FASTRTPS_DEFAULT_PROFILES_FILE", OWN_DDS),
+    ("FASTDDS_DEFAULT_PROFILES_FILE", OWN_DDS),
+    ("ROS_LOG_DIR", "the log goes to the console and to /rosout, not into a file"),
+    ("RCUTILS_LOGGING_BUFFERED_STREAM", "every line of the log is written at once"),
+];
+
 /// Why the environment can't be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{variable}={value}: {reason}")]
@@ -64,11 +77,14 @@ impl Environment {
                 reason: "DDS security is not built into these programs; unset it, or keep the traffic on a trusted network",
             });
         }
-        for variable in
-            ["ROS_STATIC_PEERS", "CYCLONEDDS_URI", "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"]
-        {
+        for (variable, why) in WITHOUT_EFFECT {
             if lookup(variable).is_some() {
-                warnings.push(format!("{variable} has no effect here: the programs bring their own DDS"));
+                warnings.push(format!("{variable} has no effect here: {why}"));
+            }
+        }
+        for variable in ["RCUTILS_COLORIZED_OUTPUT", "RCUTILS_LOGGING_USE_STDOUT"] {
+            if let Some(value) = lookup(variable).filter(|v| v != "0" && v != "1") {
+                warnings.push(format!("{variable}={value} is neither 0 nor 1: taken as not set"));
             }
         }
         Ok(Self { domain, reach, mapping, warnings })
@@ -179,6 +195,16 @@ mod tests {
         assert_eq!(with(&[]).unwrap().mapping, ServiceMapping::Enhanced);
         assert_eq!(with(&[("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")]).unwrap().mapping, ServiceMapping::Cyclone);
         assert_eq!(with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap().warnings.len(), 1);
+    }
+
+    #[test]
+    fn what_has_no_effect_is_said_by_name() {
+        for variable in WITHOUT_EFFECT.map(|(name, _)| name) {
+            let environment = Environment::from_lookup(|name| (name == variable).then(|| "x".to_owned())).unwrap();
+            assert!(environment.warnings.len() == 1 && environment.warnings[0].contains(variable));
+        }
+        assert_eq!(with(&[("RCUTILS_COLORIZED_OUTPUT", "yes")]).unwrap().warnings.len(), 1);
+        assert_eq!(with(&[("RCUTILS_COLORIZED_OUTPUT", "1")]).unwrap().warnings.len(), 0);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use ros2_client::dds::rustdds::dds::statusevents::{
 use ros2_client::dds::rustdds::{DomainParticipant, GUID, RTPSEntity};
 use ros2_client::qos::{Durability, Reliability};
 
+use super::parameters::Declaration;
 use super::qos::{self, Side};
 
 /// Topics that every node publishes.
@@ -47,6 +48,10 @@ impl EndpointRecord {
             remotes: BTreeSet::new(),
             matched,
         }
+    }
+
+    pub(super) fn declarations(&self) -> Vec<Declaration> {
+        qos::declarations(&self.topic, self.side, &self.profile)
     }
 
     fn update(&mut self, change: impl FnOnce(&mut BTreeSet<GUID>)) {

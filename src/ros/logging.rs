@@ -106,7 +106,7 @@ pub fn install(node: &str, arguments: &LogArguments) -> Receiver<Record> {
     let (sender, receiver) = crossbeam_channel::bounded(256);
     if INSTALLED.set(()).is_ok() {
         let layer = RosLayer {
-            name: node.trim_start_matches('/').replace('/', "."),
+            name: logger_name(node),
             level: arguments.level.unwrap_or(Severity::Info),
             loggers: arguments.loggers.clone(),
             console: arguments.stdout.unwrap_or(true).then(Console::from_environment),
@@ -118,6 +118,12 @@ pub fn install(node: &str, arguments: &LogArguments) -> Receiver<Record> {
     receiver
 }
 
+/// `/or1/twin` as loggers are called: `or1.twin`.
+#[must_use]
+pub fn logger_name(node: &str) -> String {
+    node.trim_start_matches('/').replace('/', ".")
+}
+
 impl Console {
     fn from_environment() -> Self {
         let variable = |name| std::env::var(name).ok().filter(|v: &String| !v.is_empty());
@@ -126,7 +132,11 @@ impl Console {
         Self {
             format: variable("RCUTILS_CONSOLE_OUTPUT_FORMAT")
                 .unwrap_or_else(|| "[{severity}] [{time}] [{name}]: {message}".to_owned()),
-            colour: variable("RCUTILS_COLORIZED_OUTPUT").map_or(terminal, |v| v == "1"),
+            colour: match variable("RCUTILS_COLORIZED_OUTPUT").as_deref() {
+                Some("1") => true,
+                Some("0") => false,
+                _ => terminal,
+            },
             stdout,
         }
     }
@@ -142,15 +152,20 @@ impl Console {
     }
 
     fn line(&self, name: &str, record: &Record) -> String {
+        let base = record.file.rsplit('/').next().unwrap_or_default();
         let text = self
             .format
+            .replace("\\n", "\n")
+            .replace("\\t", "\t")
             .replace("{severity}", record.severity.word())
             .replace(
                 "{time}",
                 &format!("{}.{:09}", record.wall_nanos / 1_000_000_000, record.wall_nanos % 1_000_000_000),
             )
             .replace("{time_as_nanoseconds}", &record.wall_nanos.to_string())
+            .replace("{date_time_with_ms}", &local_time(record.wall_nanos))
             .replace("{name}", name)
+            .replace("{short_file_name}", base)
             .replace("{file_name}", record.file)
             .replace("{line_number}", &record.line.to_string())
             .replace("{function_name}", "")
@@ -165,10 +180,35 @@ impl Console {
     }
 }
 
+/// `2026-01-31 13:05:09.042` on this machine's clock.
+fn local_time(wall_nanos: i64) -> String {
+    let seconds = libc::time_t::from(wall_nanos.div_euclid(1_000_000_000));
+    // SAFETY: `tm` is plain data, and both pointers are valid for the call.
+    let tm = unsafe {
+        let mut tm: libc::tm = std::mem::zeroed();
+        libc::localtime_r(&raw const seconds, &raw mut tm);
+        tm
+    };
+    format!(
+        "{:04}-{:02}-{:02} {:02}:{:02}:{:02}.{:03}",
+        tm.tm_year + 1900,
+        tm.tm_mon + 1,
+        tm.tm_mday,
+        tm.tm_hour,
+        tm.tm_min,
+        tm.tm_sec,
+        wall_nanos.rem_euclid(1_000_000_000) / 1_000_000
+    )
+}
+
 impl RosLayer {
     /// Lowest severity that a target may speak with.
     fn threshold(&self, target: &str) -> Severity {
-        if let Some((_, level)) = self.loggers.iter().rev().find(|(l, _)| target.starts_with(l) || *l == self.name) {
+        // A logger's level holds for what is below it: `or1` for `or1.twin`.
+        let own = |l: &str| self.name.strip_prefix(l).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+        let is_own = target.starts_with(env!("CARGO_CRATE_NAME"));
+        let fits = |l: &str| target.starts_with(l) || (is_own && own(l));
+        if let Some((_, level)) = self.loggers.iter().rev().find(|(l, _)| fits(l)) {
             return *level;
         }
         if target.starts_with(env!("CARGO_CRATE_NAME")) {
@@ -176,7 +216,9 @@ impl RosLayer {
         }
         // RustDDS speaks of itself at length: a loopback without multicast alone gives 30 errors per second
         // ("No locators for RtpsReaderProxy"), and leaving gives two. Neither is anything that a user can act on.
-        const NOISE: [&str; 3] = ["rustdds::rtps::writer", "rustdds::network", "rustdds::discovery"];
+        // And what goes to /rosout is said here once more by who publishes it.
+        const NOISE: [&str; 4] =
+            ["rustdds::rtps::writer", "rustdds::network", "rustdds::discovery", "ros2_client::rosout"];
         if NOISE.iter().any(|n| target.starts_with(n)) { Severity::Fatal } else { Severity::Error }
     }
 }
@@ -267,6 +309,31 @@ mod tests {
             line: 1,
         };
         assert_eq!(console.line("or1.twin", &record), "[WARN] [1700000000.000000007] [or1.twin]: x");
+        let format = "{short_file_name}:{line_number} {time_as_nanoseconds} {message}\\n{unknown}".to_owned();
+        let console = Console { format, colour: true, stdout: false };
+        let record = Record { file: "a/b.rs", message: "{name}".into(), ..record };
+        let expected = "\x1b[33mb.rs:1 1700000000000000007 {name}\n{unknown}\x1b[0m";
+        assert_eq!(console.line("twin", &record), expected);
+        let time = local_time(record.wall_nanos);
+        assert!(time.len() == 23 && time.ends_with(":20.000"), "{time}");
+    }
+
+    #[test]
+    fn levels_per_logger() {
+        let layer = |loggers: &[(&str, Severity)]| RosLayer {
+            name: "or1.twin".to_owned(),
+            level: Severity::Info,
+            loggers: loggers.iter().map(|(l, s)| ((*l).to_owned(), *s)).collect(),
+            console: None,
+            rosout: None,
+        };
+        let own = concat!(env!("CARGO_CRATE_NAME"), "::ros::twin_node");
+        assert_eq!(layer(&[]).threshold(own), Severity::Info);
+        assert_eq!(layer(&[("or1", Severity::Debug)]).threshold(own), Severity::Debug);
+        assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Warn);
+        assert_eq!(layer(&[("or1.twi", Severity::Warn)]).threshold(own), Severity::Info);
+        assert_eq!(layer(&[("or1", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Error);
+        assert_eq!(layer(&[("rustdds", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Debug);
     }
 
     #[test]

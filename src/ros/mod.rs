@@ -5,25 +5,31 @@
 
 pub mod arguments;
 pub mod clock;
+mod endpoint;
 pub mod environment;
 mod graph;
+pub mod lifecycle;
+mod lifecycle_services;
 pub mod logging;
 pub mod messages;
 pub mod names;
 pub mod observer;
-mod parameter_file;
+pub mod parameter_file;
 mod parameter_services;
 pub mod parameters;
 pub mod participant;
 pub mod qos;
 mod raw;
+mod recorder;
 pub mod rig_node;
-mod rosout;
+pub mod rosout;
 mod scene_parameters;
+pub mod service;
 pub mod signals;
 pub mod start;
 mod threads;
 pub mod twin_node;
+mod watchdog;
 
 pub use graph::Graph;
 pub use parameter_file::YamlError;

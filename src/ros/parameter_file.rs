@@ -9,6 +9,7 @@
 //! ```
 
 use std::fmt;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use ros2_client::ParameterValue;
@@ -133,11 +134,13 @@ pub fn scalar(text: &str) -> Result<ParameterValue, String> {
 /// [`YamlError`] with the file and line.
 pub fn read(path: &Path) -> Result<Vec<ParameterOverride>, YamlError> {
     let fail = |reason: String| YamlError::Read { path: path.to_owned(), reason };
-    let size = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?.len();
-    if size > MAX_BYTES {
-        return Err(fail(format!("{size} bytes; a parameter file has at most {MAX_BYTES}")));
+    let file = std::fs::File::open(path).map_err(|e| fail(e.to_string()))?;
+    let mut text = String::new();
+    // Not by what the system says of its size: a device has none, and no end.
+    file.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(|e| fail(e.to_string()))?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(fail(format!("a parameter file has at most {MAX_BYTES} bytes")));
     }
-    let text = std::fs::read_to_string(path).map_err(|e| fail(e.to_string()))?;
     from_text(&text, path)
 }
 

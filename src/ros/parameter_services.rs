@@ -4,22 +4,21 @@
 
 use ros2_client::parameters::{ParameterDescriptor, ParameterValue, raw};
 use ros2_client::rcl_interfaces as rcl;
-use ros2_client::{Message, Publisher, Server, builtin_interfaces};
+use ros2_client::{Publisher, builtin_interfaces};
 
 use super::clock::NodeClock;
 use super::parameters::Parameters;
 use super::participant::{Participant, ParticipantError};
-
-type ServerOf<Q, R> = Server<Q, R>;
+use super::service::Service;
 
 /// The servers. [`ParameterServices::poll`] them some times per second.
 pub struct ParameterServices {
-    get: ServerOf<rcl::GetParametersRequest, rcl::GetParametersResponse>,
-    types: ServerOf<rcl::GetParameterTypesRequest, rcl::GetParameterTypesResponse>,
-    list: ServerOf<rcl::ListParametersRequest, rcl::ListParametersResponse>,
-    describe: ServerOf<rcl::DescribeParametersRequest, rcl::DescribeParametersResponse>,
-    set: ServerOf<rcl::SetParametersRequest, rcl::SetParametersResponse>,
-    set_atomically: ServerOf<rcl::SetParametersRequest, rcl::SetParametersAtomicallyResponse>,
+    get: Service<rcl::GetParametersRequest, rcl::GetParametersResponse>,
+    types: Service<rcl::GetParameterTypesRequest, rcl::GetParameterTypesResponse>,
+    list: Service<rcl::ListParametersRequest, rcl::ListParametersResponse>,
+    describe: Service<rcl::DescribeParametersRequest, rcl::DescribeParametersResponse>,
+    set: Service<rcl::SetParametersRequest, rcl::SetParametersResponse>,
+    set_atomically: Service<rcl::SetParametersRequest, rcl::SetParametersAtomicallyResponse>,
     events: Publisher<raw::ParameterEvent>,
     node: String,
 }
@@ -48,24 +47,24 @@ impl ParameterServices {
 
     /// Answers what has been asked; `changed` is called with every parameter that was set.
     pub fn poll(&self, parameters: &Parameters, clock: &NodeClock, changed: &mut dyn FnMut(&str, &ParameterValue)) {
-        answer(&self.get, |q| rcl::GetParametersResponse {
+        self.get.answer(|q| rcl::GetParametersResponse {
             values: q.names.iter().map(|n| raw_value(parameters, n)).collect(),
         });
-        answer(&self.types, |q| rcl::GetParameterTypesResponse {
+        self.types.answer(|q| rcl::GetParameterTypesResponse {
             values: q.names.iter().map(|n| raw_value(parameters, n).ptype).collect(),
         });
-        answer(&self.list, |q| rcl::ListParametersResponse { result: list(parameters, &q.prefixes, q.depth) });
-        answer(&self.describe, |q| rcl::DescribeParametersResponse {
+        self.list.answer(|q| rcl::ListParametersResponse { result: list(parameters, &q.prefixes, q.depth) });
+        self.describe.answer(|q| rcl::DescribeParametersResponse {
             values: q
                 .names
                 .iter()
                 .map(|n| parameters.describe(n).unwrap_or_else(|| ParameterDescriptor::unknown(n)).into())
                 .collect(),
         });
-        answer(&self.set, |q| rcl::SetParametersResponse {
+        self.set.answer(|q| rcl::SetParametersResponse {
             results: q.parameter.into_iter().map(|p| self.apply(parameters, clock, vec![p], changed)).collect(),
         });
-        answer(&self.set_atomically, |q| rcl::SetParametersAtomicallyResponse {
+        self.set_atomically.answer(|q| rcl::SetParametersAtomicallyResponse {
             result: self.apply(parameters, clock, q.parameter, changed),
         });
     }
@@ -112,25 +111,6 @@ impl ParameterServices {
 
 fn raw_value(parameters: &Parameters, name: &str) -> raw::ParameterValue {
     parameters.get(name).unwrap_or(ParameterValue::NotSet).into()
-}
-
-/// Answers every request that has come.
-pub fn answer<Q: Message + 'static, R: Message + 'static>(server: &Server<Q, R>, mut respond: impl FnMut(Q) -> R) {
-    loop {
-        match server.receive_request() {
-            Ok(Some((id, request))) => {
-                if let Err(error) = server.send_response(id, respond(request)) {
-                    tracing::warn!("an answer to a service call could not be sent: {error:?}");
-                }
-            }
-            Ok(None) => return,
-            // A request in another mapping (RMW_IMPLEMENTATION of the caller) can't be read.
-            Err(error) => tracing::warn!(
-                "a service call can't be read: {error}. If the caller uses rmw_cyclonedds_cpp, start this node with \
-                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp or -p service_mapping:=cyclone"
-            ),
-        }
-    }
 }
 
 /// Semantics of rclcpp: with no prefixes, names of fewer than `depth` dots (0: all); else names at or below a prefix.

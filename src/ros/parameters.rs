@@ -2,7 +2,7 @@
 //! line and parameter files, and while running through the parameter services.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 use ros2_client::ParameterValue;
 use ros2_client::parameters::{NumericRange, ParameterDescriptor, ParameterType};
@@ -191,7 +191,7 @@ pub fn show(value: &ParameterValue) -> String {
 /// The values of a node's parameters, shared by its threads.
 #[derive(Debug)]
 pub struct Parameters {
-    declarations: BTreeMap<String, Declaration>,
+    declarations: RwLock<BTreeMap<String, Declaration>>,
     values: Mutex<BTreeMap<String, ParameterValue>>,
 }
 
@@ -227,7 +227,18 @@ impl Parameters {
                 ));
             }
         }
-        Ok((Self { declarations, values: Mutex::new(values) }, warnings))
+        Ok((Self { declarations: RwLock::new(declarations), values: Mutex::new(values) }, warnings))
+    }
+
+    /// Declares what is known only once the endpoints are made; the values are the defaults.
+    pub(super) fn declare_more(&self, more: Vec<Declaration>) {
+        self.lock().extend(more.iter().map(|d| (d.name.clone(), d.default.clone())));
+        let mut declarations = self.declarations.write().unwrap_or_else(PoisonError::into_inner);
+        declarations.extend(more.into_iter().map(|d| (d.name.clone(), d)));
+    }
+
+    fn declared(&self) -> RwLockReadGuard<'_, BTreeMap<String, Declaration>> {
+        self.declarations.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<String, ParameterValue>> {
@@ -274,13 +285,13 @@ impl Parameters {
     /// All names, sorted.
     #[must_use]
     pub fn names(&self) -> Vec<String> {
-        self.declarations.keys().cloned().collect()
+        self.declared().keys().cloned().collect()
     }
 
     /// The descriptor of a parameter.
     #[must_use]
     pub fn describe(&self, name: &str) -> Option<ParameterDescriptor> {
-        self.declarations.get(name).map(Declaration::descriptor)
+        self.declared().get(name).map(Declaration::descriptor)
     }
 
     /// Sets several parameters of a running node, all or none; returns what they are now.
@@ -288,12 +299,12 @@ impl Parameters {
     /// # Errors
     /// The name of the culprit and the reason.
     pub fn set(&self, changes: &[(String, ParameterValue)]) -> Result<Vec<(String, ParameterValue)>, (String, String)> {
+        let declared = self.declared();
         let accepted: Vec<_> = changes
             .iter()
             .map(|(name, value)| {
                 let fail = |reason| (name.clone(), reason);
-                let declaration =
-                    self.declarations.get(name).ok_or_else(|| fail(unknown(name, self.declarations.keys())))?;
+                let declaration = declared.get(name).ok_or_else(|| fail(unknown(name, declared.keys())))?;
                 if declaration.read_only {
                     return Err(fail("is fixed while the node runs; set it at start (-p or --params-file)".to_owned()));
                 }

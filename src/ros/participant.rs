@@ -6,20 +6,26 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize};
 
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::{
-    Client, Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile, Server,
-    ServiceMapping, ServiceTypeName, Subscription, WriteError,
+    Client, Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
+    ServiceMapping, ServiceTypeName,
 };
 
 use super::arguments::ParameterOverride;
+pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
 use super::graph::{EndpointRecord, Graph};
 use super::messages::RosMessage;
 use super::names::{self, Endpoint, NameError, Names};
+use super::parameters::Parameters;
 use super::qos::{self, Side};
+use super::recorder::{Recorder, Recording, Tap};
+use super::service::{Mapping, Service};
+use super::start::NodeError;
+use crate::bag::{self, Schema};
 
 /// Why a node can't be put on the network.
 #[derive(Debug, thiserror::Error)]
@@ -59,9 +65,10 @@ pub struct Participant {
     node: Node,
     context: Context,
     names: Names,
-    mapping: ServiceMapping,
+    mapping: Mapping,
     overrides: Vec<(ParameterOverride, bool)>,
     records: Vec<EndpointRecord>,
+    recorder: Option<Recorder>,
 }
 
 impl Participant {
@@ -96,7 +103,28 @@ impl Participant {
             .filter(|o| qos::parse_override_name(&o.name).is_some())
             .map(|o| (o.clone(), false))
             .collect();
-        Ok(Self { node, context, names, mapping: environment.mapping, overrides, records: Vec::new() })
+        Ok(Self {
+            node,
+            context,
+            names,
+            mapping: Mapping::OfCaller(environment.mapping),
+            overrides,
+            records: Vec::new(),
+            recorder: None,
+        })
+    }
+
+    /// Records what the endpoints that are made from now on hear and say.
+    pub(super) fn set_recorder(&mut self, recorder: Option<Recorder>) {
+        self.recorder = recorder;
+    }
+
+    /// Starts the recording, if there is one; after all endpoints are made.
+    ///
+    /// # Errors
+    /// [`NodeError`] if it can't be started.
+    pub(super) fn start_recording(&mut self) -> Result<Option<Recording>, NodeError> {
+        self.recorder.take().map(Recorder::start).transpose()
     }
 
     /// Names and remapping of the node.
@@ -112,7 +140,7 @@ impl Participant {
     }
 
     /// Changes how services are mapped to DDS; before the first service is made.
-    pub fn set_mapping(&mut self, mapping: ServiceMapping) {
+    pub fn set_mapping(&mut self, mapping: Mapping) {
         self.mapping = mapping;
     }
 
@@ -121,10 +149,10 @@ impl Participant {
     /// # Errors
     /// [`ParticipantError`].
     pub fn publisher<M: RosMessage>(&mut self, name: &str, profile: QosProfile) -> Result<Output<M>, ParticipantError> {
-        self.publisher_of(name, MessageTypeName::new(M::PACKAGE, M::NAME), profile)
+        self.publisher_of(name, MessageTypeName::new(M::PACKAGE, M::NAME), bag::schema(M::TYPE).as_ref(), profile)
     }
 
-    /// Makes a publisher with a type name that is known only at run time.
+    /// Makes a publisher with a type name that is known only at run time; without a schema it is not recorded.
     ///
     /// # Errors
     /// [`ParticipantError`].
@@ -132,6 +160,7 @@ impl Participant {
         &mut self,
         name: &str,
         type_name: MessageTypeName,
+        schema: Option<&Schema>,
         profile: QosProfile,
     ) -> Result<Output<M>, ParticipantError> {
         let (topic, profile) = self.resolve(name, Side::Publisher, profile)?;
@@ -139,7 +168,8 @@ impl Participant {
         let publisher =
             self.node.create_publisher::<M>(&handle, None).map_err(|e| middleware(&*topic)(e.to_string()))?;
         let matched = self.record(Side::Publisher, publisher.guid(), &topic, &type_name, &profile);
-        Ok(Output { publisher, matched, topic, failed: AtomicU64::new(0) })
+        let tap = self.tap(name, &topic, schema, &profile)?;
+        Ok(Output { publisher, matched, topic, failed: AtomicU64::new(0), tap })
     }
 
     /// Makes a subscription to `name` (as the program calls it).
@@ -157,7 +187,19 @@ impl Participant {
         let subscription =
             self.node.create_subscription::<M>(&handle, None).map_err(|e| middleware(&*topic)(e.to_string()))?;
         let matched = self.record(Side::Subscription, subscription.guid(), &topic, &type_name, &profile);
-        Ok(Input { subscription, matched, topic, type_name: M::TYPE, qos: qos::describe(&profile) })
+        let tap = self.tap(name, &topic, bag::schema(M::TYPE).as_ref(), &profile)?;
+        Ok(Input { subscription, matched, topic, type_name: M::TYPE, qos: qos::describe(&profile), tap })
+    }
+
+    fn tap(
+        &mut self,
+        name: &str,
+        topic: &str,
+        schema: Option<&Schema>,
+        profile: &QosProfile,
+    ) -> Result<Option<Tap>, ParticipantError> {
+        let Some(recorder) = &mut self.recorder else { return Ok(None) };
+        recorder.tap(name, topic, schema, profile).map_err(|e| middleware(topic)(e.to_string()))
     }
 
     /// Makes a service server of `name` (as the program calls it).
@@ -169,17 +211,19 @@ impl Participant {
         name: &str,
         package: &str,
         type_name: &str,
-    ) -> Result<Server<Request, Response>, ParticipantError>
+    ) -> Result<Service<Request, Response>, ParticipantError>
     where
-        Request: Message + Clone + 'static,
-        Response: Message + 'static,
+        Request: Message + serde::de::DeserializeOwned,
+        Response: Message + serde::Serialize,
     {
         let service = self.names.resolve(name, Endpoint::Service)?;
         let dds_name = Name::parse(&service).map_err(|e| middleware(&*service)(e.to_string()))?;
         let type_name = ServiceTypeName::new(package, type_name);
-        self.node
-            .create_server(self.mapping, &dds_name, &type_name, qos::service(), qos::service())
-            .map_err(|e| middleware(service)(e.to_string()))
+        let server = self
+            .node
+            .create_server(ServiceMapping::Enhanced, &dds_name, &type_name, qos::service(), qos::service())
+            .map_err(|e| middleware(&*service)(e.to_string()))?;
+        Ok(Service::new(server, self.mapping, service))
     }
 
     /// Makes a service client of `name` (as the program calls it).
@@ -199,8 +243,9 @@ impl Participant {
         let service = self.names.resolve(name, Endpoint::Service)?;
         let dds_name = Name::parse(&service).map_err(|e| middleware(&*service)(e.to_string()))?;
         let type_name = ServiceTypeName::new(package, type_name);
+        let (Mapping::OfCaller(mapping) | Mapping::Fixed(mapping)) = self.mapping;
         self.node
-            .create_client(self.mapping, &dds_name, &type_name, qos::service(), qos::service())
+            .create_client(mapping, &dds_name, &type_name, qos::service(), qos::service())
             .map_err(|e| middleware(service)(e.to_string()))
     }
 
@@ -212,7 +257,10 @@ impl Participant {
         &mut self,
     ) -> Result<Publisher<ros2_client::parameters::raw::ParameterEvent>, ParticipantError> {
         let topic = self.context.get_parameter_events_topic();
-        self.node.create_publisher(&topic, None).map_err(|e| middleware("/parameter_events")(e.to_string()))
+        // Volatile as rclcpp's, unlike the crate's own: RustDDS would send a late joiner all old events.
+        self.node
+            .create_publisher(&topic, Some(qos::reliable(1000)))
+            .map_err(|e| middleware("/parameter_events")(e.to_string()))
     }
 
     fn resolve(
@@ -266,6 +314,12 @@ impl Participant {
         matched
     }
 
+    /// As [`Participant::graph`]; the QoS of every endpoint shows as read-only parameters, as rclcpp has it.
+    pub(super) fn declared_graph(&mut self, parameters: &Parameters) -> Graph {
+        parameters.declare_more(self.records.iter().flat_map(EndpointRecord::declarations).collect());
+        self.graph()
+    }
+
     /// Overrides of QoS that name no endpoint of this node.
     pub fn unused_qos_overrides(&self) -> impl Iterator<Item = &str> {
         self.overrides.iter().filter(|(_, used)| !used).map(|(o, _)| o.name.as_str())
@@ -275,160 +329,5 @@ impl Participant {
     #[must_use]
     pub fn graph(&mut self) -> Graph {
         Graph::new(&self.context.domain_participant(), std::mem::take(&mut self.records))
-    }
-}
-
-/// A publisher that knows how many subscriptions it has.
-pub struct Output<M: serde::Serialize> {
-    publisher: Publisher<M>,
-    matched: Arc<AtomicUsize>,
-    topic: String,
-    failed: AtomicU64,
-}
-
-impl<M: serde::Serialize> Output<M> {
-    /// Whether anyone listens.
-    #[must_use]
-    pub fn is_wanted(&self) -> bool {
-        self.subscribers() > 0
-    }
-
-    /// How many listen.
-    #[must_use]
-    pub fn subscribers(&self) -> usize {
-        self.matched.load(Ordering::Relaxed)
-    }
-
-    /// Fully qualified name.
-    #[must_use]
-    pub fn topic(&self) -> &str {
-        &self.topic
-    }
-
-    /// Messages that the middleware did not take, because a reliable reader is behind.
-    #[must_use]
-    pub fn failed(&self) -> u64 {
-        self.failed.load(Ordering::Relaxed)
-    }
-
-    /// Publishes; never waits for a reader. False if the middleware did not take it (counted).
-    pub fn send(&self, message: M) -> bool {
-        match self.publisher.publish(message) {
-            Ok(()) => true,
-            Err(error) => {
-                let before = self.failed.fetch_add(1, Ordering::Relaxed);
-                // WouldBlock is a slow reader, which the status counts; anything else is said the first time.
-                if !matches!(error, WriteError::WouldBlock { .. }) && before == 0 {
-                    tracing::error!("`{}` could not be published: {}", self.topic, kind(&error));
-                }
-                false
-            }
-        }
-    }
-}
-
-fn kind<M>(error: &WriteError<M>) -> &'static str {
-    match error {
-        WriteError::Serialization { .. } => "it can't be written as CDR",
-        WriteError::WouldBlock { .. } => "a reader is behind",
-        WriteError::Io(_) => "the socket failed",
-        _ => "the middleware failed",
-    }
-}
-
-/// A subscription that knows how many publishers it has.
-pub struct Input<M> {
-    subscription: Subscription<M>,
-    matched: Arc<AtomicUsize>,
-    topic: String,
-    type_name: &'static str,
-    qos: String,
-}
-
-impl<M: RosMessage + 'static> Input<M> {
-    /// The subscription.
-    #[must_use]
-    pub fn subscription(&self) -> &Subscription<M> {
-        &self.subscription
-    }
-
-    /// What it listens to and what it has found, for people.
-    #[must_use]
-    pub fn wish(&self) -> Wish {
-        Wish {
-            topic: self.topic.clone(),
-            type_name: self.type_name,
-            qos: self.qos.clone(),
-            matched: Arc::clone(&self.matched),
-        }
-    }
-
-    /// Fully qualified name.
-    #[must_use]
-    pub fn topic(&self) -> &str {
-        &self.topic
-    }
-
-    /// Next message that has arrived. One that can't be decoded is reported and skipped.
-    pub fn take(&self) -> Option<M> {
-        loop {
-            match self.subscription.take() {
-                Ok(next) => return next.map(|(message, _)| message),
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
-            }
-        }
-    }
-
-    /// Next message that has arrived, with the wall times at which it was received and sent, ns since 1970.
-    pub fn take_timed(&self) -> Option<(M, [i64; 2])> {
-        loop {
-            match self.subscription.take() {
-                Ok(next) => {
-                    return next.map(|(message, info)| {
-                        let received =
-                            info.received_timestamp().map_or_else(super::clock::wall_nanos, |t| t.to_nanos());
-                        let sent = info.source_timestamp().map_or(received, |t| t.to_nanos());
-                        (message, [received, sent])
-                    });
-                }
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
-            }
-        }
-    }
-
-    /// How many publish.
-    #[must_use]
-    pub fn publishers(&self) -> usize {
-        self.matched.load(Ordering::Relaxed)
-    }
-
-    /// Waits for the next message. One that can't be decoded is reported and skipped.
-    pub async fn next(&self) -> M {
-        loop {
-            match self.subscription.async_take().await {
-                Ok((message, _)) => return message,
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
-            }
-        }
-    }
-}
-
-/// What an input listens to.
-#[derive(Clone, Debug)]
-pub struct Wish {
-    /// Fully qualified name.
-    pub topic: String,
-    /// `sensor_msgs/msg/JointState`.
-    pub type_name: &'static str,
-    /// QoS in words.
-    pub qos: String,
-    matched: Arc<AtomicUsize>,
-}
-
-impl Wish {
-    /// Publishers that are matched.
-    #[must_use]
-    pub fn publishers(&self) -> usize {
-        self.matched.load(Ordering::Relaxed)
     }
 }

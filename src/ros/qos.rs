@@ -6,6 +6,8 @@ use std::time::Duration;
 use ros2_client::ParameterValue;
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 
+use super::parameters::{Declaration, Range};
+
 /// Sensor data: best effort (which hears reliable publishers too), a short queue.
 #[must_use]
 pub const fn sensor(depth: usize) -> QosProfile {
@@ -116,6 +118,44 @@ pub fn apply(profile: &mut QosProfile, policy: &str, value: &ParameterValue) -> 
     Ok(())
 }
 
+/// What rclcpp declares of an endpoint: its QoS as read-only parameters by the names of the overrides.
+#[must_use]
+pub fn declarations(topic: &str, side: Side, profile: &QosProfile) -> Vec<Declaration> {
+    let word = |text: &str| ParameterValue::String(text.to_owned());
+    let (history, depth) = match profile.history {
+        History::KeepLast { depth } => ("keep_last", i64::try_from(depth).unwrap_or(i64::MAX)),
+        History::KeepAll => ("keep_all", 0),
+    };
+    let policies = [
+        ("reliability", word(reliability(profile))),
+        ("durability", word(durability(profile))),
+        ("history", word(history)),
+        ("depth", ParameterValue::Integer(depth)),
+    ];
+    policies
+        .into_iter()
+        .map(|(policy, value)| {
+            let name = format!("qos_overrides.{topic}.{}.{policy}", side.word());
+            let text = format!("{policy} of the {} of {topic}, settable at start.", side.word());
+            Declaration::new(&name, value, Range::Any, &text).fixed()
+        })
+        .collect()
+}
+
+const fn reliability(profile: &QosProfile) -> &'static str {
+    match profile.reliability {
+        Reliability::BestEffort => "best_effort",
+        Reliability::Reliable { .. } => "reliable",
+    }
+}
+
+const fn durability(profile: &QosProfile) -> &'static str {
+    match profile.durability {
+        Durability::Volatile => "volatile",
+        Durability::TransientLocal => "transient_local",
+    }
+}
+
 fn nanoseconds(value: i64) -> Result<Option<Duration>, String> {
     match u64::try_from(value) {
         Ok(0) => Ok(None),
@@ -127,14 +167,7 @@ fn nanoseconds(value: i64) -> Result<Option<Duration>, String> {
 /// One line for people: `best_effort, volatile, depth 5`.
 #[must_use]
 pub fn describe(profile: &QosProfile) -> String {
-    let reliability = match profile.reliability {
-        Reliability::BestEffort => "best_effort",
-        Reliability::Reliable { .. } => "reliable",
-    };
-    let durability = match profile.durability {
-        Durability::Volatile => "volatile",
-        Durability::TransientLocal => "transient_local",
-    };
+    let (reliability, durability) = (reliability(profile), durability(profile));
     match profile.history {
         History::KeepLast { depth } => format!("{reliability}, {durability}, depth {depth}"),
         History::KeepAll => format!("{reliability}, {durability}, keep_all"),

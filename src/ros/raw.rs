@@ -1,12 +1,29 @@
 //! A message of any type as the bytes that a bag holds.
 
+use std::fmt;
+
+use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
 /// Little-endian CDR without its encapsulation header; it is written to the wire as it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawCdr(Vec<u8>);
 
+impl ros2_client::Message for RawCdr {}
+
 impl RawCdr {
+    /// Takes bytes without an encapsulation header.
+    #[must_use]
+    pub const fn new(bytes: Vec<u8>) -> Self {
+        Self(bytes)
+    }
+
+    /// The bytes, without an encapsulation header.
+    #[must_use]
+    pub fn as_slice(&self) -> &[u8] {
+        &self.0
+    }
+
     /// Takes a message as a bag stores it.
     ///
     /// # Errors
@@ -33,6 +50,27 @@ impl Serialize for RawCdr {
     }
 }
 
+impl<'de> Deserialize<'de> for RawCdr {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Octets;
+        impl<'de> Visitor<'de> for Octets {
+            type Value = RawCdr;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("octets")
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut octets: A) -> Result<RawCdr, A::Error> {
+                let mut bytes = Vec::new();
+                // How many there are is said nowhere: the end of the input is the end of the message.
+                while let Ok(Some(byte)) = octets.next_element::<u8>() {
+                    bytes.push(byte);
+                }
+                Ok(RawCdr(bytes))
+            }
+        }
+        deserializer.deserialize_tuple(usize::MAX, Octets)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -47,5 +85,12 @@ mod tests {
         assert_eq!(to_cdr(&RawCdr::from_bag(bytes.clone()).unwrap()).unwrap(), bytes);
         assert!(RawCdr::from_bag(vec![0, 0, 0, 0, 1]).is_err(), "big endian");
         assert!(RawCdr::from_bag(vec![0]).is_err());
+    }
+
+    #[test]
+    fn bytes_come_in_as_they_are() {
+        let bytes: Vec<u8> = (0..=255).collect();
+        let (raw, used) = cdr_encoding::from_bytes::<RawCdr, byteorder::LittleEndian>(&bytes).unwrap();
+        assert_eq!((raw.as_slice(), used), (&bytes[..], 256));
     }
 }

@@ -2,15 +2,16 @@
 
 use std::ffi::OsString;
 
-use crossbeam_channel::Receiver;
 use ros2_client::ServiceMapping;
 
 use super::arguments::{self, ArgumentError, ParameterOverride, RosArguments};
 use super::environment::{Environment, EnvironmentError, Reach};
-use super::logging::{self, Record};
+use super::logging;
 use super::names::{NameError, Names};
 use super::parameters::{Declaration, ParameterError, Range};
 use super::participant::ParticipantError;
+use super::rosout::Rosout;
+use super::service::Mapping;
 use ros2_client::ParameterValue;
 
 /// Exit code of a success.
@@ -47,6 +48,9 @@ pub enum NodeError {
     /// The scene's file.
     #[error(transparent)]
     SceneFile(Box<crate::cli::CliError>),
+    /// A recording is not what the parameters say of it.
+    #[error(transparent)]
+    Foreign(#[from] crate::rig::ForeignError),
     /// Anything else, said in full.
     #[error("{0}")]
     Other(String),
@@ -68,7 +72,7 @@ impl NodeError {
         match self {
             Self::Argument(_) | Self::Environment(_) | Self::Name(_) | Self::Parameter(_) | Self::Usage(_) => USAGE,
             Self::Participant(ParticipantError::Name(_) | ParticipantError::Qos { .. }) => USAGE,
-            Self::Participant(_) | Self::Scene(_) | Self::SceneFile(_) | Self::Other(_) => FAILURE,
+            Self::Participant(_) | Self::Scene(_) | Self::SceneFile(_) | Self::Foreign(_) | Self::Other(_) => FAILURE,
         }
     }
 }
@@ -85,7 +89,7 @@ pub struct Start {
     /// Name, namespace and remapping.
     pub names: Names,
     /// Lines for `/rosout`.
-    pub rosout: Receiver<Record>,
+    pub rosout: Rosout,
 }
 
 /// Reads command line and environment, starts the log.
@@ -96,7 +100,8 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
     let (own, ros) = arguments::split(arguments)?;
     let environment = Environment::read()?;
     let names = Names::new(default_name, &ros)?;
-    let rosout = logging::install(&names.fully_qualified(), &ros.log);
+    let node = names.fully_qualified();
+    let rosout = Rosout::new(logging::install(&node, &ros.log), logging::logger_name(&node));
     for warning in &environment.warnings {
         tracing::warn!("{warning}");
     }
@@ -108,16 +113,16 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
 
 impl Start {
     /// Says once what is exposed to whom.
-    pub fn announce(&self, mapping: ServiceMapping) {
+    pub fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
-            Reach::Localhost => "this machine only",
+            Reach::Localhost => "this machine's loopback (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network)",
             Reach::Subnet => "every network of this machine",
         };
         tracing::info!(
-            "{} on domain {}, heard by {reach}, services as {} has them",
+            "{} on domain {}, heard by {reach}, services as {}",
             self.names.fully_qualified(),
             self.environment.domain,
-            if mapping == ServiceMapping::Cyclone { "rmw_cyclonedds_cpp" } else { "rmw_fastrtps_cpp" },
+            mapping.describe(),
         );
     }
 }
@@ -136,8 +141,8 @@ pub fn common_declarations() -> Vec<Declaration> {
             "service_mapping",
             ParameterValue::String("auto".to_owned()),
             Range::Any,
-            "How services are mapped to DDS: auto follows RMW_IMPLEMENTATION, enhanced is rmw_fastrtps_cpp, cyclone \
-             is rmw_cyclonedds_cpp.",
+            "How services are mapped to DDS: auto answers each caller in its own manner, enhanced is \
+             rmw_fastrtps_cpp's for all, cyclone rmw_cyclonedds_cpp's.",
         )
         .checked("one of auto, enhanced, cyclone", |value| match value {
             ParameterValue::String(v) if ["auto", "enhanced", "cyclone"].contains(&v.as_str()) => Ok(()),
@@ -149,11 +154,11 @@ pub fn common_declarations() -> Vec<Declaration> {
 
 /// The mapping that the parameter asks for.
 #[must_use]
-pub fn mapping(word: &str, environment: &Environment) -> ServiceMapping {
+pub fn mapping(word: &str, environment: &Environment) -> Mapping {
     match word {
-        "enhanced" => ServiceMapping::Enhanced,
-        "cyclone" => ServiceMapping::Cyclone,
-        _ => environment.mapping,
+        "enhanced" => Mapping::Fixed(ServiceMapping::Enhanced),
+        "cyclone" => Mapping::Fixed(ServiceMapping::Cyclone),
+        _ => Mapping::OfCaller(environment.mapping),
     }
 }
 

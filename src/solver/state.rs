@@ -238,12 +238,19 @@ impl Solver {
         with_kernel!(&mut self.kernel, k => k.save_memory());
     }
 
-    /// Back to the kept state, with every mass multiplied by `factor` from there on.
+    /// Back to the kept state, with every present mass multiplied by `factor` from there on.
     pub fn restore(&mut self, factor: f64) {
+        let mass_factor = factor * self.state.mass_factor;
         let saved = &self.saved;
         self.state.copy_from(saved);
         with_kernel!(&mut self.kernel, k => k.restore_memory());
-        self.state.mass_factor *= factor;
+        self.state.mass_factor = mass_factor;
+        // the estimate of the largest eigenvalue may have followed the trouble beyond all numbers
+        if !self.probe.iter().flatten().all(|e| e.is_finite()) {
+            self.probe.copy_from_slice(&self.first_probe.0);
+        }
+        // masses are to follow the kept state, not the one that was left
+        step::evaluate(self);
         // velocities that led into trouble are not worth keeping
         self.state.q.fill([0.0; 3]);
         for (path, u) in self.path.iter_mut().zip(&self.state.u) {

@@ -149,6 +149,23 @@ impl Solver {
         *factor = if needed > *factor { needed } else { (0.98 * *factor).max(needed) };
     }
 
+    /// Angular frequency of the fastest mode of the present state, rad per step, by so many power iterations. The
+    /// central difference is stable below 2. For tests and studies: costs as many evaluations of the internal force.
+    pub fn fastest(&mut self, iterations: usize) -> f64 {
+        let (probe_before, largest_before) = (self.probe.clone(), self.largest);
+        self.probe.copy_from_slice(&self.first_probe.0);
+        self.mix_motion_into_probe();
+        let mut largest = 0.0_f64;
+        for _ in 0..iterations {
+            probe(self);
+            // an estimate from below at each iteration
+            largest = largest.max(self.largest);
+        }
+        (self.probe, self.largest) = (probe_before, largest_before);
+        evaluate(self);
+        (largest / self.state.mass_factor).sqrt()
+    }
+
     /// An oscillation that the step can't hold grows in the velocities first: a share of them in the probe leads the
     /// power iteration to it.
     fn mix_motion_into_probe(&mut self) {

@@ -50,7 +50,8 @@ impl Twin {
                 let entering = 0.5 * n.capture_radius.get();
                 if self.inserted() { entering.max(-self.tip[2]) } else { entering }
             }
-            _ => f64::INFINITY,
+            // a shear of one half: further, and the tissue would be torn off what holds it
+            _ => 0.5 * self.height,
         }
     }
 

@@ -6,6 +6,8 @@ use crate::solver::Balance;
 
 use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
 
+/// Power iterations after which the fastest mode is known to a per cent.
+const FASTEST_ITERATIONS: usize = 400;
 /// Largest tilt of the instrument's axis (sine).
 const ALIGNMENT: f64 = 0.02;
 /// Largest tilt of an inserted needle (sine).
@@ -75,6 +77,13 @@ impl Twin {
         self.solver.slowest()
     }
 
+    /// Angular frequency of the fastest mode of the present state, rad per step: the explicit step is stable below 2.
+    /// Costs hundreds of evaluations of the internal force; not for the stepping path.
+    #[must_use]
+    pub fn fastest(&mut self) -> f64 {
+        self.solver.fastest(FASTEST_ITERATIONS)
+    }
+
     /// Back to the undeformed state.
     pub fn reset(&mut self) {
         self.solver.reset();
@@ -128,7 +137,7 @@ impl Twin {
         let path = self.path();
         let offset = [tip[0] - path.entry[0], tip[1] - path.entry[1], tip[2] - self.top];
         let depth = self.depth_of(&pose.pose);
-        if depth > self.reach {
+        if depth >= self.reach {
             return refuse(format!(
                 "depth {depth:.6} m is beyond {:.6} m, the deepest that this scene's cloud was made for \
                  (motion.depth_m, the sample's height)",

@@ -1,6 +1,7 @@
 //! Small clouds, and the internal force on them, for tests of the numerical method itself.
 #![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
 
+use needle_twin::approximation::table::tetrahedron;
 use needle_twin::approximation::{Basis, Settings, ShapeTable};
 use needle_twin::cloud::{self, Axis, BASE, Cloud, Domain, Feature, Spacing};
 use needle_twin::material::Law;
@@ -8,7 +9,7 @@ use needle_twin::scene::VolumeRatio;
 use needle_twin::solver::kernel::Kernel;
 use needle_twin::solver::pool::{Pool, Team};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// Sylgard 527 as in the presets, Pa.
 pub const MU: f64 = 1678.0;
@@ -80,4 +81,26 @@ pub fn norm(v: [f64; 3]) -> f64 {
 /// a - b.
 pub fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| a[k] - b[k])
+}
+
+/// The cube with its interior nodes pushed at random by up to a seventh of the mean distance, each by less where a cell
+/// would lose half of its volume.
+pub fn random_cube(seed: u64) -> Cloud {
+    let mut cloud = cube();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let volume = |points: &[[f64; 3]], c: &[u32; 4]| tetrahedron(&c.map(|n| points[n as usize])).0;
+    let before: Vec<f64> = cloud.cells.iter().map(|c| volume(&cloud.points, c)).collect();
+    let distance = (before.iter().sum::<f64>() / cloud.points.len() as f64).cbrt();
+    for n in (0..cloud.points.len()).filter(|&n| cloud.faces[n] == 0).collect::<Vec<_>>() {
+        let old = cloud.points[n];
+        let push: [f64; 3] = std::array::from_fn(|_| (2.0 * uniform(&mut random) - 1.0) * distance / 7.0);
+        for share in [1.0, 0.5, 0.25, 0.0] {
+            cloud.points[n] = std::array::from_fn(|k| old[k] + share * push[k]);
+            let mut around = cloud.cells.iter().zip(&before).filter(|(c, _)| c.contains(&(n as u32)));
+            if around.all(|(c, v)| volume(&cloud.points, c) > 0.5 * v) {
+                break;
+            }
+        }
+    }
+    cloud
 }

@@ -15,6 +15,34 @@ pub mod python;
 /// Loopback only and no multicast, so that nothing leaks to a real network.
 pub const CYCLONE: &str = r#"<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface address="127.0.0.1" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>20</MaxAutoParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"#;
 
+/// The twin as a program.
+pub const TWIN: &str = env!("CARGO_BIN_EXE_twin_node");
+
+/// A plate on a sample that is coarse enough to be answered at once, whatever else the machine does.
+pub const COARSE: [&str; 9] = [
+    "--scene",
+    "compression",
+    "--ros-args",
+    "-p",
+    "discretisation.spacing_m:=0.005",
+    "-p",
+    "discretisation.edge_refinement:=1.0",
+    "-p",
+    "stepping.max_steps_per_pose:=20",
+];
+
+/// The coarse twin with more ROS arguments.
+pub fn coarse_twin(domain: u16, more: &[&str], environment: &[(&str, &str)]) -> Program {
+    Program::start(TWIN, &[&COARSE, more].concat(), domain, environment)
+}
+
+/// A pose as a displacement sensor says it.
+pub fn joint_state(sec: i64, nanosec: i64, depth_m: f64) -> Value {
+    serde_json::json!({
+        "header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": ""}, "name": ["insertion"], "position": [depth_m],
+    })
+}
+
 /// A domain that nobody on this machine uses at present, another one for every call of this process.
 pub fn free_domain() -> u16 {
     static NEXT: AtomicU16 = AtomicU16::new(0);
@@ -80,6 +108,14 @@ impl Program {
         (status, log.join().unwrap(), took)
     }
 
+    /// Exit code and log of a program that may have ended by itself; `None` if it had to be killed.
+    pub fn end(mut self) -> (Option<i32>, String) {
+        let code = self.child.try_wait().unwrap().map(|status| status.code().unwrap_or(-1));
+        let _ = self.child.kill();
+        let log = std::mem::replace(&mut self.log, std::thread::spawn(String::new));
+        (code, log.join().unwrap())
+    }
+
     fn wait(&mut self, timeout: Duration) -> Option<i32> {
         let begun = Instant::now();
         while begun.elapsed() < timeout {
@@ -108,12 +144,17 @@ pub struct Peer {
 
 impl Peer {
     pub fn start(domain: u16) -> Self {
+        Self::start_with(domain, CYCLONE)
+    }
+
+    /// With a configuration of its own.
+    pub fn start_with(domain: u16, configuration: &str) -> Self {
         let python = python::python();
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/peer.py");
         let mut child = Command::new(python)
             .arg(script)
             .env("ROS_DOMAIN_ID", domain.to_string())
-            .env("CYCLONEDDS_URI", CYCLONE)
+            .env("CYCLONEDDS_URI", configuration)
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())

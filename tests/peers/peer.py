@@ -9,6 +9,7 @@ import os
 import sys
 import time
 
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
@@ -89,8 +90,8 @@ class Peer:
         writer.write(ros_types.from_dict(cls, value))
         return {}
 
-    def insert(self, topic, joint, poses, rate_hz, depth_m, from_m=0.0, force_topic=None, force_n=0.0, answers=None,
-               first_nanos=None):
+    def insert(self, topic, joint, poses, rate_hz, depth_m, from_m=0.0, force_topic=None, force_n=0.0, n_per_m=0.0,
+               answers=None, first_nanos=None):
         """Streams poses of an insertion in real time and notes when each answer comes. Returns the round trips."""
         writer, cls = self.writers[topic]
         begun = time.monotonic()
@@ -109,7 +110,7 @@ class Peer:
             header = {"stamp": stamp(nanos), "frame_id": ""}
             if force_topic:
                 self.publish(force_topic, {"header": {"stamp": stamp(nanos), "frame_id": "sample"},
-                                           "wrench": {"force": {"x": 0.0, "y": 0.0, "z": float(force_n)}}})
+                                           "wrench": {"force": {"x": 0.0, "y": 0.0, "z": float(force_n + n_per_m * depth)}}})
             writer.write(ros_types.from_dict(cls, {"header": header, "name": [joint], "position": [float(depth)]}))
             sent[nanos] = time.monotonic()
         end = time.monotonic() + 1.0
@@ -149,6 +150,36 @@ class Peer:
             if len(found) >= count or time.monotonic() >= end:
                 return {"messages": found}
             time.sleep(0.002)
+
+    def sent_times(self, topic, count, timeout=10.0):
+        """When each message was sent, ns, as the sender's DDS says it, with the message's own stamp."""
+        end = time.monotonic() + timeout
+        found = []
+        while len(found) < count and time.monotonic() < end:
+            for sample in self.readers[topic].take(N=1000):
+                if hasattr(sample, "__dataclass_fields__"):
+                    own = sample.header.stamp
+                    found.append([sample.sample_info.source_timestamp, own.sec * 1_000_000_000 + own.nanosec])
+            time.sleep(0.002)
+        return {"times": found}
+
+    def endpoints(self):
+        """Every publisher and subscription of the domain: topic, type, reliability, durability."""
+        found = []
+        for topic, side in ((BuiltinTopicDcpsPublication, "publisher"), (BuiltinTopicDcpsSubscription, "subscription")):
+            reader = BuiltinDataReader(self.participant, topic)
+            end = time.monotonic() + 2.0
+            seen = {}
+            while time.monotonic() < end:
+                for sample in reader.take(N=1000):
+                    if sample.sample_info.valid_data:
+                        seen[str(sample.key)] = sample
+                time.sleep(0.05)
+            for sample in seen.values():
+                found.append({"side": side, "topic": sample.topic_name, "type": sample.type_name,
+                              "reliable": isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable),
+                              "latched": sample.qos[Policy.Durability] == Policy.Durability.TransientLocal})
+        return {"endpoints": found}
 
     def last(self, topic, seconds=1.0):
         """The newest message after listening for so long."""

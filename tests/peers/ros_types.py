@@ -20,6 +20,7 @@ TEXTS = {
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
     "std_msgs/Float64": "float64 data",
+    "std_msgs/Float32": "float32 data",
     "std_msgs/Bool": "bool data",
     "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
@@ -32,6 +33,9 @@ TEXTS = {
     "geometry_msgs/WrenchStamped": "std_msgs/Header header\nWrench wrench",
     "sensor_msgs/JointState":
         "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
+    "sensor_msgs/Range":
+        "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\n"
+        "float32 range\nfloat32 variance",
     "sensor_msgs/PointField": "string name\nuint32 offset\nuint8 datatype\nuint32 count",
     "sensor_msgs/PointCloud2":
         "std_msgs/Header header\nuint32 height\nuint32 width\nPointField[] fields\nbool is_bigendian\n"
@@ -63,6 +67,14 @@ TEXTS = {
     "rcl_interfaces/ParameterDescriptor":
         "string name\nuint8 type\nstring description\nstring additional_constraints\nbool read_only\n"
         "bool dynamic_typing\nFloatingPointRange[] floating_point_range\nIntegerRange[] integer_range",
+    "rcl_interfaces/ParameterEvent":
+        "builtin_interfaces/Time stamp\nstring node\nParameter[] new_parameters\nParameter[] changed_parameters\n"
+        "Parameter[] deleted_parameters",
+    "lifecycle_msgs/State": "uint8 id\nstring label",
+    "lifecycle_msgs/Transition": "uint8 id\nstring label",
+    "lifecycle_msgs/TransitionDescription": "Transition transition\nState start_state\nState goal_state",
+    "lifecycle_msgs/TransitionEvent":
+        "uint64 timestamp\nTransition transition\nState start_state\nState goal_state",
     "rcl_interfaces/ListParametersResult": "string[] names\nstring[] prefixes",
 }
 
@@ -83,6 +95,15 @@ SERVICES = {
     "rosbag2_interfaces/SetRate": ("float64 rate", "bool success"),
     "rosbag2_interfaces/Seek": ("builtin_interfaces/Time time", "bool success"),
     "rosbag2_interfaces/PlayNext": (EMPTY, "bool success"),
+    "rosbag2_interfaces/Stop": (EMPTY, EMPTY),
+    "rosbag2_interfaces/Play":
+        ("builtin_interfaces/Time start_offset\nbuiltin_interfaces/Duration playback_duration\n"
+         "builtin_interfaces/Time playback_until_timestamp", "bool success"),
+    "lifecycle_msgs/GetState": (EMPTY, "State current_state"),
+    "lifecycle_msgs/ChangeState": ("Transition transition", "bool success"),
+    "lifecycle_msgs/GetAvailableStates": (EMPTY, "State[] available_states"),
+    "lifecycle_msgs/GetAvailableTransitions": (EMPTY, "TransitionDescription[] available_transitions"),
+    "rcl_interfaces/SetParametersAtomically": ("Parameter[] parameters", "SetParametersResult result"),
     "rosbag2_interfaces/Burst": ("uint64 num_messages", "uint64 actually_burst"),
 }
 

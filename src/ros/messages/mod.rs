@@ -8,6 +8,7 @@ pub mod builtin_interfaces;
 mod cdr;
 pub mod diagnostic_msgs;
 pub mod geometry_msgs;
+pub mod lifecycle_msgs;
 pub mod needle_twin;
 pub mod rosbag2_interfaces;
 pub mod rosgraph_msgs;

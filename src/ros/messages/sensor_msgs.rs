@@ -18,6 +18,23 @@ pub struct JointState {
     pub effort: Vec<f64>,
 }
 
+/// Distance from a range finder. Jazzy's message has a `variance` behind these fields, which is not read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Range {
+    /// When and in which frame.
+    pub header: Header,
+    /// Ultrasound 0, infrared 1.
+    pub radiation_type: u8,
+    /// Opening angle, rad.
+    pub field_of_view: f32,
+    /// Smallest distance, m.
+    pub min_range: f32,
+    /// Largest distance, m.
+    pub max_range: f32,
+    /// The distance, m.
+    pub range: f32,
+}
+
 /// One field of a point in a [`PointCloud2`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PointField {
@@ -86,4 +103,4 @@ pub struct CompressedImage {
     pub data: Vec<u8>,
 }
 
-ros_messages!("sensor_msgs": JointState, PointField, PointCloud2, CompressedImage);
+ros_messages!("sensor_msgs": JointState, Range, PointField, PointCloud2, CompressedImage);

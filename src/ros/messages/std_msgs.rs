@@ -19,6 +19,13 @@ pub struct Float64 {
     pub data: f64,
 }
 
+/// A number of single precision.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Float32 {
+    /// The number.
+    pub data: f32,
+}
+
 /// A truth value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Bool {
@@ -39,4 +46,4 @@ pub struct ColorRGBA {
     pub a: f32,
 }
 
-ros_messages!("std_msgs": Header, Float64, Bool, ColorRGBA);
+ros_messages!("std_msgs": Header, Float64, Float32, Bool, ColorRGBA);

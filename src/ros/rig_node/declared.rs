@@ -2,8 +2,9 @@
 
 use ros2_client::ParameterValue as P;
 
-use crate::rig::{DriverLimits, PlayOptions};
+use crate::rig::{DriverLimits, ForceSource, PlayOptions, PositionSource, Stretch};
 use crate::ros::parameters::{Declaration, Parameters, Range};
+use crate::ros::recorder;
 use crate::ros::start::common_declarations;
 
 pub(super) fn declarations() -> Vec<Declaration> {
@@ -14,6 +15,7 @@ pub(super) fn declarations() -> Vec<Declaration> {
     let string =
         |name, default: &str, text| Declaration::new(name, P::String(default.to_owned()), Range::Any, text).fixed();
     let mut all = common_declarations();
+    all.extend(recorder::declarations());
     all.extend([
         string("mode", "player", "player: plays a bag; driver: moves a needle to where servo_jp says.").checked(
             "one of player, driver",
@@ -30,8 +32,17 @@ pub(super) fn declarations() -> Vec<Declaration> {
         double("delay", 0.0, 0.0, 3600.0, "Wait so long before playing, s."),
         double("clock_hz", 100.0, 0.0, 10_000.0, "Rate of /clock; 0: no clock."),
         Declaration::new("topics", P::StringArray(Vec::new()), Range::Any, "Topics to play; empty: all.").fixed(),
-        boolean("exit_at_end", true, "End the program when the bag has been played."),
-        string("joint_name", "insertion", "Driver: name of the joint in servo_jp and measured_js."),
+        Declaration::new("exclude_topics", P::StringArray(Vec::new()), Range::Any, "Topics not to play.").fixed(),
+        double("playback_duration", -1.0, -1.0, 1e9, "Play so long, s of the bag; negative: to the end."),
+        double("playback_until_sec", -1.0, -1.0, 1e10, "Play until this bag time, s since 1970; negative: to the end."),
+        boolean("exit_at_end", true, "End the program when the bag has been played; false: wait for ~/play or ~/seek."),
+        boolean(
+            "relative_names",
+            true,
+            "Play recorded topics under their names relative to this node's namespace (in the root namespace that is \
+             the recorded name); false: under the recorded names as they are.",
+        ),
+        string("joint_name", "insertion", "Name of the joint in servo_jp and measured_js."),
         double("driver_rate_hz", 1000.0, 1.0, 10_000.0, "Driver: rate of measured_js."),
         double("max_speed_m_per_s", 0.005, 1e-6, 10.0, "Driver: largest speed."),
         double("max_acceleration_m_per_s2", 0.05, 1e-6, 1e3, "Driver: largest acceleration."),
@@ -39,7 +50,77 @@ pub(super) fn declarations() -> Vec<Declaration> {
         double("max_position_m", 0.015, -10.0, 10.0, "Driver: highest position."),
         double("start_position_m", 0.0, -10.0, 10.0, "Driver: where it starts."),
     ]);
+    all.extend(foreign_declarations());
     all
+}
+
+/// What a recording of another rig needs said.
+fn foreign_declarations() -> [Declaration; 8] {
+    let double =
+        |name, default, text| Declaration::new(name, P::Double(default), Range::Double(-1e12, 1e12), text).fixed();
+    let string =
+        |name, default: &str, text| Declaration::new(name, P::String(default.to_owned()), Range::Any, text).fixed();
+    [
+        string(
+            "position_topic",
+            "",
+            "Recorded topic to play as measured_js: JointState, Range, Float64 or Float32; empty: none.",
+        ),
+        string("position_joint", "", "Joint of a JointState position_topic; empty: joint_name, or its only one."),
+        double(
+            "position_m_per_unit",
+            1.0,
+            "Depth of one unit of position_topic, m (0.001 for mm; negative if the number falls as the needle goes in).",
+        ),
+        double("position_offset_m", 0.0, "Depth at the number 0 of position_topic, m."),
+        string(
+            "force_topic",
+            "",
+            "Recorded topic to play as measured_cf: WrenchStamped, Float64 or Float32; empty: none.",
+        ),
+        double(
+            "force_n_per_unit",
+            1.0,
+            "Force of one unit of force_topic, N (0.00980665 for gf; negative if the cell counts the force on the tissue).",
+        ),
+        Declaration::new(
+            "force_axis",
+            P::DoubleArray(vec![0.0, 0.0, 1.0]),
+            Range::Any,
+            "Direction in frame `frame_id` along which a Float64 or Float32 force_topic counts.",
+        )
+        .checked("three numbers, not all 0", |value| direction(value).map(drop))
+        .fixed(),
+        string("frame_id", "sample", "Frame of measured_cf where the recording has none."),
+    ]
+}
+
+/// A unit vector.
+fn direction(value: &P) -> Result<[f64; 3], String> {
+    let fail = || "is three numbers, not all 0".to_owned();
+    let P::DoubleArray(v) = value else { return Err(fail()) };
+    let v: [f64; 3] = v.as_slice().try_into().map_err(|_| fail())?;
+    let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if norm > 0.0 && norm.is_finite() { Ok(v.map(|x| x / norm)) } else { Err(fail()) }
+}
+
+pub(super) fn position_source(parameters: &Parameters) -> Option<PositionSource> {
+    Some(PositionSource {
+        topic: Some(parameters.string("position_topic")).filter(|t| !t.is_empty())?,
+        joint: parameters.string("position_joint"),
+        m_per_unit: parameters.double("position_m_per_unit"),
+        offset_m: parameters.double("position_offset_m"),
+        joint_name: parameters.string("joint_name"),
+    })
+}
+
+pub(super) fn force_source(parameters: &Parameters) -> Option<ForceSource> {
+    Some(ForceSource {
+        topic: Some(parameters.string("force_topic")).filter(|t| !t.is_empty())?,
+        n_per_unit: parameters.double("force_n_per_unit"),
+        axis: parameters.get("force_axis").and_then(|v| direction(&v).ok()).unwrap_or([0.0, 0.0, 1.0]),
+        frame_id: parameters.string("frame_id"),
+    })
 }
 
 pub(super) fn play_options(parameters: &Parameters) -> PlayOptions {
@@ -49,7 +130,17 @@ pub(super) fn play_options(parameters: &Parameters) -> PlayOptions {
         start_offset: std::time::Duration::try_from_secs_f64(parameters.double("start_offset")).unwrap_or_default(),
         start_paused: parameters.boolean("start_paused"),
         topics: parameters.strings("topics"),
+        exclude_topics: parameters.strings("exclude_topics"),
+        stretch: Stretch {
+            duration: std::time::Duration::try_from_secs_f64(parameters.double("playback_duration")).ok(),
+            until_ns: nanoseconds(parameters.double("playback_until_sec")),
+        },
     }
+}
+
+#[allow(clippy::cast_possible_truncation)] // within the parameter's range
+fn nanoseconds(seconds: f64) -> Option<i64> {
+    (seconds >= 0.0).then_some((seconds * 1e9) as i64)
 }
 
 pub(super) fn driver_limits(parameters: &Parameters) -> Result<DriverLimits, String> {

@@ -4,19 +4,21 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
-use ros2_client::{NodeLoggingHandle, Server};
+use ros2_client::NodeLoggingHandle;
 
 use super::playback::Command;
+use crate::rig::Stretch;
 use crate::ros::clock::NodeClock;
 use crate::ros::graph::Graph;
-use crate::ros::logging::Record;
 use crate::ros::messages::rosbag2_interfaces::{
-    BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, SeekRequest, SetRateRequest, Success,
+    BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
+    Success,
 };
-use crate::ros::parameter_services::{ParameterServices, answer};
+use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Participant, ParticipantError};
-use crate::ros::rosout;
+use crate::ros::rosout::Rosout;
+use crate::ros::service::Service;
 
 const TICK: Duration = Duration::from_millis(10);
 /// Longest wait for the playback thread.
@@ -24,16 +26,17 @@ const PATIENCE: Duration = Duration::from_millis(500);
 const PACKAGE: &str = "rosbag2_interfaces";
 
 struct PlayerServices {
-    pause: Server<Empty, Empty>,
-    resume: Server<Empty, Empty>,
-    toggle: Server<Empty, Empty>,
-    is_paused: Server<Empty, IsPausedResponse>,
-    get_rate: Server<Empty, GetRateResponse>,
-    set_rate: Server<SetRateRequest, Success>,
-    seek: Server<SeekRequest, Success>,
-    play_next: Server<Empty, Success>,
-    burst: Server<BurstRequest, BurstResponse>,
-    stop: Server<Empty, Empty>,
+    pause: Service<Empty, Empty>,
+    resume: Service<Empty, Empty>,
+    toggle: Service<Empty, Empty>,
+    is_paused: Service<Empty, IsPausedResponse>,
+    get_rate: Service<Empty, GetRateResponse>,
+    set_rate: Service<SetRateRequest, Success>,
+    seek: Service<SeekRequest, Success>,
+    play_next: Service<Empty, Success>,
+    burst: Service<BurstRequest, BurstResponse>,
+    stop: Service<Empty, Empty>,
+    play: Service<PlayRequest, Success>,
 }
 
 impl PlayerServices {
@@ -49,6 +52,7 @@ impl PlayerServices {
             play_next: participant.server("~/play_next", PACKAGE, "PlayNext")?,
             burst: participant.server("~/burst", PACKAGE, "Burst")?,
             stop: participant.server("~/stop", PACKAGE, "Stop")?,
+            play: participant.server("~/play", PACKAGE, "Play")?,
         })
     }
 
@@ -58,19 +62,31 @@ impl PlayerServices {
             let _ = commands.send(command);
             Empty::default()
         };
-        answer(&self.pause, |_| tell(Command::SetPaused(true)));
-        answer(&self.resume, |_| tell(Command::SetPaused(false)));
-        answer(&self.toggle, |_| tell(Command::Toggle));
-        answer(&self.stop, |_| tell(Command::Stop));
-        answer(&self.is_paused, |_| IsPausedResponse { paused: ask(commands, Command::State).is_none_or(|s| s.0) });
-        answer(&self.get_rate, |_| GetRateResponse { rate: ask(commands, Command::State).map_or(0.0, |s| s.1) });
-        answer(&self.set_rate, |q| success(ask(commands, |reply| Command::SetRate(q.rate, reply))));
-        answer(&self.seek, |q| success(ask(commands, |reply| Command::Seek(q.time.nanos(), reply))));
-        answer(&self.play_next, |_| success(ask(commands, Command::PlayNext)));
-        answer(&self.burst, |q| BurstResponse {
+        self.pause.answer(|_| tell(Command::SetPaused(true)));
+        self.resume.answer(|_| tell(Command::SetPaused(false)));
+        self.toggle.answer(|_| tell(Command::Toggle));
+        self.stop.answer(|_| tell(Command::Stop));
+        self.is_paused.answer(|_| IsPausedResponse { paused: ask(commands, Command::State).is_none_or(|s| s.0) });
+        self.get_rate.answer(|_| GetRateResponse { rate: ask(commands, Command::State).map_or(0.0, |s| s.1) });
+        self.set_rate.answer(|q| success(ask(commands, |reply| Command::SetRate(q.rate, reply))));
+        self.seek.answer(|q| success(ask(commands, |reply| Command::Seek(q.time.nanos(), reply))));
+        self.play_next.answer(|_| success(ask(commands, Command::PlayNext)));
+        self.play.answer(|q| {
+            let (offset, stretch) = stretch(&q);
+            success(ask(commands, |reply| Command::Play(offset, stretch, reply)))
+        });
+        self.burst.answer(|q| BurstResponse {
             actually_burst: ask(commands, |reply| Command::Burst(q.num_messages, reply)).unwrap_or(0),
         });
     }
+}
+
+/// Negative times mean that there is no such limit.
+fn stretch(request: &PlayRequest) -> (Duration, Stretch) {
+    let positive = |nanos: i64| u64::try_from(nanos).ok().map(Duration::from_nanos);
+    let until_ns = Some(request.playback_until_timestamp.nanos()).filter(|t| *t >= 0);
+    let stretch = Stretch { duration: positive(request.playback_duration.nanos()), until_ns };
+    (positive(request.start_offset.nanos()).unwrap_or_default(), stretch)
 }
 
 fn success(done: Option<bool>) -> Success {
@@ -101,7 +117,7 @@ impl Housekeeping {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
             player: if plays { Some(PlayerServices::new(participant)?) } else { None },
-            graph: participant.graph(),
+            graph: participant.declared_graph(parameters),
         })
     }
 
@@ -110,7 +126,7 @@ impl Housekeeping {
         clock: &NodeClock,
         commands: &Sender<Command>,
         logger: &NodeLoggingHandle,
-        lines: &Receiver<Record>,
+        rosout: &Rosout,
         stop: &Receiver<()>,
     ) {
         loop {
@@ -125,9 +141,9 @@ impl Housekeeping {
             if let Some(player) = &self.player {
                 player.serve(commands);
             }
-            rosout::publish(logger, lines);
+            rosout.publish(logger);
             if !matches!(stop.recv_timeout(TICK), Err(RecvTimeoutError::Timeout)) {
-                rosout::publish(logger, lines);
+                rosout.publish(logger);
                 return;
             }
         }

@@ -3,6 +3,7 @@
 mod declared;
 mod driver;
 mod housekeeping;
+mod outputs;
 mod playback;
 
 use std::ffi::OsString;
@@ -11,18 +12,21 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use crossbeam_channel::Sender;
+use crossbeam_channel::{Receiver, Sender};
 use ros2_client::ParameterValue;
 
 use self::housekeeping::Housekeeping;
-use self::playback::{Command, Outputs, Report};
+use self::outputs::{Outputs, Wishes};
+use self::playback::{Command, Report};
 use super::arguments::ParameterOverride;
 use super::clock::NodeClock;
 use super::parameters::Parameters;
 use super::participant::Participant;
+use super::recorder::{Recorder, Recording};
 use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
+use super::watchdog::Watchdog;
 use crate::bag::BagReader;
 use crate::rig::{Driver, Player};
 
@@ -36,7 +40,9 @@ const LINGER: Duration = Duration::from_millis(500);
     about = "The simulated rig as a ROS 2 node: plays a rosbag2 recording, or moves a needle (-p mode:=driver)",
     after_help = "ROS arguments: --ros-args [-r from:=to] [-r __ns:=/ns] [-r __node:=name] [-p name:=value]\n    \
                   [--params-file FILE] [--log-level LEVEL] [--]\n\
-                  Parameters as in `ros2 bag play`: rate, loop, start_offset, start_paused, delay, clock_hz, topics.\n\
+                  Parameters as in `ros2 bag play`: rate, loop, start_offset, start_paused, delay, clock_hz, topics,\n    \
+                  exclude_topics, playback_duration, playback_until_sec. A recording of another rig:\n    \
+                  position_topic, position_m_per_unit, force_topic, force_n_per_unit, ...\n\
                   Exit codes: 0 stopped or played, 1 failure, 2 wrong usage, 3 played, but the bag has losses."
 )]
 struct Cli {
@@ -115,6 +121,12 @@ fn open(parameters: &Parameters) -> Result<Player, NodeError> {
     for loss in bag.losses() {
         tracing::warn!("{loss}");
     }
+    if let Some(source) = declared::position_source(parameters) {
+        source.check(&bag)?;
+    }
+    if let Some(source) = declared::force_source(parameters) {
+        source.check(&bag)?;
+    }
     let options = declared::play_options(parameters);
     let described = bag.describe_topics();
     Player::new(bag, &options, Instant::now()).ok_or_else(|| {
@@ -124,6 +136,7 @@ fn open(parameters: &Parameters) -> Result<Player, NodeError> {
 }
 
 struct Common {
+    recording: Option<Recording>,
     participant: Participant,
     clock: Arc<NodeClock>,
     stop: Sender<()>,
@@ -142,6 +155,7 @@ fn common(
         tracing::warn!("`{unused}` names no topic of this node");
     }
     start.announce(start::mapping(&parameters.string("service_mapping"), &start.environment));
+    let recording = participant.start_recording()?;
     let clock = Arc::new(NodeClock::new(false));
     let (stop, stopped) = crossbeam_channel::bounded(0);
     let commands = commands.unwrap_or_else(|| crossbeam_channel::bounded(0).0);
@@ -149,19 +163,26 @@ fn common(
     let of_thread = Arc::clone(&clock);
     let thread =
         spawn("housekeeping", move || housekeeping.run(&of_thread, &commands, &logger, &start.rosout, &stopped))?;
-    Ok(Common { participant, clock, stop, thread })
+    Ok(Common { recording, participant, clock, stop, thread })
 }
 
 fn participant(start: &Start, parameters: &Parameters) -> Result<Participant, NodeError> {
     let rosout = start.ros.log.rosout.unwrap_or(true);
     let mut participant = Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
     participant.set_mapping(start::mapping(&parameters.string("service_mapping"), &start.environment));
+    participant.set_recorder(Recorder::create(parameters)?);
     Ok(participant)
 }
 
 fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Signals) -> Result<u8, NodeError> {
     let mut participant = participant(&start, parameters)?;
-    let outputs = Arc::new(Outputs::new(&mut participant, &player, parameters.double("clock_hz"))?);
+    let wishes = Wishes {
+        clock_hz: parameters.double("clock_hz"),
+        relative_names: parameters.boolean("relative_names"),
+        position: declared::position_source(parameters),
+        force: declared::force_source(parameters),
+    };
+    let outputs = Arc::new(Outputs::new(&mut participant, &player, wishes)?);
     let (commands, received) = crossbeam_channel::bounded(16);
     let common = common(participant, start, parameters, Some(commands.clone()))?;
     let (from, to) = player.span_ns();
@@ -173,39 +194,58 @@ fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Si
         if player.clock().is_paused() { ", paused until ~/resume" } else { "" }
     );
     let delay = Duration::try_from_secs_f64(parameters.double("delay")).unwrap_or_default();
+    let stay = !parameters.boolean("exit_at_end");
     let (done, finished) = crossbeam_channel::bounded(1);
     let thread = {
         let outputs = Arc::clone(&outputs);
         spawn("playback", move || {
             // Fails only if the node has given up.
-            let _ = done.send(playback::run(player, &outputs, &received, delay));
+            let _ = done.send(playback::run(player, &outputs, &received, delay, stay));
         })?
     };
-    let report = loop {
-        if let Some(signal) = signals.wait(Duration::from_millis(20)) {
-            tracing::info!("stopping ({signal:?})");
-            let _ = commands.send(Command::Stop);
-            break finished.recv().ok();
-        }
-        if let Ok(report) = finished.try_recv() {
-            let until = Instant::now() + LINGER;
-            while (!parameters.boolean("exit_at_end") || Instant::now() < until)
-                && signals.wait(Duration::from_millis(20)).is_none()
-            {}
-            break Some(report);
-        }
-        if thread.is_finished() && finished.is_empty() {
-            break None;
-        }
-    };
+    let outcome = supervise(&commands, &finished, &thread, signals);
     drop(commands);
     join(thread);
     drop(common.stop);
     join(common.thread);
     drop(outputs);
     drop(common.participant);
-    let report = report.ok_or_else(|| NodeError::Other("the playback thread has ended unexpectedly".to_owned()))?;
-    Ok(conclude(&report))
+    let missing = common.recording.map_or(0, Recording::finish);
+    let code = conclude(&outcome?);
+    Ok(if missing > 0 { LOSSES } else { code })
+}
+
+/// Waits for the end of the bag or for a signal.
+fn supervise(
+    commands: &Sender<Command>,
+    finished: &Receiver<Report>,
+    playback: &JoinHandle<()>,
+    signals: &Signals,
+) -> Result<Report, NodeError> {
+    let gone = || NodeError::Other("the playback thread has ended unexpectedly".to_owned());
+    let quit = || {
+        let _ = commands.send(Command::Quit);
+        finished.recv().map_err(|_| gone())
+    };
+    let mut watchdog = Watchdog::new();
+    loop {
+        if let Err(reason) = watchdog.check() {
+            quit()?;
+            return Err(NodeError::Other(reason));
+        }
+        if let Some(signal) = signals.wait(Duration::from_millis(20)) {
+            tracing::info!("stopping ({signal:?})");
+            return quit();
+        }
+        if let Ok(report) = finished.try_recv() {
+            let until = Instant::now() + LINGER;
+            while Instant::now() < until && signals.wait(Duration::from_millis(20)).is_none() {}
+            return Ok(report);
+        }
+        if playback.is_finished() && finished.is_empty() {
+            return Err(gone());
+        }
+    }
 }
 
 fn conclude(report: &Report) -> u8 {
@@ -239,13 +279,17 @@ fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Resul
             tracing::info!("published {published} positions");
         })?
     };
+    let mut watchdog = Watchdog::new();
     let failed = loop {
         if let Some(signal) = signals.wait(Duration::from_millis(50)) {
             tracing::info!("stopping ({signal:?})");
-            break false;
+            break None;
+        }
+        if let Err(reason) = watchdog.check() {
+            break Some(reason);
         }
         if thread.is_finished() {
-            break true;
+            break Some("the driver thread has ended unexpectedly".to_owned());
         }
     };
     drop(stop);
@@ -253,8 +297,9 @@ fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Resul
     drop(common.stop);
     join(common.thread);
     drop(common.participant);
-    if failed {
-        return Err(NodeError::Other("the driver thread has ended unexpectedly".to_owned()));
+    let missing = common.recording.map_or(0, Recording::finish);
+    if let Some(reason) = failed {
+        return Err(NodeError::Other(reason));
     }
-    Ok(SUCCESS)
+    Ok(if missing > 0 { LOSSES } else { SUCCESS })
 }

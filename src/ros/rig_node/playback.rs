@@ -4,17 +4,12 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
-use ros2_client::qos::{Durability, History};
-use ros2_client::{MessageTypeName, QosProfile};
 
-use crate::bag::{BagReader, Message, Topic};
-use crate::rig::{Player, Step};
+use super::outputs::Outputs;
+use crate::bag::{BagReader, Message};
+use crate::rig::{Player, Step, Stretch};
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::rosgraph_msgs::Clock;
-use crate::ros::participant::{Output, Participant};
-use crate::ros::qos;
-use crate::ros::raw::RawCdr;
-use crate::ros::start::NodeError;
 
 /// What the services ask of the playback thread.
 pub(super) enum Command {
@@ -25,57 +20,12 @@ pub(super) enum Command {
     Seek(i64, Sender<bool>),
     PlayNext(Sender<bool>),
     Burst(u64, Sender<u64>),
+    /// Offset from the start of the bag, and how far.
+    Play(Duration, Stretch, Sender<bool>),
+    /// Ends the playing.
     Stop,
-}
-
-/// The publishers of a bag's topics.
-pub(super) struct Outputs {
-    by_topic: BTreeMap<usize, Output<RawCdr>>,
-    clock: Option<(Output<Clock>, Duration)>,
-}
-
-impl Outputs {
-    /// One publisher per topic that is played, with the QoS that was recorded.
-    pub fn new(participant: &mut Participant, player: &Player, clock_hz: f64) -> Result<Self, NodeError> {
-        let mut by_topic = BTreeMap::new();
-        for (index, topic) in player.bag().topics().iter().enumerate().filter(|(i, _)| player.plays(*i)) {
-            if topic.name == "/clock" && clock_hz > 0.0 {
-                tracing::info!(
-                    "the bag's own /clock is not played: this node publishes it (clock_hz:=0 to change that)"
-                );
-                continue;
-            }
-            let Some((package, name)) = topic.type_name.split_once("/msg/").filter(|_| topic.encoding == "cdr") else {
-                tracing::warn!(
-                    "{} can't be played: type `{}`, encoding `{}` (expected package/msg/Type and cdr)",
-                    topic.name,
-                    topic.type_name,
-                    topic.encoding
-                );
-                continue;
-            };
-            let type_name = MessageTypeName::new(package, name);
-            by_topic.insert(index, participant.publisher_of(&topic.name, type_name, recorded(topic))?);
-        }
-        let clock = if clock_hz > 0.0 {
-            // rosbag2's player: best effort, so that nothing waits for a reader of the time.
-            Some((participant.publisher("/clock", qos::sensor(1))?, Duration::from_secs_f64(1.0 / clock_hz)))
-        } else {
-            None
-        };
-        Ok(Self { by_topic, clock })
-    }
-}
-
-/// The QoS that was recorded; reliable where the bag says nothing.
-fn recorded(topic: &Topic) -> QosProfile {
-    let Some(first) = topic.qos.first() else { return qos::reliable(10) };
-    let depth = usize::try_from(first.depth).unwrap_or(0).clamp(10, 1000);
-    let mut profile = if first.is_reliable() { qos::reliable(depth) } else { qos::sensor(depth) };
-    if topic.qos.iter().any(crate::bag::Qos::is_transient_local) {
-        profile = profile.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 });
-    }
-    profile
+    /// Ends the node.
+    Quit,
 }
 
 /// How late messages left, against the time at which they were due.
@@ -86,75 +36,124 @@ pub(super) struct Report {
     pub losses: Vec<String>,
 }
 
-/// Plays until the end, `Stop`, or until `commands` is closed.
-pub(super) fn run(mut player: Player, outputs: &Outputs, commands: &Receiver<Command>, delay: Duration) -> Report {
+/// Plays until the end or `Stop` (with `stay`, only to wait for more), `Quit`, or until `commands` is closed.
+pub(super) fn run(
+    mut player: Player,
+    outputs: &Outputs,
+    commands: &Receiver<Command>,
+    delay: Duration,
+    stay: bool,
+) -> Report {
     precise_timers();
-    #[allow(clippy::expect_used)] // constant bounds that the library accepts
-    let late = hdrhistogram::Histogram::new_with_bounds(100, 100_000_000_000, 2).expect("constant bounds");
-    let mut playback = Playback { outputs, late, refused: BTreeMap::new(), bag: player.bag().clone() };
-    // The delay, cut short when the node stops.
-    let begin = Instant::now() + delay;
-    while !delay.is_zero() {
-        match commands.recv_deadline(begin) {
-            Ok(Command::Stop) | Err(RecvTimeoutError::Disconnected) => return playback.report(&player),
-            Ok(command) => playback.obey(&mut player, command),
-            Err(RecvTimeoutError::Timeout) => break,
-        }
-    }
-    let (start, _) = player.span_ns();
-    player.seek(Instant::now(), start);
-    let mut clock_due = Instant::now();
-    loop {
-        let now = Instant::now();
-        if let Some((clock, period)) = &outputs.clock
-            && now >= clock_due
-        {
-            clock_due = if now - clock_due > *period { now + *period } else { clock_due + *period };
-            clock.send(Clock { clock: Time::from_nanos(player.now_ns(now)) });
-        }
-        let wake = match player.step(now) {
-            Step::Publish(message) => {
-                playback.publish(&player, message);
-                continue;
-            }
-            Step::Looped => {
-                tracing::info!("the bag starts anew");
-                continue;
-            }
-            Step::Ended => break,
-            Step::WaitUntil(due) if outputs.clock.is_some() => due.min(clock_due),
-            Step::WaitUntil(due) => due,
-            Step::Paused => {
-                if outputs.clock.is_some() {
-                    clock_due
-                } else {
-                    now + Duration::from_secs(1)
-                }
-            }
-        };
-        match commands.recv_deadline(wake) {
-            Ok(Command::Stop) | Err(RecvTimeoutError::Disconnected) => break,
-            Ok(command) => playback.obey(&mut player, command),
-            Err(RecvTimeoutError::Timeout) => {}
-        }
+    let mut playback = Playback::new(&player, outputs, stay);
+    if playback.wait(&mut player, commands, delay) {
+        let (start, _) = player.span_ns();
+        player.seek(Instant::now(), start);
+        while playback.go_on(&mut player, commands) {}
     }
     playback.report(&player)
+}
+
+/// What follows a step.
+enum Next {
+    /// Another one.
+    Again,
+    /// Nothing, until this time or a command.
+    Wait(Instant),
+    /// The end.
+    Over,
 }
 
 struct Playback<'a> {
     outputs: &'a Outputs,
     late: hdrhistogram::Histogram<u64>,
-    refused: BTreeMap<usize, u64>,
+    /// Messages that could not be played, by topic, and why the first could not.
+    refused: BTreeMap<usize, (u64, String)>,
     bag: BagReader,
+    /// There is nothing more to play until somebody asks for it.
+    ended: bool,
+    /// Wait for more at the end.
+    stay: bool,
+    clock_due: Instant,
 }
 
-impl Playback<'_> {
+impl<'a> Playback<'a> {
+    fn new(player: &Player, outputs: &'a Outputs, stay: bool) -> Self {
+        #[allow(clippy::expect_used)] // constant bounds that the library accepts
+        let late = hdrhistogram::Histogram::new_with_bounds(100, 100_000_000_000, 2).expect("constant bounds");
+        let (bag, refused) = (player.bag().clone(), BTreeMap::new());
+        Self { outputs, late, refused, bag, ended: false, stay, clock_due: Instant::now() }
+    }
+
+    /// The delay; false if the node stops meanwhile.
+    fn wait(&mut self, player: &mut Player, commands: &Receiver<Command>, delay: Duration) -> bool {
+        let begin = Instant::now() + delay;
+        while !delay.is_zero() {
+            match commands.recv_deadline(begin) {
+                Ok(Command::Stop | Command::Quit) | Err(RecvTimeoutError::Disconnected) => return false,
+                Ok(command) => self.obey(player, command),
+                Err(RecvTimeoutError::Timeout) => break,
+            }
+        }
+        true
+    }
+
+    /// One step, and the wait behind it; false at the end.
+    fn go_on(&mut self, player: &mut Player, commands: &Receiver<Command>) -> bool {
+        let now = Instant::now();
+        self.tick(player, now);
+        let wake = match self.act(player, now) {
+            Next::Again => return true,
+            Next::Over => return false,
+            Next::Wait(until) => until,
+        };
+        match commands.recv_deadline(wake) {
+            Ok(Command::Quit) | Err(RecvTimeoutError::Disconnected) => return false,
+            Ok(Command::Stop) if !self.stay => return false,
+            Ok(command) => {
+                self.obey(player, command);
+                self.clock_due = Instant::now();
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        true
+    }
+
+    fn tick(&mut self, player: &Player, now: Instant) {
+        let Some((clock, period)) = &self.outputs.clock else { return };
+        if now >= self.clock_due {
+            self.clock_due = if now - self.clock_due > *period { now + *period } else { self.clock_due + *period };
+            clock.send(Clock { clock: Time::from_nanos(player.now_ns(now)) });
+        }
+    }
+
+    fn act(&mut self, player: &mut Player, now: Instant) -> Next {
+        let ticks = self.outputs.clock.is_some();
+        match if self.ended { Step::Ended } else { player.step(now) } {
+            Step::Publish(message) => self.publish(player, message),
+            Step::Looped => {
+                tracing::info!("the bag starts anew");
+                // Who lives in this time hears of the jump before the first message.
+                self.clock_due = now;
+            }
+            Step::Ended if !self.stay => return Next::Over,
+            Step::Ended if !self.ended => {
+                self.ended = true;
+                tracing::info!("at the end: waiting for ~/play or ~/seek");
+            }
+            Step::WaitUntil(due) => return Next::Wait(if ticks { due.min(self.clock_due) } else { due }),
+            Step::Paused | Step::Ended if ticks => return Next::Wait(self.clock_due),
+            Step::Paused | Step::Ended => return Next::Wait(now + Duration::from_secs(1)),
+        }
+        Next::Again
+    }
+
     fn publish(&mut self, player: &Player, message: Message) {
         let due = player.clock().due(i64::try_from(message.log_ns).unwrap_or(i64::MAX));
         let late = due.map(|due| Instant::now().saturating_duration_since(due));
         // What was due before the start (latched messages) is not late.
         if let Some(late) = late.filter(|late| *late < Duration::from_secs(60))
-            && self.outputs.by_topic.contains_key(&message.topic)
+            && self.outputs.plays(message.topic)
         {
             self.late.saturating_record(u64::try_from(late.as_nanos()).unwrap_or(u64::MAX));
         }
@@ -162,18 +161,13 @@ impl Playback<'_> {
     }
 
     fn send(&mut self, message: Message) {
-        let Some(output) = self.outputs.by_topic.get(&message.topic) else { return };
-        match RawCdr::from_bag(message.data) {
-            Ok(raw) => {
-                output.send(raw);
-            }
-            Err(start) => {
-                let count = self.refused.entry(message.topic).or_default();
-                *count += 1;
-                if *count == 1 {
-                    let name = self.bag.topics().get(message.topic).map_or("?", |t| t.name.as_str());
-                    tracing::warn!("{name}: a message starts with {start}, which is not little-endian CDR: not played");
-                }
+        let topic = message.topic;
+        if let Err(reason) = self.outputs.send(&self.bag, message) {
+            let (count, first) = self.refused.entry(topic).or_insert((0, reason.clone()));
+            *count += 1;
+            if *count == 1 {
+                let name = self.bag.topics().get(topic).map_or("?", |t| t.name.as_str());
+                tracing::warn!("{name}: a message is not played: {first}");
             }
         }
     }
@@ -191,7 +185,20 @@ impl Playback<'_> {
                 }
                 answer(&reply, done);
             }
-            Command::Seek(time, reply) => answer(&reply, player.seek(now, time)),
+            Command::Seek(time, reply) => {
+                let done = player.seek(now, time);
+                self.ended &= !done;
+                answer(&reply, done);
+            }
+            // As rosbag2: only a player that does not play can be started.
+            Command::Play(offset, stretch, reply) => {
+                let idle = std::mem::take(&mut self.ended);
+                if idle {
+                    player.restart(now, offset, stretch);
+                    tracing::info!("playing from {:.3} s", offset.as_secs_f64());
+                }
+                answer(&reply, idle);
+            }
             Command::PlayNext(reply) => answer(&reply, self.play_next(player, now)),
             Command::Burst(wanted, reply) => {
                 let mut played = 0;
@@ -200,8 +207,9 @@ impl Playback<'_> {
                 }
                 answer(&reply, played);
             }
+            Command::Stop => self.ended = true,
             // Handled where the commands are taken.
-            Command::Stop => {}
+            Command::Quit => {}
         }
     }
 
@@ -211,9 +219,9 @@ impl Playback<'_> {
 
     fn report(self, player: &Player) -> Report {
         let mut losses: Vec<String> = player.losses().iter().map(ToString::to_string).collect();
-        losses.extend(self.refused.iter().map(|(topic, n)| {
+        losses.extend(self.refused.iter().map(|(topic, (n, reason))| {
             let name = self.bag.topics().get(*topic).map_or("?", |t| t.name.as_str());
-            format!("{name}: {n} messages are not little-endian CDR")
+            format!("{name}: {n} messages were not played: {reason}")
         }));
         Report { played: player.played(), late: self.late, losses }
     }

@@ -3,14 +3,16 @@
 use ros2_client::ParameterValue as P;
 
 use crate::ros::parameters::{Declaration, Parameters, Range};
+use crate::ros::recorder;
 use crate::ros::start::common_declarations;
 
-/// Everything but the scene's keys.
+/// Everything but the scene's keys: a table, one entry per parameter.
 pub(super) fn declarations() -> Vec<Declaration> {
     let double =
         |name, default, low, high, text| Declaration::new(name, P::Double(default), Range::Double(low, high), text);
     let string = |name, default: &str, text| Declaration::new(name, P::String(default.to_owned()), Range::Any, text);
     let mut all = common_declarations();
+    all.extend(recorder::declarations());
     all.extend([
         string("scene", "needle_insertion", "Scene: the name of a preset, or a path to a scene file.").fixed(),
         string("joint_name", "insertion", "Joint of measured_js whose position is the depth, m."),
@@ -55,6 +57,13 @@ pub(super) fn declarations() -> Vec<Declaration> {
             "Readings of measured_cf at or beyond this count as saturated, N; 0: not checked.",
         ),
         string("hardware_id", "needle_twin", "hardware_id of the diagnostics."),
+        Declaration::new(
+            "autostart",
+            P::Boolean(true),
+            Range::Any,
+            "Configure and activate the node at its start; false: leave that to a lifecycle manager.",
+        )
+        .fixed(),
     ]);
     all
 }

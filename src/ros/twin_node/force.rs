@@ -86,8 +86,8 @@ fn answered(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator:
     let withheld = {
         let mut live = shared.lock();
         live.answer(answer);
-        // After a divergence nothing goes out until the reset.
-        let withheld = late || live.halted.is_some();
+        // After a divergence nothing goes out until the reset; a node that is not active is silent.
+        let withheld = late || live.halted.is_some() || !shared.is_active();
         live.withheld += u64::from(withheld);
         live.window.withheld += u64::from(withheld);
         withheld

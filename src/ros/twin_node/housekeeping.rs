@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
-use ros2_client::{NodeLoggingHandle, Server};
+use ros2_client::NodeLoggingHandle;
 
 use super::declared::Settings;
 use super::force::ForceOutputs;
@@ -15,22 +15,25 @@ use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
 use crate::ros::Graph;
-use crate::ros::logging::Record;
+use crate::ros::environment::Reach;
+use crate::ros::lifecycle::Change;
+use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
 use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
-use crate::ros::messages::needle_twin::TwinStatus;
+use crate::ros::messages::needle_twin::{TissueModel, TwinStatus};
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
-use crate::ros::parameter_services::{ParameterServices, answer};
+use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError, Wish};
 use crate::ros::qos;
-use crate::ros::rosout;
+use crate::ros::rosout::Rosout;
+use crate::ros::service::Service;
 
 /// Longest time between two looks at the services.
 const TICK: Duration = Duration::from_millis(20);
 /// Time between two lines about what the node waits for.
 const WAITING: Duration = Duration::from_secs(5);
 
-type Trigger = Server<TriggerRequest, TriggerResponse>;
+type Trigger = Service<TriggerRequest, TriggerResponse>;
 
 /// Endpoints of the thread.
 pub(super) struct Housekeeping {
@@ -40,10 +43,17 @@ pub(super) struct Housekeeping {
     tare: Trigger,
     status: Output<TwinStatus>,
     diagnostics: Output<DiagnosticArray>,
+    model: Output<TissueModel>,
+    lifecycle: LifecycleServices,
     graph: Graph,
     shared: Arc<Shared>,
     wishes: [Wish; 4],
     node: String,
+    /// The poses that came have stopped.
+    lost: bool,
+    warned_of_clocks: bool,
+    /// The model has been published.
+    started: bool,
 }
 
 /// What it reaches of the other threads.
@@ -53,8 +63,9 @@ pub(super) struct Context {
     pub events: Sender<Event>,
     pub force: Arc<ForceOutputs>,
     pub tissue: Arc<TissueOutputs>,
-    pub models: Receiver<Arc<Model>>,
-    pub rosout: Receiver<Record>,
+    pub models: Receiver<Option<Arc<Model>>>,
+    pub rosout: Rosout,
+    pub reach: Reach,
     pub logger: NodeLoggingHandle,
 }
 
@@ -73,10 +84,15 @@ impl Housekeeping {
             tare: participant.server("~/tare", "std_srvs", "Trigger")?,
             status: participant.publisher("status", qos::reliable(10))?,
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
-            graph: participant.graph(),
+            model: participant.publisher("tissue_model", qos::latched())?,
+            lifecycle: LifecycleServices::new(participant)?,
+            graph: participant.declared_graph(parameters),
             shared: Arc::clone(shared),
             wishes,
             node: participant.names().fully_qualified(),
+            lost: false,
+            warned_of_clocks: false,
+            started: false,
         })
     }
 
@@ -85,13 +101,19 @@ impl Housekeeping {
         let begun = Instant::now();
         let (mut status_due, mut diagnostics_due, mut waiting_due) = (begun, begun, begun + WAITING);
         let mut model: Option<Arc<Model>> = None;
+        if self.parameters.boolean("autostart") {
+            self.manage(context, Some("configure"));
+        }
         loop {
             self.graph.poll();
             self.serve(context);
-            rosout::publish(&context.logger, &context.rosout);
+            context.rosout.publish(&context.logger);
             if let Ok(built) = context.models.try_recv() {
-                model = Some(built);
+                self.configured(context, built.as_deref());
+                model = built.or(model);
             }
+            self.manage(context, None);
+            self.watch_input();
             let now = Instant::now();
             self.shared.lock().roll(now);
             if now >= status_due {
@@ -104,7 +126,7 @@ impl Housekeeping {
             }
             if now >= waiting_due {
                 waiting_due = now + WAITING;
-                let line = status::waiting(&self.shared.lock(), &self.shared.clock, &self.wishes, begun);
+                let line = status::waiting(&self.shared.lock(), &self.shared, &self.wishes, begun, context.reach);
                 if let Some(line) = line {
                     tracing::info!("{line}");
                 }
@@ -115,7 +137,80 @@ impl Housekeeping {
                 _ => break,
             }
         }
-        rosout::publish(&context.logger, &context.rosout);
+        context.rosout.publish(&context.logger);
+    }
+
+    /// Answers a lifecycle manager, and makes a change of the node's own accord.
+    fn manage(&mut self, context: &Context, own: Option<&str>) {
+        let Self { lifecycle, shared, .. } = self;
+        let mut act = |change| {
+            match change {
+                Change::Configure => {
+                    context.inbox.build();
+                    return Outcome::UnderWay;
+                }
+                Change::Cleanup | Change::Shutdown => context.inbox.discard(),
+                Change::Activate => {}
+                Change::Deactivate => context.inbox.reset("deactivated"),
+            }
+            Outcome::Done
+        };
+        match own {
+            Some(label) => lifecycle.change(label, &shared.clock, &mut act),
+            None => lifecycle.poll(&shared.clock, &mut act),
+        }
+        shared.set_state(lifecycle.state());
+    }
+
+    /// The model is there, or can't be built. It is published once, since the same scene gives the same model; a node
+    /// that activates itself answers poses by then.
+    fn configured(&mut self, context: &Context, built: Option<&Model>) {
+        self.lifecycle.finish(built.is_some(), &self.shared.clock);
+        self.shared.set_state(self.lifecycle.state());
+        let Some(built) = built.filter(|_| !self.started) else { return };
+        self.started = true;
+        if self.parameters.boolean("autostart") {
+            self.manage(context, Some("activate"));
+        }
+        self.model.send(built.message(self.shared.clock.stamp(), &context.frame_id));
+    }
+
+    /// Says when the poses stop and when they are back, and when two make the time.
+    fn watch_input(&mut self) {
+        let around = self.around(0);
+        let timeout = self.shared.settings().input_timeout_s;
+        let silence = self.shared.lock().silence_s(&self.shared.clock, around.clock_gone);
+        let lost = silence.is_some_and(|s| s > timeout) && self.shared.is_active();
+        if lost != self.lost {
+            self.lost = lost;
+            if lost {
+                let (joint, pose) = (&self.wishes[0], &self.wishes[1]);
+                let publishers = joint.publishers() + pose.publishers();
+                tracing::warn!(
+                    "input lost: no pose on {} or {} for {timeout} s ({publishers} publishers); predicted_cf is silent \
+                     until poses come again",
+                    joint.topic,
+                    pose.topic
+                );
+            } else if silence.is_some_and(|s| s <= timeout) {
+                tracing::info!("poses come again");
+            }
+        }
+        let time = &self.wishes[3];
+        if self.shared.clock.is_simulated() && time.publishers() > 1 && !self.warned_of_clocks {
+            self.warned_of_clocks = true;
+            tracing::warn!(
+                "{} has {} publishers: time will jump back and forth, and every jump back resets the twin. Give each \
+                 simulation a clock of its own (--ros-args -r /clock:=clock in a namespace)",
+                time.topic,
+                time.publishers()
+            );
+        }
+    }
+
+    fn around(&self, failed_outputs: u64) -> status::Around {
+        let clock_gone = self.shared.clock.is_simulated() && self.wishes[3].publishers() == 0;
+        status::Around { failed_outputs, clock_gone }
     }
 
     fn serve(&self, context: &Context) {
@@ -128,11 +223,11 @@ impl Housekeeping {
             self.shared.set_settings(Settings::of(&self.parameters));
             self.shared.clock.set_simulated(self.parameters.boolean("use_sim_time"));
         }
-        answer(&self.reset, |_| {
+        self.reset.answer(|_| {
             context.inbox.reset("~/reset");
             TriggerResponse { success: true, message: "the twin starts anew from the undeformed state".to_owned() }
         });
-        answer(&self.tare, |_| tare(&context.events));
+        self.tare.answer(|_| tare(&context.events));
     }
 
     fn failed(context: &Context) -> u64 {
@@ -146,7 +241,7 @@ impl Housekeeping {
         let settings = self.shared.settings();
         let message = {
             let live = self.shared.lock();
-            let judgement = status::judge(&live, &settings, &self.shared.clock, Self::failed(context));
+            let judgement = status::judge(&live, &self.shared, &settings, self.around(Self::failed(context)));
             status::status(&live, &judgement, model, &context.frame_id)
         };
         self.status.send(message);
@@ -154,8 +249,9 @@ impl Housekeeping {
 
     fn publish_diagnostics(&self, context: &Context, model: Option<&Model>) {
         let settings = self.shared.settings();
-        let judgement = status::judge(&self.shared.lock(), &settings, &self.shared.clock, Self::failed(context));
-        self.diagnostics.send(status::diagnostics(&self.shared, &judgement, model, &self.node, &self.wishes));
+        let around = self.around(Self::failed(context));
+        let judgement = status::judge(&self.shared.lock(), &self.shared, &settings, around);
+        self.diagnostics.send(status::diagnostics(&self.shared, &judgement, model, &self.node, &self.wishes, around));
     }
 }
 

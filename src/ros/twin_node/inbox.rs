@@ -35,6 +35,10 @@ pub(super) enum Work {
     Pose(PoseInput),
     Snapshot(Box<Snapshot>),
     Reset(&'static str),
+    /// Build the twin.
+    Build,
+    /// Forget the twin.
+    Discard,
     Stop,
 }
 
@@ -52,6 +56,8 @@ struct State {
     pose: Option<PoseInput>,
     snapshot: Option<Box<Snapshot>>,
     reset: Option<&'static str>,
+    build: bool,
+    discard: bool,
     stop: bool,
     answering: bool,
     missed: bool,
@@ -95,6 +101,21 @@ impl Inbox {
         self.wake.notify_one();
     }
 
+    /// Asks for a twin.
+    pub fn build(&self) {
+        self.lock().build = true;
+        self.wake.notify_one();
+    }
+
+    /// Asks to forget the twin, and what was meant for it.
+    pub fn discard(&self) {
+        let mut state = self.lock();
+        state.discard = true;
+        state.pose = None;
+        drop(state);
+        self.wake.notify_one();
+    }
+
     pub fn stop(&self) {
         self.lock().stop = true;
         self.wake.notify_one();
@@ -108,6 +129,12 @@ impl Inbox {
         loop {
             if state.stop {
                 return Work::Stop;
+            }
+            if std::mem::take(&mut state.discard) {
+                return Work::Discard;
+            }
+            if std::mem::take(&mut state.build) {
+                return Work::Build;
             }
             if let Some(reason) = state.reset.take() {
                 return Work::Reset(reason);

@@ -71,6 +71,7 @@ pub(super) fn run(
     let wrench = executor.spawn(async {
         loop {
             let message = inputs.wrench.next().await;
+            intake.borrow_mut().check_cell(&message.header.frame_id);
             let event = Event::Measured {
                 stamp_nanos: stamp_or_now(shared, message.header.stamp),
                 force_n: message.wrench.force.into(),
@@ -104,6 +105,7 @@ struct Intake<'a> {
     source: Option<(&'static str, Instant)>,
     warnings: BTreeMap<Reject, Throttle>,
     unstamped: Throttle,
+    cell_frame: Throttle,
 }
 
 impl<'a> Intake<'a> {
@@ -116,6 +118,7 @@ impl<'a> Intake<'a> {
             source: None,
             warnings: BTreeMap::new(),
             unstamped: Throttle::new(Duration::from_secs(60)),
+            cell_frame: Throttle::new(Duration::from_secs(60)),
         }
     }
 
@@ -156,6 +159,17 @@ impl<'a> Intake<'a> {
         self.accept("measured_js", message.header.stamp, Where::Depth(depth));
     }
 
+    /// A load cell may call its frame as it likes; that its axes are those of the sample is then the user's word.
+    fn check_cell(&mut self, frame_id: &str) {
+        if !frame_id.is_empty() && frame_id != self.frame_id && self.cell_frame.pass().is_some() {
+            tracing::warn!(
+                "measured_cf is in frame `{frame_id}`, taken as if its axes were those of `{}`: rotate it if they are \
+                 not",
+                self.frame_id
+            );
+        }
+    }
+
     fn pose_stamped(&mut self, message: &PoseStamped) {
         if message.header.frame_id != self.frame_id {
             let frame_id = self.frame_id.clone();
@@ -179,13 +193,17 @@ impl<'a> Intake<'a> {
 
     #[allow(clippy::cast_precision_loss)] // an age, shown to people
     fn accept(&mut self, source: &'static str, stamp: Time, place: Where) {
+        if !self.shared.is_active() {
+            return;
+        }
         let received = Instant::now();
         let settings = self.shared.settings();
         if !self.owns(source, received, settings.input_timeout_s) {
             return;
         }
         let nanos = self.stamp(source, stamp);
-        let age_s = self.shared.clock.now_nanos().map_or(0.0, |now| (now - nanos) as f64 * 1e-9);
+        let now = self.shared.clock.now_nanos();
+        let age_s = now.map_or(0.0, |now| (now - nanos) as f64 * 1e-9);
         if age_s < -FUTURE_S {
             return self.reject(Reject::Future, || {
                 format!(
@@ -213,7 +231,7 @@ impl<'a> Intake<'a> {
         self.last_stamp = Some(nanos);
         let pose = PoseInput { stamp: Time::from_nanos(nanos), received, place };
         let handoff = self.inbox.put_pose(pose);
-        self.shared.lock().pose(handoff, age_s);
+        self.shared.lock().pose(handoff, age_s, now);
     }
 
     /// One topic at a time: two sensors of the same needle would make it jump.
@@ -252,7 +270,11 @@ impl<'a> Intake<'a> {
         let tick = clock.tick(time);
         self.shared.lock().last_clock = Some(Instant::now());
         match tick {
-            Tick::Back(nanos) if clock.is_simulated() => self.jump_back(nanos as f64 * 1e-9),
+            Tick::Back(nanos) if clock.is_simulated() => {
+                // It came in a time that has not been yet.
+                self.shared.lock().last_pose = None;
+                self.jump_back(nanos as f64 * 1e-9);
+            }
             Tick::Started if clock.is_simulated() => tracing::info!("simulated time has started"),
             _ => {}
         }
@@ -281,7 +303,9 @@ mod tests {
 
     fn shared() -> Shared {
         let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
-        Shared::new(Settings::of(&parameters), NodeClock::new(false))
+        let shared = Shared::new(Settings::of(&parameters), NodeClock::new(false));
+        shared.set_state(crate::ros::lifecycle::State::Active);
+        shared
     }
 
     fn joint(sec: i32, nanosec: u32, names: &[&str], positions: &[f64]) -> JointState {

@@ -18,14 +18,13 @@ mod inputs;
 mod shared;
 mod solver;
 mod status;
+mod supervisor;
 mod tissue;
 
 use std::ffi::OsString;
 use std::sync::Arc;
-use std::time::Duration;
 
 use clap::Parser;
-use crossbeam_channel::Receiver;
 
 use self::declared::Settings;
 use self::force::ForceOutputs;
@@ -33,17 +32,16 @@ use self::housekeeping::Housekeeping;
 use self::inbox::Inbox;
 use self::inputs::Inputs;
 use self::shared::Shared;
-use self::solver::Built;
-use self::tissue::{Model, TissueOutputs};
+use self::supervisor::Supervisor;
+use self::tissue::TissueOutputs;
 use super::arguments::ParameterOverride;
 use super::clock::NodeClock;
-use super::messages::needle_twin::TissueModel;
 use super::parameters::Parameters;
-use super::participant::{Output, Participant};
-use super::qos;
+use super::participant::Participant;
+use super::recorder::{Recorder, Recording};
 use super::scene_parameters;
 use super::signals::Signals;
-use super::start::{self, FAILURE, NodeError, SUCCESS, Start};
+use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
 use crate::scene::Scene;
 use ros2_client::ParameterValue;
@@ -59,7 +57,7 @@ const EVENTS: usize = 8192;
     after_help = "ROS arguments: --ros-args [-r from:=to] [-r __ns:=/ns] [-r __node:=name] [-p name:=value]\n    \
                   [--params-file FILE] [--log-level LEVEL] [--]\n\
                   Parameters: `ros2 param list`, or --ros-args -p ...; scene keys by their dotted path.\n\
-                  Exit codes: 0 stopped, 1 failure, 2 wrong usage."
+                  Exit codes: 0 stopped, 1 failure, 2 wrong usage, 3 stopped, but the recording has losses."
 )]
 struct Cli {
     /// Name of a preset or path of a scene file (also the parameter `scene`).
@@ -133,11 +131,11 @@ fn configure(start: &Start) -> Result<(Scene, Arc<Parameters>), NodeError> {
 }
 
 struct Node {
+    recording: Option<Recording>,
     participant: Participant,
     inputs: Inputs,
     force: ForceOutputs,
     tissue: TissueOutputs,
-    model: Output<TissueModel>,
     housekeeping: Housekeeping,
     shared: Arc<Shared>,
 }
@@ -150,123 +148,80 @@ impl Node {
             Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
         let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
         participant.set_mapping(mapping);
+        participant.set_recorder(Recorder::create(parameters)?);
         let clock = NodeClock::new(parameters.boolean("use_sim_time"));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
         let inputs = Inputs::new(&mut participant)?;
         let force = ForceOutputs::new(&mut participant)?;
         let tissue = TissueOutputs::new(&mut participant)?;
-        let model = participant.publisher("tissue_model", qos::latched())?;
         let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes())?;
         for unused in participant.unused_qos_overrides() {
             tracing::warn!("`{unused}` names no topic of this node");
         }
         start.announce(mapping);
-        Ok(Self { participant, inputs, force, tissue, model, housekeeping, shared })
+        let recording = participant.start_recording()?;
+        Ok(Self { recording, participant, inputs, force, tissue, housekeeping, shared })
     }
 
+    // One thread after the other is wired up, started and, in the order that a clean leave needs, joined: cut into
+    // pieces, that order would be hard to see.
     fn run(self, start: Start, scene: Scene, parameters: Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
         let frame_id = parameters.string("frame_id");
         set_threads(parameters.integer("threads"))?;
-        let Self { participant, inputs, force, tissue, model: model_output, housekeeping, shared } = self;
-        let inbox = Arc::new(Inbox::default());
+        let Self { recording, participant, inputs, force, tissue, housekeeping, shared } = self;
+        let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
         let (event_sender, events) = crossbeam_channel::bounded(EVENTS);
         let (snapshot_sender, snapshots) = crossbeam_channel::bounded(2);
         let (built_sender, built) = crossbeam_channel::bounded(1);
+        let (model_sender, models) = crossbeam_channel::bounded(1);
         let (stop_inputs, inputs_stopped) = smol::channel::bounded(1);
-
+        let (stop_housekeeping, housekeeping_stopped) = crossbeam_channel::bounded::<()>(0);
+        let context = housekeeping::Context {
+            frame_id: frame_id.clone(),
+            inbox: Arc::clone(&inbox),
+            events: event_sender.clone(),
+            force: Arc::clone(&force),
+            tissue: Arc::clone(&tissue),
+            models,
+            rosout: start.rosout,
+            reach: start.environment.reach,
+            logger: participant.node().logging_handle(),
+        };
+        let mut supervisor = Supervisor {
+            frame_id: frame_id.clone(),
+            autostart: parameters.boolean("autostart"),
+            shared: Arc::clone(&shared),
+            inbox: Arc::clone(&inbox),
+            tissue,
+            built,
+            models: model_sender,
+            snapshots,
+            tissue_thread: None,
+        };
         let solver = {
             let (inbox, events) = (Arc::clone(&inbox), event_sender.clone());
             spawn("solver", move || solver::run(&scene, &inbox, &built_sender, &events, &snapshot_sender))?
         };
         let input = {
-            let (shared, inbox, frame, events) =
-                (Arc::clone(&shared), Arc::clone(&inbox), frame_id.clone(), event_sender.clone());
-            spawn("input", move || inputs::run(&inputs, &frame, &shared, &inbox, &events, &inputs_stopped))?
+            let (shared, inbox, frame) = (Arc::clone(&shared), Arc::clone(&inbox), frame_id.clone());
+            spawn("input", move || inputs::run(&inputs, &frame, &shared, &inbox, &event_sender, &inputs_stopped))?
         };
-        let force = Arc::new(force);
-        let force_thread = {
-            let (shared, frame, force) = (Arc::clone(&shared), frame_id.clone(), Arc::clone(&force));
-            spawn("force", move || force::run(&force, &frame, &shared, &events))?
-        };
-        let tissue = Arc::new(tissue);
-        let (model_sender, models) = crossbeam_channel::bounded(1);
-        let (stop_housekeeping, housekeeping_stopped) = crossbeam_channel::bounded::<()>(0);
-        let housekeeping_thread = {
-            let context = housekeeping::Context {
-                frame_id: frame_id.clone(),
-                inbox: Arc::clone(&inbox),
-                events: event_sender,
-                force: Arc::clone(&force),
-                tissue: Arc::clone(&tissue),
-                models,
-                rosout: start.rosout,
-                logger: participant.node().logging_handle(),
-            };
-            spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?
-        };
+        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events))?;
+        let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
-        let mut tissue_thread = None;
-        let outcome = loop {
-            if let Some(signal) = signals.wait(Duration::from_millis(50)) {
-                tracing::info!("stopping ({signal:?})");
-                break Ok(SUCCESS);
-            }
-            match next_model(&built) {
-                Some(Ok(model)) => {
-                    let model: Arc<Model> = Arc::from(model);
-                    publish_model(&model_output, &model, &shared, &frame_id);
-                    let _ = model_sender.send(Arc::clone(&model));
-                    let (tissue, shared, inbox, frame, snapshots) = (
-                        Arc::clone(&tissue),
-                        Arc::clone(&shared),
-                        Arc::clone(&inbox),
-                        frame_id.clone(),
-                        snapshots.clone(),
-                    );
-                    tissue_thread = Some(spawn("tissue", move || {
-                        tissue::run(&tissue, &model, &frame, &shared, &inbox, &snapshots)
-                    })?);
-                }
-                Some(Err(reason)) => break Err(NodeError::Other(reason)),
-                None if solver.is_finished() || force_thread.is_finished() => {
-                    break Err(NodeError::Other("a thread of the node has ended unexpectedly".to_owned()));
-                }
-                None => {}
-            }
-        };
+        let outcome = supervisor.run(signals, [&solver, &force]);
         // Inputs first, so that nothing new comes while the others finish.
         drop(stop_inputs);
         join(input);
         inbox.stop();
-        join(solver);
-        join(force_thread);
-        if let Some(thread) = tissue_thread {
-            join(thread);
-        }
+        [Some(solver), Some(force), supervisor.tissue_thread.take()].into_iter().flatten().for_each(join);
         drop(stop_housekeeping);
-        join(housekeeping_thread);
+        join(housekeeping);
         // Endpoints before the node, the node before the participant: peers see the node leave at once.
-        drop((force, tissue, model_output));
-        drop(participant);
-        outcome
+        drop((supervisor, participant));
+        let lost = recording.map_or(0, Recording::finish);
+        outcome.map(|code| if lost > 0 { LOSSES } else { code })
     }
-}
-
-/// The model, once.
-fn next_model(built: &Receiver<Built>) -> Option<Built> {
-    built.try_recv().ok()
-}
-
-fn publish_model(output: &Output<TissueModel>, model: &Model, shared: &Shared, frame_id: &str) {
-    tracing::info!(
-        "scene {}: {} nodes, {} integration points, built in {:.2} s",
-        model.scene,
-        model.nodes,
-        model.integration_points,
-        model.build.as_secs_f64()
-    );
-    output.send(model.message(shared.clock.stamp(), frame_id));
-    shared.lock().built = true;
 }
 
 fn set_threads(threads: i64) -> Result<(), NodeError> {

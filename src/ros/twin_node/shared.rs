@@ -1,6 +1,7 @@
 //! Counters and figures that the threads of the node share. The solver thread never takes this lock.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
@@ -10,6 +11,7 @@ use super::declared::Settings;
 use super::inbox::Handoff;
 use super::solver::Answer;
 use crate::ros::clock::NodeClock;
+use crate::ros::lifecycle::State;
 use crate::twin::Event;
 
 /// Why a pose was not taken.
@@ -88,7 +90,6 @@ pub(super) struct Window {
 /// See the module. Counts are since the last reset.
 #[derive(Debug, Default)]
 pub(super) struct Live {
-    pub built: bool,
     pub received: u64,
     pub answered: u64,
     pub rejected: u64,
@@ -104,7 +105,7 @@ pub(super) struct Live {
     pub puncture_depth_m: Option<f64>,
     pub halted: Option<String>,
     pub refused: Option<String>,
-    pub last_pose: Option<Instant>,
+    pub last_pose: Option<LastPose>,
     pub last_clock: Option<Instant>,
     pub input_age: Latency,
     pub queue: Latency,
@@ -119,14 +120,33 @@ pub(super) struct Live {
     last_stamp_nanos: Option<i64>,
 }
 
+/// When the last pose came: wall time, and node time in ns.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LastPose {
+    pub wall: Instant,
+    pub node_nanos: Option<i64>,
+}
+
 impl Live {
-    pub fn pose(&mut self, handoff: Handoff, age_s: f64) {
+    /// Time without a pose, s, on the node's clock: while simulated time stands still, nothing is late. Once nobody
+    /// makes that time (`clock_gone`) the wall clock counts.
+    #[allow(clippy::cast_precision_loss)] // a span, shown to people
+    pub fn silence_s(&self, clock: &NodeClock, clock_gone: bool) -> Option<f64> {
+        let last = self.last_pose?;
+        let simulated = last.node_nanos.zip(clock.now_nanos()).filter(|_| clock.is_simulated() && !clock_gone);
+        Some(match simulated {
+            Some((then, now)) => (now - then).max(0) as f64 * 1e-9,
+            None => last.wall.elapsed().as_secs_f64(),
+        })
+    }
+
+    pub fn pose(&mut self, handoff: Handoff, age_s: f64, node_nanos: Option<i64>) {
         self.received += 1;
         self.window.received += 1;
         self.coalesced += u64::from(handoff.coalesced);
         self.window.coalesced += u64::from(handoff.coalesced);
         self.missed += u64::from(handoff.missed);
-        self.last_pose = Some(Instant::now());
+        self.last_pose = Some(LastPose { wall: Instant::now(), node_nanos });
         if age_s >= 0.0 {
             self.input_age.record(Duration::try_from_secs_f64(age_s).unwrap_or(Duration::MAX));
         }
@@ -162,7 +182,6 @@ impl Live {
     /// Everything from zero, but for what belongs to the node and not to the run.
     pub fn reset(&mut self) {
         *self = Self {
-            built: self.built,
             last_pose: self.last_pose,
             last_clock: self.last_clock,
             load_cell: self.load_cell,
@@ -188,11 +207,29 @@ pub(super) struct Shared {
     live: Mutex<Live>,
     settings: RwLock<Arc<Settings>>,
     pub clock: NodeClock,
+    state: AtomicU8,
 }
 
 impl Shared {
     pub fn new(settings: Settings, clock: NodeClock) -> Self {
-        Self { live: Mutex::default(), settings: RwLock::new(Arc::new(settings)), clock }
+        let state = AtomicU8::new(State::Unconfigured as u8);
+        Self { live: Mutex::default(), settings: RwLock::new(Arc::new(settings)), clock, state }
+    }
+
+    /// Says in which state the managed node is.
+    pub fn set_state(&self, state: State) {
+        self.state.store(state as u8, Ordering::Relaxed);
+    }
+
+    /// State of the managed node.
+    pub fn state(&self) -> State {
+        let id = self.state.load(Ordering::Relaxed);
+        State::ALL.into_iter().find(|s| *s as u8 == id).unwrap_or(State::Unconfigured)
+    }
+
+    /// Whether poses are answered.
+    pub fn is_active(&self) -> bool {
+        self.state.load(Ordering::Relaxed) == State::Active as u8
     }
 
     pub fn lock(&self) -> MutexGuard<'_, Live> {

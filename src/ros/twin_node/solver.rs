@@ -47,7 +47,7 @@ pub(super) static LOST_ANSWERS: AtomicU64 = AtomicU64::new(0);
 /// The model is ready, or can't be built.
 pub(super) type Built = Result<Box<Model>, String>;
 
-/// Builds the twin and answers until told to stop.
+/// Builds the twin when asked to, and answers until told to stop.
 pub(super) fn run(
     scene: &Scene,
     inbox: &Inbox,
@@ -55,22 +55,29 @@ pub(super) fn run(
     events: &Sender<Event>,
     snapshots: &Sender<Box<Snapshot>>,
 ) {
-    let begun = Instant::now();
-    let twin = match Twin::new(scene) {
-        Ok(twin) => twin,
-        Err(error) => {
-            let _ = built.send(Err(error.to_string()));
-            return;
+    let mut solver: Option<Solver> = None;
+    loop {
+        match (inbox.next(), &mut solver) {
+            (Work::Build, _) => {
+                let outcome = Solver::build(scene).map(|(ready, model)| {
+                    solver = Some(ready);
+                    Box::new(model)
+                });
+                if built.send(outcome).is_err() {
+                    return;
+                }
+            }
+            (Work::Discard, _) => solver = None,
+            (Work::Stop, _) => {
+                send(events, Event::Stop);
+                return;
+            }
+            (work, Some(solver)) => solver.take(work, events, snapshots),
+            // Nobody asks for a snapshot of a twin that is not there, and poses are not let in.
+            (Work::Snapshot(snapshot), None) => drop(snapshots.send(snapshot)),
+            (_, None) => {}
         }
-    };
-    twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
-    tracing::info!("the model is {}: {}", twin.dimension().as_str(), twin.dimension_because());
-    let model = Model::of(&twin, begun.elapsed());
-    if built.send(Ok(Box::new(model))).is_err() {
-        return;
     }
-    Solver { twin, origin_nanos: None, stamp: Time::default(), depth_m: 0.0, halted: false, step_s: 0.0 }
-        .answer_all(inbox, events, snapshots);
 }
 
 struct Solver {
@@ -89,35 +96,42 @@ struct Solver {
 const ANSWER_BUDGET_S: f64 = 0.010;
 
 impl Solver {
-    fn answer_all(mut self, inbox: &Inbox, events: &Sender<Event>, snapshots: &Sender<Box<Snapshot>>) {
-        loop {
-            match inbox.next() {
-                Work::Pose(pose) if self.halted => {
-                    // Counted by the force thread as refused; the status already says why.
-                    let depth_m = self.depth(&pose);
-                    send(events, Event::Refused { depth_m, reason: String::new() });
-                }
-                Work::Pose(pose) => {
-                    let event = self.answer(&pose);
-                    send(events, event);
-                }
-                Work::Snapshot(mut snapshot) => {
-                    snapshot.take(&self.twin, self.stamp, self.depth_m);
-                    // Fails only when the tissue thread has ended.
-                    let _ = snapshots.send(snapshot);
-                }
-                Work::Reset(reason) => {
-                    self.twin.reset();
-                    self.origin_nanos = None;
-                    self.halted = false;
-                    self.depth_m = 0.0;
-                    send(events, Event::Reset(reason));
-                }
-                Work::Stop => {
-                    send(events, Event::Stop);
-                    return;
-                }
+    fn build(scene: &Scene) -> Result<(Self, Model), String> {
+        let begun = Instant::now();
+        let twin = Twin::new(scene).map_err(|error| error.to_string())?;
+        twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
+        tracing::info!("the model is {}: {}", twin.dimension().as_str(), twin.dimension_because());
+        let model = Model::of(&twin, begun.elapsed());
+        let solver =
+            Self { twin, origin_nanos: None, stamp: Time::default(), depth_m: 0.0, halted: false, step_s: 0.0 };
+        Ok((solver, model))
+    }
+
+    fn take(&mut self, work: Work, events: &Sender<Event>, snapshots: &Sender<Box<Snapshot>>) {
+        match work {
+            Work::Pose(pose) if self.halted => {
+                // Counted by the force thread as refused; the status already says why.
+                let depth_m = self.depth(&pose);
+                send(events, Event::Refused { depth_m, reason: String::new() });
             }
+            Work::Pose(pose) => {
+                let event = self.answer(&pose);
+                send(events, event);
+            }
+            Work::Snapshot(mut snapshot) => {
+                snapshot.take(&self.twin, self.stamp, self.depth_m);
+                // Fails only when the tissue thread has ended.
+                let _ = snapshots.send(snapshot);
+            }
+            Work::Reset(reason) => {
+                self.twin.reset();
+                self.origin_nanos = None;
+                self.halted = false;
+                self.depth_m = 0.0;
+                send(events, Event::Reset(reason));
+            }
+            // Of the thread, not of a twin.
+            Work::Build | Work::Discard | Work::Stop => {}
         }
     }
 

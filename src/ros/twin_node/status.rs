@@ -7,6 +7,8 @@ use super::shared::{Live, Shared};
 use super::solver::LOST_ANSWERS;
 use super::tissue::Model;
 use crate::ros::clock::NodeClock;
+use crate::ros::environment::Reach;
+use crate::ros::lifecycle::State;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
 use crate::ros::messages::std_msgs::Header;
@@ -32,6 +34,15 @@ impl Judgement {
     }
 }
 
+/// What the housekeeping thread sees beside the shared figures.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Around {
+    /// Messages that reliable readers were too slow for.
+    pub failed_outputs: u64,
+    /// Simulated time is used, and nobody publishes it (any more).
+    pub clock_gone: bool,
+}
+
 /// ERROR is worse than STALE, which is worse than WARN.
 fn worse(a: u8, b: u8) -> u8 {
     let rank = |h| match h {
@@ -43,17 +54,18 @@ fn worse(a: u8, b: u8) -> u8 {
 }
 
 #[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
-pub(super) fn judge(live: &Live, settings: &Settings, clock: &NodeClock, failed_outputs: u64) -> Judgement {
+pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> Judgement {
     let mut judgement = Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new() };
-    if !live.built {
-        judgement.add(TwinStatus::HEALTH_STALE, "the model is being built".to_owned());
+    let clock = &shared.clock;
+    if let Some(reason) = not_active(shared.state()) {
+        judgement.add(TwinStatus::HEALTH_STALE, reason);
     }
     if let Some(reason) = &live.halted {
         judgement.add(TwinStatus::HEALTH_ERROR, format!("{reason}: retract the instrument and call ~/reset"));
     }
-    let silent = live.last_pose.map(|at| at.elapsed().as_secs_f64());
+    let silent = live.silence_s(clock, around.clock_gone);
     if silent.is_none_or(|s| s > settings.input_timeout_s) {
-        judgement.add(TwinStatus::HEALTH_STALE, silence(silent, live, settings, clock));
+        judgement.add(TwinStatus::HEALTH_STALE, silence(silent, clock, around));
     }
     let window = &live.last_window;
     if window.withheld > 0 {
@@ -80,21 +92,31 @@ pub(super) fn judge(live: &Live, settings: &Settings, clock: &NodeClock, failed_
     if let Some(reason) = load_cell_problem(live) {
         judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());
     }
-    if failed_outputs > 0 {
-        judgement
-            .add(TwinStatus::HEALTH_WARN, format!("{failed_outputs} messages not taken: a reliable reader is behind"));
+    if around.failed_outputs > 0 {
+        let failed = around.failed_outputs;
+        judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
     }
     judgement
 }
 
-fn silence(silent: Option<f64>, live: &Live, settings: &Settings, clock: &NodeClock) -> String {
+fn not_active(state: State) -> Option<String> {
+    match state {
+        State::Active => None,
+        State::Configuring => Some("the model is being built".to_owned()),
+        other => Some(format!(
+            "the node is {}: a lifecycle manager has to activate it (or start it with autostart)",
+            other.label()
+        )),
+    }
+}
+
+fn silence(silent: Option<f64>, clock: &NodeClock, around: Around) -> String {
     if clock.is_simulated() && clock.now_nanos().is_none() {
         return "use_sim_time is set and /clock has not said anything".to_owned();
     }
-    let clock_stands = live.last_clock.is_none_or(|at| at.elapsed().as_secs_f64() > settings.input_timeout_s);
     match silent {
         None => "no pose has come yet".to_owned(),
-        Some(s) if clock.is_simulated() && clock_stands => format!("no pose for {s:.1} s, and /clock stands still"),
+        Some(s) if around.clock_gone => format!("input lost: no pose for {s:.1} s, and nobody publishes /clock"),
         Some(s) => format!("input lost: no pose for {s:.1} s"),
     }
 }
@@ -169,6 +191,7 @@ pub(super) fn diagnostics(
     model: Option<&Model>,
     node: &str,
     wishes: &[Wish],
+    around: Around,
 ) -> DiagnosticArray {
     let settings = shared.settings();
     let live = shared.lock();
@@ -190,7 +213,7 @@ pub(super) fn diagnostics(
     let cell = load_cell_problem(&live);
     let status = vec![
         one("prediction", level, message, prediction_values(&live, model)),
-        one("input", input_level(&live, &settings), input_message(&live, wishes), input_values(&live)),
+        one("input", input_level(&live, shared, &settings, around), input_message(&live, wishes), input_values(&live)),
         one(
             "load cell",
             if cell.is_some() { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
@@ -237,9 +260,9 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
     values
 }
 
-fn input_level(live: &Live, settings: &Settings) -> u8 {
-    match live.last_pose {
-        Some(at) if at.elapsed().as_secs_f64() <= settings.input_timeout_s => {
+fn input_level(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> u8 {
+    match live.silence_s(&shared.clock, around.clock_gone) {
+        Some(silent) if silent <= settings.input_timeout_s => {
             if live.last_window.rejected > 0 {
                 DiagnosticStatus::WARN
             } else {
@@ -284,7 +307,19 @@ fn load_cell_values(live: &Live) -> Vec<KeyValue> {
 }
 
 /// What the node waits for, if it waits: topics, types, QoS and how many publish there.
-pub(super) fn waiting(live: &Live, clock: &NodeClock, wishes: &[Wish; 4], since: Instant) -> Option<String> {
+pub(super) fn waiting(
+    live: &Live,
+    shared: &Shared,
+    wishes: &[Wish; 4],
+    since: Instant,
+    reach: Reach,
+) -> Option<String> {
+    let clock = &shared.clock;
+    if shared.state() != State::Active {
+        let state = shared.state().label();
+        return (shared.state() != State::Configuring)
+            .then(|| format!("{state}: waiting for a lifecycle manager (~/change_state)"));
+    }
     let [joint, pose, _, time] = wishes;
     let describe = |w: &Wish| {
         let who = match w.publishers() {
@@ -297,7 +332,17 @@ pub(super) fn waiting(live: &Live, clock: &NodeClock, wishes: &[Wish; 4], since:
     if clock.is_simulated() && clock.now_nanos().is_none() {
         return Some(format!("use_sim_time is set: waiting for {}", describe(time)));
     }
-    let silent = live.last_pose.is_none_or(|at| at.elapsed().as_secs_f64() > 5.0);
+    let stands = live.last_clock.is_some_and(|at| at.elapsed().as_secs_f64() > 5.0);
+    if clock.is_simulated() && stands {
+        return Some(format!("simulated time stands still: waiting for {}", describe(time)));
+    }
+    let silent = live.last_pose.is_none_or(|at| at.wall.elapsed().as_secs_f64() > 5.0);
+    // A peer that uses a network card is not heard, even one on this machine: the most likely cause.
+    let hint = if reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0 {
+        "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network"
+    } else {
+        ""
+    };
     (silent && since.elapsed().as_secs_f64() > 1.0)
-        .then(|| format!("waiting for a pose on {} or {}", describe(joint), describe(pose)))
+        .then(|| format!("waiting for a pose on {} or {}{hint}", describe(joint), describe(pose)))
 }

@@ -181,6 +181,7 @@ pub(super) fn run(
             // Absolute deadlines; what was missed is skipped, not caught up.
             due = if now - due > period { now + period } else { due + period };
             if rate > 0.0
+                && shared.is_active()
                 && outputs.wanted()
                 && let Some(mut snapshot) = spare.take()
             {
@@ -190,7 +191,9 @@ pub(super) fn run(
         }
         match snapshots.recv_deadline(due) {
             Ok(snapshot) => {
-                if snapshot.is_finite() {
+                if !shared.is_active() {
+                    // It was asked for in another state.
+                } else if snapshot.is_finite() {
                     outputs.publish(model, &snapshot, frame_id);
                 } else {
                     shared.lock().not_finite += 1;

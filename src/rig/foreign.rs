@@ -1,0 +1,284 @@
+//! Recordings of other rigs: which of their topics is the displacement, which the force, and in which units.
+//!
+//! What comes out is what this project's twin takes: a `JointState` whose position is the depth in m, and a
+//! `WrenchStamped` with the force of the tissue on the instrument in N.
+
+use crate::bag::{BagReader, Message, Topic};
+use crate::ros::messages::RosMessage;
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::ros::messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
+use crate::ros::messages::sensor_msgs::{JointState, Range};
+use crate::ros::messages::std_msgs::{Float32, Float64, Header};
+
+/// Why a topic can't be taken for what the user says it is.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ForeignError {
+    /// The bag has no such topic.
+    #[error("{bag}: there is no topic {topic} ({parameter}); it has {available}")]
+    NoTopic {
+        /// The bag.
+        bag: String,
+        /// What was asked for.
+        topic: String,
+        /// By which parameter.
+        parameter: &'static str,
+        /// What there is.
+        available: String,
+    },
+    /// Its type holds no such quantity.
+    #[error("{bag}: {topic} is a {found}, and {parameter} takes {wanted}")]
+    Type {
+        /// The bag.
+        bag: String,
+        /// The topic.
+        topic: String,
+        /// Its type.
+        found: String,
+        /// By which parameter.
+        parameter: &'static str,
+        /// Types that would do.
+        wanted: &'static str,
+    },
+}
+
+/// A topic that is the displacement sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PositionSource {
+    /// Recorded name.
+    pub topic: String,
+    /// Joint to take from a `JointState`; empty: [`PositionSource::joint_name`], or the only one.
+    pub joint: String,
+    /// Depth in m of one unit of the recorded number; negative where the number falls as the needle goes in.
+    pub m_per_unit: f64,
+    /// Depth in m at the recorded number 0.
+    pub offset_m: f64,
+    /// Name of the joint that is published.
+    pub joint_name: String,
+}
+
+/// A topic that is the load cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ForceSource {
+    /// Recorded name.
+    pub topic: String,
+    /// Force in N of one unit of the recorded number; negative where the cell counts the force on the tissue.
+    pub n_per_unit: f64,
+    /// Unit vector along which a single number counts.
+    pub axis: [f64; 3],
+    /// Frame of the force, where the recorded message has none.
+    pub frame_id: String,
+}
+
+fn find<'a>(
+    bag: &'a BagReader,
+    name: &str,
+    parameter: &'static str,
+    types: &[&str],
+    wanted: &'static str,
+) -> Result<&'a Topic, ForeignError> {
+    let topic = bag.topics().iter().find(|t| t.name == name).ok_or_else(|| ForeignError::NoTopic {
+        bag: bag.name().to_owned(),
+        topic: name.to_owned(),
+        parameter,
+        available: bag.describe_topics(),
+    })?;
+    if types.contains(&topic.type_name.as_str()) {
+        return Ok(topic);
+    }
+    Err(ForeignError::Type {
+        bag: bag.name().to_owned(),
+        topic: name.to_owned(),
+        found: topic.type_name.clone(),
+        parameter,
+        wanted,
+    })
+}
+
+/// A message's own stamp, or the time of its recording.
+fn stamped(header: Header, message: &Message) -> Header {
+    if header.stamp.is_zero() { Header { stamp: recorded(message), ..header } } else { header }
+}
+
+fn recorded(message: &Message) -> Time {
+    Time::from_nanos(i64::try_from(message.log_ns).unwrap_or(i64::MAX))
+}
+
+fn unstamped(message: &Message, frame_id: &str) -> Header {
+    Header { stamp: recorded(message), frame_id: frame_id.to_owned() }
+}
+
+impl PositionSource {
+    /// Checks that the bag has the topic, with a type that holds a position.
+    ///
+    /// # Errors
+    /// [`ForeignError`].
+    pub fn check(&self, bag: &BagReader) -> Result<(), ForeignError> {
+        let types = [JointState::TYPE, Range::TYPE, Float64::TYPE, Float32::TYPE];
+        let wanted = "sensor_msgs/msg/JointState, sensor_msgs/msg/Range, std_msgs/msg/Float64 or std_msgs/msg/Float32";
+        find(bag, &self.topic, "position_topic", &types, wanted).map(drop)
+    }
+
+    /// The depth that a message of the topic says.
+    ///
+    /// # Errors
+    /// Why it says none.
+    pub fn convert(&self, bag: &BagReader, message: &Message) -> Result<JointState, String> {
+        let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
+        if kind == JointState::TYPE {
+            return self.joint_state(bag.decode(message)?, message);
+        }
+        let (header, value) = if kind == Range::TYPE {
+            let range: Range = bag.decode(message)?;
+            (stamped(range.header, message), f64::from(range.range))
+        } else if kind == Float64::TYPE {
+            (unstamped(message, ""), bag.decode::<Float64>(message)?.data)
+        } else {
+            (unstamped(message, ""), f64::from(bag.decode::<Float32>(message)?.data))
+        };
+        Ok(self.depth(header, value, None))
+    }
+
+    fn joint_state(&self, from: JointState, message: &Message) -> Result<JointState, String> {
+        let wanted = if self.joint.is_empty() { &self.joint_name } else { &self.joint };
+        let index = match from.name.iter().position(|name| name == wanted) {
+            None if self.joint.is_empty() && from.position.len() == 1 => 0,
+            found => found.ok_or_else(|| {
+                format!(
+                    "it has the joints {:?}, not `{wanted}`: set position_joint to the one that is the depth",
+                    from.name
+                )
+            })?,
+        };
+        let value = *from.position.get(index).ok_or("it names the joint but has no position for it")?;
+        let velocity = from.velocity.get(index).copied();
+        Ok(self.depth(stamped(from.header, message), value, velocity))
+    }
+
+    fn depth(&self, header: Header, value: f64, velocity: Option<f64>) -> JointState {
+        JointState {
+            header,
+            name: vec![self.joint_name.clone()],
+            position: vec![self.m_per_unit * value + self.offset_m],
+            velocity: velocity.map(|v| self.m_per_unit * v).into_iter().collect(),
+            effort: Vec::new(),
+        }
+    }
+}
+
+impl ForceSource {
+    /// Checks that the bag has the topic, with a type that holds a force.
+    ///
+    /// # Errors
+    /// [`ForeignError`].
+    pub fn check(&self, bag: &BagReader) -> Result<(), ForeignError> {
+        let types = [WrenchStamped::TYPE, Float64::TYPE, Float32::TYPE];
+        let wanted = "geometry_msgs/msg/WrenchStamped, std_msgs/msg/Float64 or std_msgs/msg/Float32";
+        find(bag, &self.topic, "force_topic", &types, wanted).map(drop)
+    }
+
+    /// The force that a message of the topic says.
+    ///
+    /// # Errors
+    /// Why it says none.
+    pub fn convert(&self, bag: &BagReader, message: &Message) -> Result<WrenchStamped, String> {
+        let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
+        if kind == WrenchStamped::TYPE {
+            let from: WrenchStamped = bag.decode(message)?;
+            let mut header = stamped(from.header, message);
+            if header.frame_id.is_empty() {
+                header.frame_id.clone_from(&self.frame_id);
+            }
+            let wrench = Wrench { force: self.scaled(from.wrench.force), torque: self.scaled(from.wrench.torque) };
+            return Ok(WrenchStamped { header, wrench });
+        }
+        let value = if kind == Float64::TYPE {
+            bag.decode::<Float64>(message)?.data
+        } else {
+            f64::from(bag.decode::<Float32>(message)?.data)
+        };
+        let force = self.axis.map(|a| a * self.n_per_unit * value).into();
+        Ok(WrenchStamped {
+            header: unstamped(message, &self.frame_id),
+            wrench: Wrench { force, torque: Vector3::default() },
+        })
+    }
+
+    fn scaled(&self, v: Vector3) -> Vector3 {
+        <[f64; 3]>::from(v).map(|x| self.n_per_unit * x).into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::bag::{BagWriter, Qos, WriterOptions};
+
+    const STAMP: Time = Time { sec: 7, nanosec: 5 };
+    const LOG: u64 = 9_000_000_000;
+
+    fn position(topic: &str) -> PositionSource {
+        PositionSource {
+            topic: topic.to_owned(),
+            joint: String::new(),
+            m_per_unit: -1e-3,
+            offset_m: 0.1,
+            joint_name: "insertion".to_owned(),
+        }
+    }
+
+    fn force(topic: &str) -> ForceSource {
+        ForceSource { topic: topic.to_owned(), n_per_unit: -9.81e-3, axis: [0.0, 0.0, 1.0], frame_id: "sample".into() }
+    }
+
+    fn bag(folder: &std::path::Path) -> BagReader {
+        let mut writer = BagWriter::create(folder.join("b"), WriterOptions::default()).unwrap();
+        let number = writer.add_topic::<Float64>("/number", &Qos::reliable(10)).unwrap();
+        let joints = writer.add_topic::<JointState>("/joints", &Qos::reliable(10)).unwrap();
+        let cell = writer.add_topic::<WrenchStamped>("/cell", &Qos::reliable(10)).unwrap();
+        writer.write(number, LOG, LOG, &Float64 { data: 40.0 }).unwrap();
+        let header = Header { stamp: STAMP, frame_id: String::new() };
+        let two = JointState {
+            header: header.clone(),
+            name: vec!["elbow".into(), "z".into()],
+            position: vec![1.0, 50.0],
+            velocity: vec![0.0, 2.0],
+            effort: Vec::new(),
+        };
+        writer.write(joints, LOG + 1, LOG, &two).unwrap();
+        let wrench = Wrench { force: [1.0, 0.0, -100.0].into(), torque: Vector3::default() };
+        writer.write(cell, LOG + 2, LOG, &WrenchStamped { header, wrench }).unwrap();
+        BagReader::open(writer.finish().unwrap().folder).unwrap()
+    }
+
+    #[test]
+    fn units_signs_and_stamps() {
+        let folder = tempfile::tempdir().unwrap();
+        let bag = bag(folder.path());
+        let messages: Vec<Message> = bag.messages().collect();
+        let depth = position("/number").convert(&bag, &messages[0]).unwrap();
+        assert_eq!((depth.header.stamp.sec, depth.name[0].as_str()), (9, "insertion"), "no stamp: the recording's");
+        assert!((depth.position[0] - 0.06).abs() < 1e-15);
+        let scalar = force("/number").convert(&bag, &messages[0]).unwrap();
+        assert!((scalar.wrench.force.z + 0.3924).abs() < 1e-12 && scalar.header.frame_id == "sample");
+        let named = PositionSource { joint: "z".to_owned(), ..position("/joints") };
+        let depth = named.convert(&bag, &messages[1]).unwrap();
+        assert_eq!(depth.header.stamp, STAMP);
+        assert!((depth.position[0] - 0.05).abs() < 1e-15 && (depth.velocity[0] + 2e-3).abs() < 1e-15);
+        assert!(position("/joints").convert(&bag, &messages[1]).unwrap_err().contains("position_joint"));
+        let wrench = force("/cell").convert(&bag, &messages[2]).unwrap();
+        assert!((wrench.wrench.force.z - 0.981).abs() < 1e-12 && wrench.header.stamp == STAMP);
+    }
+
+    #[test]
+    fn what_holds_no_position_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let bag = bag(folder.path());
+        let message = position("/nothing").check(&bag).unwrap_err().to_string();
+        assert!(message.contains("/nothing") && message.contains("/joints"), "{message}");
+        let message = position("/cell").check(&bag).unwrap_err().to_string();
+        assert!(message.contains("WrenchStamped") && message.contains("Range"), "{message}");
+        assert!(force("/joints").check(&bag).is_err() && force("/number").check(&bag).is_ok());
+    }
+}

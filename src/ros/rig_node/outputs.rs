@@ -1,0 +1,170 @@
+//! The publishers of the player: a bag's topics under their names, or as what the user says they are, and `/clock`.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use ros2_client::qos::{Durability, History};
+use ros2_client::{MessageTypeName, QosProfile};
+
+use crate::bag::{BagReader, Message, Schema, Topic};
+use crate::rig::{ForceSource, Player, PositionSource};
+use crate::ros::messages::geometry_msgs::WrenchStamped;
+use crate::ros::messages::rosgraph_msgs::Clock;
+use crate::ros::messages::sensor_msgs::JointState;
+use crate::ros::names::Endpoint;
+use crate::ros::participant::{Output, Participant, ParticipantError};
+use crate::ros::qos;
+use crate::ros::raw::RawCdr;
+use crate::ros::start::NodeError;
+
+/// Topics that ROS 2 has once per system: no namespace moves them.
+const OF_THE_SYSTEM: [&str; 6] = ["/clock", "/tf", "/tf_static", "/diagnostics", "/rosout", "/parameter_events"];
+
+/// What the parameters say of the outputs.
+pub(super) struct Wishes {
+    pub clock_hz: f64,
+    pub relative_names: bool,
+    pub position: Option<PositionSource>,
+    pub force: Option<ForceSource>,
+}
+
+/// What becomes of the messages of a topic.
+enum Sink {
+    AsRecorded(Output<RawCdr>),
+    Position(Output<JointState>, PositionSource),
+    Force(Output<WrenchStamped>, ForceSource),
+}
+
+/// See the module.
+pub(super) struct Outputs {
+    by_topic: BTreeMap<usize, Sink>,
+    pub clock: Option<(Output<Clock>, Duration)>,
+}
+
+impl Outputs {
+    /// One publisher per topic that is played, with the QoS that was recorded.
+    pub fn new(participant: &mut Participant, player: &Player, wishes: Wishes) -> Result<Self, NodeError> {
+        let Wishes { clock_hz, relative_names, position, force } = wishes;
+        let mut by_topic = BTreeMap::new();
+        let bag = player.bag();
+        if let Some(source) = position
+            && let Some(index) = index_of(bag, &source.topic)
+        {
+            let output = participant.publisher("measured_js", qos::reliable(10))?;
+            by_topic.insert(index, Sink::Position(output, source));
+        }
+        if let Some(source) = force
+            && let Some(index) = index_of(bag, &source.topic)
+        {
+            let output = participant.publisher("measured_cf", qos::reliable(10))?;
+            by_topic.insert(index, Sink::Force(output, source));
+        }
+        for (index, topic) in bag.topics().iter().enumerate().filter(|(i, _)| player.plays(*i)) {
+            let name = played_name(&topic.name, relative_names);
+            if by_topic.contains_key(&index) || is_made_here(participant, topic, name, clock_hz, &by_topic)? {
+                continue;
+            }
+            if let Some(output) = as_recorded(participant, topic, name)? {
+                by_topic.insert(index, Sink::AsRecorded(output));
+            }
+        }
+        let clock = if clock_hz > 0.0 {
+            // rosbag2's player: best effort, so that nothing waits for a reader of the time.
+            Some((participant.publisher("/clock", qos::sensor(1))?, Duration::from_secs_f64(1.0 / clock_hz)))
+        } else {
+            None
+        };
+        Ok(Self { by_topic, clock })
+    }
+
+    /// Whether a topic (index into the bag's) is played.
+    pub fn plays(&self, topic: usize) -> bool {
+        self.by_topic.contains_key(&topic)
+    }
+
+    /// Publishes a message of the bag.
+    ///
+    /// # Errors
+    /// Why it can't be.
+    pub fn send(&self, bag: &BagReader, message: Message) -> Result<(), String> {
+        match self.by_topic.get(&message.topic) {
+            None => {}
+            Some(Sink::AsRecorded(output)) => {
+                let raw = RawCdr::from_bag(message.data)
+                    .map_err(|start| format!("it starts with {start}, which is not little-endian CDR"))?;
+                output.send(raw);
+            }
+            Some(Sink::Position(output, source)) => {
+                output.send(source.convert(bag, &message)?);
+            }
+            Some(Sink::Force(output, source)) => {
+                output.send(source.convert(bag, &message)?);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn index_of(bag: &BagReader, name: &str) -> Option<usize> {
+    bag.topics().iter().position(|t| t.name == name)
+}
+
+/// The name as the program calls it.
+fn played_name(recorded: &str, relative: bool) -> &str {
+    if relative && !OF_THE_SYSTEM.contains(&recorded) { recorded.trim_start_matches('/') } else { recorded }
+}
+
+/// Whether this node publishes something of its own under a recorded name.
+fn is_made_here(
+    participant: &Participant,
+    topic: &Topic,
+    name: &str,
+    clock_hz: f64,
+    by_topic: &BTreeMap<usize, Sink>,
+) -> Result<bool, NodeError> {
+    if topic.name == "/clock" && clock_hz > 0.0 {
+        tracing::info!("the bag's own /clock is not played: this node publishes it (clock_hz:=0 to change that)");
+        return Ok(true);
+    }
+    let full = participant.names().resolve(name, Endpoint::Topic)?;
+    let taken = by_topic.values().any(|sink| match sink {
+        Sink::AsRecorded(_) => false,
+        Sink::Position(output, _) => output.topic() == full,
+        Sink::Force(output, _) => output.topic() == full,
+    });
+    if taken {
+        tracing::info!("the bag's own {} is not played: position_topic or force_topic takes its name", topic.name);
+    }
+    Ok(taken)
+}
+
+/// A publisher of what was recorded; none for what can't be played.
+fn as_recorded(
+    participant: &mut Participant,
+    topic: &Topic,
+    name: &str,
+) -> Result<Option<Output<RawCdr>>, ParticipantError> {
+    let Some((package, type_name)) = topic.type_name.split_once("/msg/").filter(|_| topic.encoding == "cdr") else {
+        tracing::warn!(
+            "{} can't be played: type `{}`, encoding `{}` (expected package/msg/Type and cdr)",
+            topic.name,
+            topic.type_name,
+            topic.encoding
+        );
+        return Ok(None);
+    };
+    let schema = Schema { type_name: topic.type_name.clone(), text: topic.schema.clone(), hash: topic.hash.clone() };
+    let schema = Some(&schema).filter(|s| topic.schema_encoding == "ros2msg" && !s.text.is_empty());
+    participant.publisher_of(name, MessageTypeName::new(package, type_name), schema, recorded(topic)).map(Some)
+}
+
+/// The QoS that was recorded; reliable where the bag says nothing.
+fn recorded(topic: &Topic) -> QosProfile {
+    let Some(first) = topic.qos.first() else { return qos::reliable(10) };
+    let depth = usize::try_from(first.depth).unwrap_or(0).clamp(10, 1000);
+    let mut profile = if first.is_reliable() { qos::reliable(depth) } else { qos::sensor(depth) };
+    if topic.qos.iter().any(crate::bag::Qos::is_transient_local) {
+        profile = profile.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 });
+    }
+    profile
+}

@@ -1,0 +1,154 @@
+//! Service servers that answer callers on different middlewares at the same time.
+//!
+//! The DDS-based middlewares of ROS 2 agree on the topics of a service and not on how a request is told from another:
+//! rmw_fastrtps sends the caller's identity beside the message (inline QoS), rmw_cyclonedds in front of it, in 16 bytes.
+//! A server here reads the bytes of a request and answers in the manner in which it was asked; whose manner it is stands
+//! in the first two bytes of the caller's GUID, which name its DDS implementation.
+
+use std::marker::PhantomData;
+
+use byteorder::LittleEndian;
+use ros2_client::{Message, RmwRequestId, Server, ServiceMapping};
+use serde::{Serialize, de::DeserializeOwned};
+
+use super::logging::Throttle;
+use super::raw::RawCdr;
+
+/// RTPS's number for Eclipse Cyclone DDS.
+const VENDOR_CYCLONE: [u8; 2] = [0x01, 0x10];
+/// RTPS's number for RustDDS, whose programs choose their mapping themselves.
+const VENDOR_RUSTDDS: [u8; 2] = [0x01, 0x12];
+/// Identity and number of a request, as rmw_cyclonedds puts it in front of the message.
+const CYCLONE_HEADER: usize = 16;
+/// Longest silence about calls that can't be read.
+const COMPLAINTS: std::time::Duration = std::time::Duration::from_secs(10);
+
+/// Which mapping a server speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mapping {
+    /// Each caller's own; the second is for those that can't be told apart by their DDS implementation.
+    OfCaller(ServiceMapping),
+    /// One for all.
+    Fixed(ServiceMapping),
+}
+
+impl Mapping {
+    fn of(self, caller: &RmwRequestId) -> ServiceMapping {
+        match (self, &caller.writer_gid.to_bytes16()[..2]) {
+            (Self::Fixed(mapping), _) => mapping,
+            (_, vendor) if vendor == VENDOR_CYCLONE => ServiceMapping::Cyclone,
+            (Self::OfCaller(otherwise), vendor) if vendor == VENDOR_RUSTDDS => otherwise,
+            _ => ServiceMapping::Enhanced,
+        }
+    }
+
+    /// For the line that a node prints at its start.
+    #[must_use]
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Self::OfCaller(_) => "rmw_fastrtps_cpp and rmw_cyclonedds_cpp have them",
+            Self::Fixed(ServiceMapping::Cyclone) => "rmw_cyclonedds_cpp has them",
+            Self::Fixed(_) => "rmw_fastrtps_cpp has them",
+        }
+    }
+}
+
+/// Who asked; an answer goes back with it.
+#[derive(Clone, Debug)]
+pub struct Caller {
+    id: RmwRequestId,
+    /// What stood in front of the request, and must stand in front of the answer.
+    header: Vec<u8>,
+}
+
+/// A service server.
+pub struct Service<Q, R> {
+    server: Server<RawCdr, RawCdr>,
+    mapping: Mapping,
+    name: String,
+    complaints: std::cell::RefCell<Throttle>,
+    types: PhantomData<fn(Q) -> R>,
+}
+
+impl<Q: Message + DeserializeOwned, R: Message + Serialize> Service<Q, R> {
+    /// Wraps a server that was made with [`ServiceMapping::Enhanced`], which adds nothing to the bytes.
+    pub(super) fn new(server: Server<RawCdr, RawCdr>, mapping: Mapping, name: String) -> Self {
+        let complaints = std::cell::RefCell::new(Throttle::new(COMPLAINTS));
+        Self { server, mapping, name, complaints, types: PhantomData }
+    }
+
+    /// The next request that has come. One that can't be read is reported and skipped.
+    pub fn take(&self) -> Option<(Caller, Q)> {
+        loop {
+            let outcome = match self.server.receive_request() {
+                Ok(None) => return None,
+                Ok(Some((id, bytes))) => self.read(id, bytes.as_slice()),
+                Err(error) => Err(error.to_string()),
+            };
+            match outcome {
+                Ok(request) => return Some(request),
+                Err(reason) => self.complain(&reason),
+            }
+        }
+    }
+
+    fn read(&self, id: RmwRequestId, bytes: &[u8]) -> Result<(Caller, Q), String> {
+        let split = if self.mapping.of(&id) == ServiceMapping::Cyclone { CYCLONE_HEADER } else { 0 };
+        let (header, body) = bytes.split_at_checked(split).ok_or_else(|| format!("it has {} bytes", bytes.len()))?;
+        let (request, _) = cdr_encoding::from_bytes::<Q, LittleEndian>(body).map_err(|e| e.to_string())?;
+        Ok((Caller { id, header: header.to_vec() }, request))
+    }
+
+    fn complain(&self, reason: &str) {
+        if self.complaints.borrow_mut().pass().is_some() {
+            tracing::warn!(
+                "a call of `{}` can't be read: {reason}. If the caller is neither on rmw_fastrtps_cpp nor on \
+                 rmw_cyclonedds_cpp, try -p service_mapping:=enhanced or -p service_mapping:=cyclone",
+                self.name
+            );
+        }
+    }
+
+    /// Answers a request.
+    pub fn send(&self, caller: Caller, response: &R) {
+        let mut bytes = caller.header;
+        // The header's 16 bytes keep the alignment of what follows.
+        let sent = cdr_encoding::to_writer::<R, LittleEndian, &mut Vec<u8>>(&mut bytes, response)
+            .map_err(|e| e.to_string())
+            .and_then(|()| self.server.send_response(caller.id, RawCdr::new(bytes)).map_err(|e| format!("{e:?}")));
+        if let Err(reason) = sent {
+            tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);
+        }
+    }
+
+    /// Answers every request that has come.
+    pub fn answer(&self, mut respond: impl FnMut(Q) -> R) {
+        while let Some((caller, request)) = self.take() {
+            self.send(caller, &respond(request));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ros2_client::dds::rustdds::GUID;
+
+    fn caller(vendor: [u8; 2]) -> RmwRequestId {
+        let mut guid = [7; 16];
+        guid[..2].copy_from_slice(&vendor);
+        RmwRequestId { writer_gid: GUID::from_bytes(guid).into(), sequence_number: 1 }
+    }
+
+    #[test]
+    fn the_callers_dds_decides() {
+        let auto = Mapping::OfCaller(ServiceMapping::Enhanced);
+        assert_eq!(auto.of(&caller(VENDOR_CYCLONE)), ServiceMapping::Cyclone);
+        assert_eq!(auto.of(&caller([0x01, 0x0f])), ServiceMapping::Enhanced, "Fast DDS");
+        assert_eq!(auto.of(&caller(VENDOR_RUSTDDS)), ServiceMapping::Enhanced);
+        let auto = Mapping::OfCaller(ServiceMapping::Cyclone);
+        assert_eq!(auto.of(&caller(VENDOR_RUSTDDS)), ServiceMapping::Cyclone);
+        assert_eq!(auto.of(&caller([0x01, 0x0f])), ServiceMapping::Enhanced);
+        assert_eq!(Mapping::Fixed(ServiceMapping::Enhanced).of(&caller(VENDOR_CYCLONE)), ServiceMapping::Enhanced);
+    }
+}

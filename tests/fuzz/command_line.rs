@@ -1,0 +1,53 @@
+// What any command line must do, whatever it says: shared by the fuzz target in `fuzz/` and by `tests/ros_arguments.rs`.
+
+use std::ffi::OsString;
+
+use needle_twin::ros::arguments::{self, RosArguments};
+use needle_twin::ros::names::{Endpoint, Names, check_name, check_namespace, check_token};
+use needle_twin::ros::parameters::{Declaration, Parameters, Range};
+use needle_twin::ros::{parameter_file, qos};
+use ros2_client::ParameterValue;
+
+/// Arguments are the lines of `data`; what stands behind a line `---` is a parameter file.
+pub fn exercise(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let (line, file) = text.split_once("\n---\n").unwrap_or((&text, ""));
+    let _ = parameter_file::from_text(file, std::path::Path::new("fuzz.yaml")).map(|found| declare(&found));
+    // A file that the fuzzer names is none of its business.
+    let words = line.lines().filter(|w| *w != "--params-file").map(OsString::from);
+    match arguments::split(words) {
+        Ok((own, ros)) => accepted(&own, &ros),
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
+
+fn accepted(own: &[String], ros: &RosArguments) {
+    assert!(!own.iter().any(|word| word == "--ros-args"), "ROS arguments are taken out");
+    declare(&ros.parameters);
+    let Ok(names) = Names::new("twin", ros) else { return };
+    assert!(check_token(names.node()).is_ok() && check_namespace(names.namespace()).is_ok());
+    for name in ["measured_js", "~/reset", "/clock", "a/b", "~"] {
+        for endpoint in [Endpoint::Topic, Endpoint::Service] {
+            let Ok(full) = names.resolve(name, endpoint) else { continue };
+            assert!(full.starts_with('/') && check_name(&full).is_ok(), "{name} became {full}");
+        }
+    }
+}
+
+/// Declared parameters have their type, whatever was given.
+fn declare(given: &[arguments::ParameterOverride]) {
+    for one in given {
+        if let Some((_, _, policy)) = qos::parse_override_name(&one.name) {
+            let _ = qos::apply(&mut qos::sensor(1), policy, &one.value);
+        }
+    }
+    let declared = vec![
+        Declaration::new("rate", ParameterValue::Double(1.0), Range::Double(0.0, 10.0), "A rate."),
+        Declaration::new("scene", ParameterValue::String("a".into()), Range::Any, "A name."),
+        Declaration::new("topics", ParameterValue::StringArray(Vec::new()), Range::Any, "Names."),
+    ];
+    if let Ok((parameters, _)) = Parameters::declare(declared, given, "/or1/twin") {
+        assert!((0.0..=10.0).contains(&parameters.double("rate")));
+        assert!(matches!(parameters.get("topics"), Some(ParameterValue::StringArray(_))));
+    }
+}

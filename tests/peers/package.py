@@ -1,0 +1,79 @@
+"""Reads what the package installs with parsers that are not this project's; prints findings, one per line.
+
+usage: package.py CHECKOUT
+"""
+
+import ast
+import json
+import re
+import sys
+import xml.etree.ElementTree as xml
+from pathlib import Path
+
+from rosbags.typesys import get_types_from_msg
+from ruamel.yaml import YAML
+
+root = Path(sys.argv[1])
+cmake, scripts = (root / "CMakeLists.txt").read_text(), root / "launch-scripts"
+findings = []
+
+
+def load(path):
+    return YAML(typ="safe").load(path.read_text())
+
+
+def finding(condition, text):
+    if not condition:
+        findings.append(text)
+
+
+# Messages: parsed by another implementation, listed in CMake, with every package that they use.
+depends = {e.text for e in xml.parse(root / "package.xml").getroot() if e.tag in ("depend", "buildtool_depend")}
+for path in (root / "msg").glob("*.msg"):
+    types = get_types_from_msg(path.read_text(), f"needle_twin/msg/{path.stem}")
+    finding(f"needle_twin/msg/{path.stem}" in types, f"{path.name} can't be parsed")
+    finding(f"msg/{path.name}" in cmake, f"{path.name} is not in CMakeLists.txt")
+    for package in set(re.findall(r"^(\w+)/\w+", path.read_text(), re.M)):
+        finding(package in depends, f"{path.name} uses {package}, which package.xml does not name")
+        finding(f"find_package({package} REQUIRED)" in cmake, f"{package} is not found in CMakeLists.txt")
+
+# Launch files: the three kinds say the same.
+for stem in ("twin", "rig_and_twin"):
+    tree = ast.parse((scripts / f"{stem}.launch.py").read_text())
+    calls = [c for c in ast.walk(tree) if isinstance(c, ast.Call) and getattr(c.func, "id", "") == "DeclareLaunchArgument"]
+    python = {c.args[0].value for c in calls}
+    nodes = [c for c in ast.walk(tree) if isinstance(c, ast.Call) and getattr(c.func, "id", "") == "Node"]
+    python_nodes = [next(k.value.value for k in n.keywords if k.arg == "executable") for n in nodes]
+    markup = xml.parse(scripts / f"{stem}.launch.xml").getroot()
+    tags = [(e.tag, e.get("name"), e.get("exec")) for e in markup]
+    text = load(scripts / f"{stem}.launch.yaml")["launch"]
+    for name, arguments, found in (
+        ("xml", {n for tag, n, _ in tags if tag == "arg"}, [e for tag, _, e in tags if tag == "node"]),
+        ("yaml", {e["arg"]["name"] for e in text if "arg" in e}, [e["node"]["exec"] for e in text if "node" in e]),
+    ):
+        finding(arguments == python, f"{stem}: arguments of {name} {arguments} and of py {python} differ")
+        finding(found == python_nodes, f"{stem}: nodes of {name} {found} and of py {python_nodes} differ")
+for path in scripts.glob("*.launch.py"):
+    ast.parse(path.read_text())
+
+# Layouts: they can be parsed and name topics that the nodes have.
+topics = {"tissue_surface", "tissue_points", "targets", "predicted_cf", "comparison", "measured_js", "status", "diagnostics"}
+displays = load(scripts / "layouts/needle_twin.rviz")["Visualization Manager"]["Displays"]
+named = [d["Topic"]["Value"] for d in displays if "Topic" in d]
+fox = json.loads((scripts / "layouts/foxglove.json").read_text())
+named += [t for c in fox["configById"].values() for t in c.get("topics", {})]
+named += [p["value"].split(".")[0] for c in fox["configById"].values() for p in c.get("paths", [])]
+named += [c.get("name").split("/")[1] for c in xml.parse(scripts / "layouts/plotjuggler.xml").getroot().iter("curve")]
+
+
+def panels(layout):
+    return [layout] if isinstance(layout, str) else panels(layout["first"]) + panels(layout["second"])
+
+
+finding(sorted(panels(fox["layout"])) == sorted(fox["configById"]), "foxglove.json: layout and panels differ")
+for topic in named:
+    finding(topic.strip("/") in topics, f"a layout shows {topic}, which nobody publishes")
+
+for path in (scripts / "parameters").glob("*.yaml"):
+    finding("ros__parameters" in next(iter(load(path).values())), f"{path.name} has no ros__parameters")
+print("\n".join(findings), end="")

@@ -1,0 +1,91 @@
+//! Callers on different middlewares, at the same time.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::time::{Duration, Instant};
+
+use crate::ros::{Peer, coarse_twin, free_domain};
+use needle_twin::ros::arguments::RosArguments;
+use needle_twin::ros::environment::Environment;
+use needle_twin::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
+use needle_twin::ros::names::Names;
+use needle_twin::ros::participant::Participant;
+use ros2_client::ServiceMapping;
+use serde_json::json;
+
+/// Calls `/twin/reset` as a caller with this mapping does; false if nothing comes back.
+fn reset(domain: u16, mapping: ServiceMapping) -> bool {
+    let environment = Environment {
+        mapping,
+        ..Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.to_string())).unwrap()
+    };
+    let names = Names::new("caller", &RosArguments::default()).unwrap();
+    let mut participant = Participant::join(names, &environment, &[], false).unwrap();
+    let client = participant.client::<TriggerRequest, TriggerResponse>("/twin/reset", "std_srvs", "Trigger").unwrap();
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_secs(8) {
+        client.send_request(TriggerRequest::default()).unwrap();
+        let asked = Instant::now();
+        while asked.elapsed() < Duration::from_millis(500) {
+            if let Ok(Some((_, response))) = client.receive_response() {
+                return response.success && response.message.contains("undeformed");
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+    false
+}
+
+#[test]
+fn each_caller_is_answered_in_its_own_manner() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    let call = json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"});
+    assert_eq!(peer.ask(call.clone())["response"]["success"], true, "rmw_cyclonedds' manner");
+    assert!(reset(domain, ServiceMapping::Enhanced), "rmw_fastrtps' manner");
+    assert_eq!(peer.ask(call)["response"]["success"], true);
+    let state = json!({"op": "call", "service": "/twin/get_state", "type": "lifecycle_msgs/srv/GetState"});
+    let label = peer.ask(state)["response"]["current_state"]["label"].clone();
+    assert!(label == "active" || label == "configuring", "autostart: {label}");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0));
+    assert!(log.contains("rmw_fastrtps_cpp and rmw_cyclonedds_cpp"), "{log}");
+}
+
+#[test]
+fn a_change_is_announced_on_parameter_events_and_rosout() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    for (topic, kind) in
+        [("/parameter_events", "rcl_interfaces/msg/ParameterEvent"), ("/rosout", "rcl_interfaces/msg/Log")]
+    {
+        peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind}));
+    }
+    assert_eq!(
+        peer.ask(json!({"op": "wait_matched", "topics": ["/parameter_events", "/rosout"]}))["missing"],
+        json!([])
+    );
+    let value = |v: f64| json!({"name": "status_rate_hz", "value": {"type": 3, "double_value": v}});
+    let set = |v: f64| {
+        json!({"op": "call", "service": "/twin/set_parameters_atomically", "type": "rcl_interfaces/srv/SetParametersAtomically",
+               "request": {"parameters": [value(v)]}})
+    };
+    assert_eq!(peer.ask(set(25.0))["response"]["result"]["successful"], true);
+    let refused = peer.ask(set(-1.0))["response"]["result"].clone();
+    assert!(
+        refused["successful"] == false && refused["reason"].as_str().unwrap().contains("status_rate_hz"),
+        "{refused}"
+    );
+    let events =
+        peer.ask(json!({"op": "take", "topic": "/parameter_events", "timeout": 2.0, "count": 2}))["messages"].clone();
+    assert_eq!(events.as_array().unwrap().len(), 1, "only what was changed: {events}");
+    assert_eq!(events[0]["node"], "/twin");
+    let changed = &events[0]["changed_parameters"][0];
+    assert_eq!((&changed["name"], &changed["value"]["double_value"]), (&json!("status_rate_hz"), &json!(25.0)));
+    let lines = peer.ask(json!({"op": "take", "topic": "/rosout", "timeout": 1.0, "count": 100}))["messages"].clone();
+    let line = lines.as_array().unwrap().iter().find(|l| l["msg"].as_str().unwrap().contains("status_rate_hz"));
+    let line = line.unwrap_or_else(|| panic!("{lines}"));
+    assert_eq!((&line["level"], &line["name"]), (&json!(20), &json!("twin")), "{line}");
+    drop(node);
+}

@@ -1,0 +1,146 @@
+//! What the node says of itself: endpoints with exact type names, diagnostics, and the loss of its input.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::collections::BTreeMap;
+use std::process::Command;
+
+use crate::ros::{Peer, coarse_twin, free_domain};
+use serde_json::{Value, json};
+
+fn text<'a>(value: &'a Value, key: &str) -> &'a str {
+    value[key].as_str().unwrap_or_else(|| panic!("no {key}: {value}"))
+}
+
+#[test]
+fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &["-p", "autostart:=false"], &[]);
+    let mut peer = Peer::start(domain);
+    peer.ask(json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState"}));
+    peer.ask(json!({"op": "wait_matched", "topics": ["/measured_js"]}));
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    let seen = peer.ask(json!({"op": "endpoints"}))["endpoints"].clone();
+    let mut described: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
+    for e in seen.as_array().unwrap() {
+        let reliability = if e["reliable"] == true { "reliable" } else { "best_effort" };
+        let latched = if e["latched"] == true { " latched" } else { "" };
+        let text = format!("{} {reliability}{latched}", text(e, "type"));
+        described.entry((e["side"].as_str().unwrap(), e["topic"].as_str().unwrap())).or_default().push(text);
+    }
+    let (publisher, subscription) = ("publisher", "subscription");
+    for (side, topic, wanted) in [
+        (subscription, "rt/measured_js", "sensor_msgs::msg::dds_::JointState_ best_effort"),
+        (subscription, "rt/measured_cp", "geometry_msgs::msg::dds_::PoseStamped_ best_effort"),
+        (subscription, "rt/measured_cf", "geometry_msgs::msg::dds_::WrenchStamped_ best_effort"),
+        (subscription, "rt/clock", "rosgraph_msgs::msg::dds_::Clock_ best_effort"),
+        (publisher, "rt/predicted_cf", "geometry_msgs::msg::dds_::WrenchStamped_ reliable"),
+        (publisher, "rt/tissue_model", "needle_twin::msg::dds_::TissueModel_ reliable latched"),
+        (publisher, "rt/tissue_state", "needle_twin::msg::dds_::TissueState_ best_effort"),
+        (publisher, "rt/tissue_points", "sensor_msgs::msg::dds_::PointCloud2_ best_effort"),
+        (publisher, "rt/tissue_surface", "visualization_msgs::msg::dds_::Marker_ best_effort"),
+        (publisher, "rt/targets", "geometry_msgs::msg::dds_::PoseArray_ reliable"),
+        (publisher, "rt/comparison", "needle_twin::msg::dds_::ForceComparison_ reliable"),
+        (publisher, "rt/status", "needle_twin::msg::dds_::TwinStatus_ reliable"),
+        (publisher, "rt/diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_ reliable"),
+        (publisher, "rt/twin/transition_event", "lifecycle_msgs::msg::dds_::TransitionEvent_ reliable"),
+        (publisher, "rt/parameter_events", "rcl_interfaces::msg::dds_::ParameterEvent_ reliable"),
+        (publisher, "rt/rosout", "rcl_interfaces::msg::dds_::Log_ reliable latched"),
+        (subscription, "rq/twin/resetRequest", "std_srvs::srv::dds_::Trigger_Request_ reliable"),
+        (publisher, "rr/twin/resetReply", "std_srvs::srv::dds_::Trigger_Response_ reliable"),
+        (subscription, "rq/twin/tareRequest", "std_srvs::srv::dds_::Trigger_Request_ reliable"),
+        (subscription, "rq/twin/change_stateRequest", "lifecycle_msgs::srv::dds_::ChangeState_Request_ reliable"),
+        (
+            publisher,
+            "rr/twin/get_transition_graphReply",
+            "lifecycle_msgs::srv::dds_::GetAvailableTransitions_Response_ reliable",
+        ),
+        (subscription, "rq/twin/set_parametersRequest", "rcl_interfaces::srv::dds_::SetParameters_Request_ reliable"),
+    ] {
+        let found = described.get(&(side, topic)).unwrap_or_else(|| panic!("{side} {topic} in {described:#?}"));
+        assert!(found.iter().any(|f| f == wanted), "{side} {topic}: {found:?}, not {wanted}");
+    }
+    drop(node);
+}
+
+#[test]
+fn diagnostics_say_once_a_second_how_it_goes_and_a_lost_input_is_said() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    peer.ask(
+        json!({"op": "subscribe", "topic": "/tissue_model", "type": "needle_twin/msg/TissueModel", "qos": "latched"}),
+    );
+    peer.ask(json!({"op": "take", "topic": "/tissue_model", "timeout": 60.0}));
+    peer.ask(json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState"}));
+    peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": "geometry_msgs/msg/WrenchStamped"}));
+    peer.ask(json!({"op": "subscribe", "topic": "/diagnostics", "type": "diagnostic_msgs/msg/DiagnosticArray"}));
+    let topics = ["/measured_js", "/measured_cf", "/diagnostics"];
+    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": topics}))["missing"], json!([]));
+    peer.ask(json!({"op": "take", "topic": "/diagnostics", "timeout": 3.0}));
+    peer.ask(json!({
+        "op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 80, "rate_hz": 20.0, "depth_m": 0.0008,
+        "force_topic": "/measured_cf", "force_n": 0.01, "n_per_m": 300.0,
+    }));
+    let arrays = peer.ask(json!({"op": "take", "topic": "/diagnostics", "timeout": 0.1}))["messages"].clone();
+    let arrays = arrays.as_array().unwrap();
+    assert!((3..=6).contains(&arrays.len()), "{} in 5 s", arrays.len());
+    let by_name: BTreeMap<&str, &Value> =
+        arrays.last().unwrap()["status"].as_array().unwrap().iter().map(|s| (text(s, "name"), s)).collect();
+    let value = |name: &str, key: &str| -> f64 {
+        let values = by_name[name]["values"].as_array().unwrap();
+        let found = values.iter().find(|v| v["key"] == key).unwrap_or_else(|| panic!("{name}: {key} in {values:?}"));
+        text(found, "value").parse().unwrap()
+    };
+    assert!(value("twin: prediction", "answered") > 0.0);
+    assert!(value("twin: prediction", "latency p50 (ms)") > 0.0);
+    assert!(value("twin: prediction", "latency p99 (ms)") >= value("twin: prediction", "latency p50 (ms)"));
+    assert!(value("twin: prediction", "missed deadlines") >= 0.0);
+    assert!(value("twin: load cell", "residual (N)").is_finite() && value("twin: load cell", "rmse (N)") > 0.0);
+    assert!(text(by_name["twin: input"], "message").contains("poses per second"));
+    assert_eq!(by_name["twin: prediction"]["hardware_id"], "needle_twin");
+
+    // The sensor falls silent.
+    let silent = peer.ask(json!({"op": "last", "topic": "/diagnostics", "seconds": 2.2}))["message"].clone();
+    let input = silent["status"].as_array().unwrap().iter().find(|s| s["name"] == "twin: input").unwrap();
+    assert_eq!(input["level"], 3, "{input}");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0));
+    let line = log.lines().find(|l| l.contains("input lost")).unwrap_or_else(|| panic!("{log}"));
+    assert!(line.contains("WARN") && line.contains("/measured_js"), "{line}");
+}
+
+#[test]
+fn a_subscription_that_asks_for_too_much_is_told_the_remedy() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &["-p", "autostart:=false"], &[]);
+    let mut peer = Peer::start(domain);
+    peer.ask(json!({
+        "op": "subscribe", "topic": "/predicted_cf", "type": "geometry_msgs/msg/WrenchStamped", "qos": "latched",
+    }));
+    std::thread::sleep(std::time::Duration::from_millis(2500));
+    let (_, log, _) = node.stop("INT");
+    let line = log.lines().find(|l| l.contains("/predicted_cf")).unwrap_or_else(|| panic!("{log}"));
+    assert!(line.contains("WARN"), "{line}");
+    assert!(line.contains("qos_overrides./predicted_cf.publisher.durability:=transient_local"), "{line}");
+}
+
+#[test]
+fn a_node_that_was_frozen_ends_instead_of_living_on_deaf() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    peer.ask(json!({"op": "subscribe", "topic": "/status", "type": "needle_twin/msg/TwinStatus"}));
+    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/status"]}))["missing"], json!([]));
+    for signal in ["STOP", "CONT"] {
+        assert!(Command::new("kill").args([&format!("-{signal}"), &node.id().to_string()]).status().unwrap().success());
+        std::thread::sleep(std::time::Duration::from_millis(500));
+    }
+    let heard = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 3.0}));
+    let (code, log) = node.end();
+    // What the middleware makes of it is its own affair: it lives, or the node says that it does not.
+    match code {
+        Some(1) => assert!(log.contains("DDS threads have ended") && log.contains("start the node again"), "{log}"),
+        None => assert!(heard["count"].as_u64().unwrap() > 0, "deaf and alive: {log}"),
+        other => panic!("{other:?}: {log}"),
+    }
+}
