@@ -23,6 +23,7 @@ const WIDE: (&str, &str) = ("instrument.capture_radius_m", "0.0015");
 /// test, not the force.
 fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
     let quick = [
+        ("discretisation.dimension", "full"),
         ("discretisation.spacing_m", "0.004"),
         ("stepping.max_steps_per_pose", "5"),
         ("motion.depth_m", "0.001"),

@@ -10,7 +10,8 @@ use needle_twin::twin::Twin;
 const DEPTH: f64 = 3e-3;
 
 fn needle(changes: &[(&str, &str)]) -> Twin {
-    let mut all = vec![("discretisation.spacing_m", "0.003"), ("motion.depth_m", "0.0035")];
+    let mut all =
+        vec![("discretisation.dimension", "full"), ("discretisation.spacing_m", "0.003"), ("motion.depth_m", "0.0035")];
     all.extend(changes);
     let changes: Vec<_> = all.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
     alone(|| Twin::new(&Scene::preset("needle_insertion").unwrap().with(&changes).unwrap()).unwrap())

@@ -34,7 +34,8 @@ fn every_reading_is_answered_and_compared_at_its_own_time() {
     let folder = TempDir::new().unwrap();
     let bag = RigBag::default().write(folder.path(), "rig");
     let out = folder.path().join("out");
-    let (code, metrics, stderr) = replay(&bag, &["--out", out.to_str().unwrap()]);
+    let full = ["--set", "discretisation.dimension=full"];
+    let (code, metrics, stderr) = replay(&bag, &[&["--out", out.to_str().unwrap()], &full[..]].concat());
     assert_eq!((code, stderr.as_str()), (0, ""));
     assert_eq!(metrics["poses"], 50);
     assert_eq!(metrics["scene"], "compression");

@@ -17,6 +17,8 @@ use super::weight::Weight;
 
 /// Number of monomials of the quadratic basis 1, x, y, z, x2, y2, z2, xy, yz, xz.
 const QUADRATIC: usize = 10;
+/// The same in a meridian half plane: 1, x, z, x2, z2, xz (y is the direction of the hoop, along which nothing varies).
+const PLANE_QUADRATIC: usize = 6;
 
 /// Polynomial basis of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,9 +60,14 @@ pub struct Fit {
     pub gradient: Vec<[f64; 3]>,
 }
 
-/// Share of the penalty on a monomial's coefficient.
-const fn share(monomial: usize) -> f64 {
-    if monomial < 7 { 1.0 } else { 0.5 }
+/// Share of the penalty on a monomial's coefficient: half on the mixed ones, which come last.
+const fn share<const D: usize>(monomial: usize) -> f64 {
+    if monomial < 1 + 2 * D { 1.0 } else { 0.5 }
+}
+
+/// The d-th of the D axes that the basis knows.
+const fn axis<const D: usize>(d: usize) -> usize {
+    if D == 3 { d } else { 2 * d }
 }
 
 impl Fit {
@@ -70,18 +77,41 @@ impl Fit {
     /// [`Singular`] if the moment matrix is not positive definite.
     pub fn evaluate(&mut self, neighbours: &[Neighbour], basis: Basis, with_gradient: bool) -> Result<(), Singular> {
         match basis {
-            Basis::Linear => self.fit::<4>(neighbours, 0.0, with_gradient),
-            Basis::Quadratic { penalty } => self.fit::<QUADRATIC>(neighbours, penalty, with_gradient),
+            Basis::Linear => self.fit::<3, 4>(neighbours, 0.0, with_gradient),
+            Basis::Quadratic { penalty } => self.fit::<3, QUADRATIC>(neighbours, penalty, with_gradient),
         }
     }
 
-    fn fit<const N: usize>(&mut self, neighbours: &[Neighbour], eta: f64, with_gradient: bool) -> Result<(), Singular> {
-        if neighbours.len() < 4 {
+    /// The same for nodes of a meridian half plane (x = r, y = 0, z): the basis knows x and z alone, and the gradient
+    /// has no y.
+    ///
+    /// # Errors
+    /// [`Singular`] if the moment matrix is not positive definite.
+    pub fn evaluate_in_plane(
+        &mut self,
+        neighbours: &[Neighbour],
+        basis: Basis,
+        with_gradient: bool,
+    ) -> Result<(), Singular> {
+        match basis {
+            Basis::Linear => self.fit::<2, 3>(neighbours, 0.0, with_gradient),
+            Basis::Quadratic { penalty } => self.fit::<2, PLANE_QUADRATIC>(neighbours, penalty, with_gradient),
+        }
+    }
+
+    /// D: dimensions; N: monomials.
+    fn fit<const D: usize, const N: usize>(
+        &mut self,
+        neighbours: &[Neighbour],
+        eta: f64,
+        with_gradient: bool,
+    ) -> Result<(), Singular> {
+        if neighbours.len() <= D {
             return Err(Singular);
         }
         let inv_l = neighbours.len() as f64 / neighbours.iter().map(|n| n.radius).sum::<f64>();
         self.p.clear();
-        self.p.extend(neighbours.iter().map(|n| monomials(n.offset, inv_l)));
+        self.p.extend(neighbours.iter().map(|n| monomials::<D>(n.offset, inv_l)));
         let mut m = [[0.0; N]; N];
         let mut penalty = 0.0;
         for (n, p) in neighbours.iter().zip(&self.p) {
@@ -93,8 +123,8 @@ impl Fit {
                 }
             }
         }
-        for k in 4..N {
-            m[k][k] += eta * share(k) * penalty;
+        for k in D + 1..N {
+            m[k][k] += eta * share::<D>(k) * penalty;
         }
         cholesky(&mut m)?;
         let mut y = [0.0; N];
@@ -103,12 +133,12 @@ impl Fit {
         self.value.clear();
         self.value.extend(neighbours.iter().zip(&self.p).map(|(n, p)| n.weight.0 * dot(p, &y)));
         if with_gradient {
-            self.derivatives::<N>(neighbours, &m, &y, inv_l, eta);
+            self.derivatives::<D, N>(neighbours, &m, &y, inv_l, eta);
         }
         Ok(())
     }
 
-    fn derivatives<const N: usize>(
+    fn derivatives<const D: usize, const N: usize>(
         &mut self,
         neighbours: &[Neighbour],
         m: &[[f64; N]; N],
@@ -116,27 +146,32 @@ impl Fit {
         inv_l: f64,
         eta: f64,
     ) {
-        let mut z = [[0.0; N]; 3];
+        let mut z = [[0.0; N]; D];
         for (n, p) in neighbours.iter().zip(&self.p) {
             let py = dot(p, y);
-            for (k, zk) in z.iter_mut().enumerate() {
-                let w_k = weight_gradient(n, k);
+            for (d, zk) in z.iter_mut().enumerate() {
+                let w_k = weight_gradient(n, axis::<D>(d));
                 for (zi, pi) in zk.iter_mut().zip(p) {
                     *zi -= w_k * py * pi;
                 }
             }
         }
-        for (k, zk) in z.iter_mut().enumerate() {
+        for (d, zk) in z.iter_mut().enumerate() {
+            let k = axis::<D>(d);
             // H varies with the point through the sum of the weights
             let penalty: f64 = neighbours.iter().map(|n| weight_gradient(n, k) * (n.radius * inv_l).powi(4)).sum();
-            (4..N).for_each(|r| zk[r] -= eta * share(r) * penalty * y[r]);
-            zk[k + 1] += inv_l;
+            (D + 1..N).for_each(|r| zk[r] -= eta * share::<D>(r) * penalty * y[r]);
+            zk[d + 1] += inv_l;
             solve(m, zk);
         }
         self.gradient.clear();
         self.gradient.extend(neighbours.iter().zip(&self.p).map(|(n, p)| {
             let py = dot(p, y);
-            std::array::from_fn(|k| weight_gradient(n, k) * py + n.weight.0 * dot(p, &z[k]))
+            let mut gradient = [0.0; 3];
+            for (d, zk) in z.iter().enumerate() {
+                gradient[axis::<D>(d)] = weight_gradient(n, axis::<D>(d)) * py + n.weight.0 * dot(p, zk);
+            }
+            gradient
         }));
     }
 }
@@ -146,9 +181,13 @@ fn weight_gradient(n: &Neighbour, k: usize) -> f64 {
     -n.weight.1 * n.offset[k] / (n.radius * n.radius)
 }
 
-fn monomials(offset: [f64; 3], inv_l: f64) -> [f64; QUADRATIC] {
+fn monomials<const D: usize>(offset: [f64; 3], inv_l: f64) -> [f64; QUADRATIC] {
     let [x, y, z] = offset.map(|c| c * inv_l);
-    [1.0, x, y, z, x * x, y * y, z * z, x * y, y * z, x * z]
+    if D == 3 {
+        [1.0, x, y, z, x * x, y * y, z * z, x * y, y * z, x * z]
+    } else {
+        [1.0, x, z, x * x, z * z, x * z, 0.0, 0.0, 0.0, 0.0]
+    }
 }
 
 fn dot<const N: usize>(p: &[f64; QUADRATIC], y: &[f64; N]) -> f64 {

@@ -1,9 +1,11 @@
-//! How a field is approximated: weight functions, MLS and MMLS, linear tetrahedra. One product: the [`ShapeTable`].
+//! How a field is approximated: weight functions, MLS and MMLS, linear tetrahedra, in space or in a meridian half plane.
+//! One product: the [`ShapeTable`].
 
+pub mod axisymmetric;
 pub mod mls;
 pub mod support;
 pub mod table;
 pub mod weight;
 
 pub use mls::Basis;
-pub use table::{ApproximationError, Field, Settings, ShapeTable};
+pub use table::{ApproximationError, Field, Form, Settings, ShapeTable};

@@ -3,14 +3,15 @@
 use super::mls::Neighbour;
 use super::weight;
 
-/// r_j = alpha * mean length of the cell edges at node j, each edge counted once per incident cell, m.
+/// r_j = alpha * mean length of the cell edges at node j, each edge counted once per incident cell, m. Cells are
+/// tetrahedra or triangles.
 #[must_use]
-pub fn radii(points: &[[f64; 3]], cells: &[[u32; 4]], alpha: f64) -> Vec<f64> {
+pub fn radii<const K: usize>(points: &[[f64; 3]], cells: &[[u32; K]], alpha: f64) -> Vec<f64> {
     let mut sum = vec![0.0; points.len()];
     let mut count = vec![0u32; points.len()];
     for c in cells {
-        for a in 0..4 {
-            for b in a + 1..4 {
+        for a in 0..K {
+            for b in a + 1..K {
                 let (i, j) = (c[a] as usize, c[b] as usize);
                 let length = distance(points[i], points[j]);
                 for n in [i, j] {

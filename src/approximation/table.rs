@@ -36,6 +36,28 @@ pub struct Settings {
     pub points_per_cell: u32,
 }
 
+/// What the rows of a table describe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Form {
+    /// A field in space.
+    #[default]
+    Full,
+    /// A field with symmetry of revolution, by its half plane (see [`super::axisymmetric`]): y holds the hoop strain,
+    /// entry `nodes + j` is the image of node j beyond the axis, and a cell is a triangle whose last corner is repeated.
+    Axisymmetric,
+}
+
+impl Form {
+    /// Corners of a cell.
+    #[must_use]
+    pub const fn corners(self) -> usize {
+        match self {
+            Self::Full => 4,
+            Self::Axisymmetric => 3,
+        }
+    }
+}
+
 /// Per integration point: support nodes, gradients, volume, cell.
 #[derive(Clone, Debug, Default)]
 pub struct ShapeTable {
@@ -49,6 +71,8 @@ pub struct ShapeTable {
     pub volume: Vec<f64>,
     /// The cell that each point lies in.
     pub cell: Vec<u32>,
+    /// What the rows describe.
+    pub form: Form,
 }
 
 /// Rows phi_j(x): the field at any set of points.
@@ -207,13 +231,14 @@ impl Approximation {
     }
 }
 
-struct Row {
-    volume: f64,
-    nodes: Vec<u32>,
-    gradient: Vec<[f64; 3]>,
+/// One integration point of a table.
+pub(super) struct Row {
+    pub volume: f64,
+    pub nodes: Vec<u32>,
+    pub gradient: Vec<[f64; 3]>,
 }
 
-fn assemble(rows: &[Vec<Row>]) -> ShapeTable {
+pub(super) fn assemble(rows: &[Vec<Row>]) -> ShapeTable {
     let mut table = ShapeTable { start: vec![0], ..ShapeTable::default() };
     for (cell, rows) in rows.iter().enumerate() {
         for row in rows {

@@ -19,6 +19,9 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
         ("poses", poses(run)),
         ("force", force(run)),
     ];
+    if !run.dimension.is_empty() {
+        lines.insert(1, ("model", format!("{}: {}", run.dimension, run.dimension_because)));
+    }
     if let Some(error) = error(run) {
         lines.push(("error", error));
     }

@@ -25,7 +25,7 @@ impl Nodes {
 
 /// Parameters t in \[0, 1) of points along a closed or open curve such that each stretch is worth one spacing.
 /// An open curve's own end points are left out.
-fn equidistribute(
+pub(crate) fn equidistribute(
     domain: &Domain,
     spacing: &Spacing,
     curve: &dyn Fn(f64) -> Point,

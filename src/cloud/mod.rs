@@ -1,4 +1,5 @@
-//! Where the points are: nodes and background cells of an upright cylinder or box, or of an imported mesh ([`import`]).
+//! Where the points are: nodes and background cells of an upright cylinder or box, of an imported mesh ([`import`]), or of
+//! the half plane of an axisymmetric model ([`meridian`]), which sweeps the body that it shows ([`revolve`]).
 //!
 //! ```text
 //! domain, spacing ─► edges ─► packing (faces, interior, relaxation) ─► order ─► delaunay ─► improve ─► check ─► Cloud
@@ -24,21 +25,26 @@ mod error;
 mod grid;
 pub mod import;
 mod improve;
+pub mod meridian;
 mod order;
 mod packing;
 mod path;
 mod quality;
 mod reconnect;
+pub mod revolve;
 mod shift;
 mod smooth;
 mod spacing;
+mod triangulate;
 mod vector;
 
 pub use domain::{BASE, Domain, SIDE, TOP};
 pub use error::CloudError;
+pub use meridian::Meridian;
 pub use order::{hilbert_order, sort_cells};
 pub use path::Axis;
 pub use quality::Summary;
+pub use revolve::Revolved;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
 
 use packing::Packing;

@@ -208,6 +208,24 @@ impl Spacing {
     /// # Errors
     /// A spacing, growth or feature out of its range, or more than [`MAX_NODES`] nodes.
     pub(crate) fn validate(&self, domain: &Domain) -> Result<(), CloudError> {
+        self.validate_features(domain)?;
+        let nodes = self.predicted_nodes(domain);
+        if !nodes.is_finite() || nodes > MAX_NODES as f64 {
+            return Err(CloudError::TooManyNodes {
+                finest: self.finest(),
+                far: self.far,
+                nodes,
+                cells: CELLS_PER_NODE * nodes,
+                gigabytes: BYTES_PER_NODE * nodes * 1e-9,
+                limit: MAX_NODES,
+            });
+        }
+        Ok(())
+    }
+
+    /// # Errors
+    /// A spacing, growth or feature out of its range.
+    pub(crate) fn validate_features(&self, domain: &Domain) -> Result<(), CloudError> {
         let fail = |key, value, rule: String| Err(CloudError::OutOfRange { key, value, rule });
         let thick = domain.half_thickness();
         if !(self.far.is_finite() && self.far > 0.0 && self.far <= thick) {
@@ -235,19 +253,7 @@ impl Spacing {
             }
             validate_feature(f, domain)?;
         }
-        self.validate_pairs()?;
-        let nodes = self.predicted_nodes(domain);
-        if !nodes.is_finite() || nodes > MAX_NODES as f64 {
-            return Err(CloudError::TooManyNodes {
-                finest: self.finest(),
-                far: self.far,
-                nodes,
-                cells: CELLS_PER_NODE * nodes,
-                gigabytes: BYTES_PER_NODE * nodes * 1e-9,
-                limit: MAX_NODES,
-            });
-        }
-        Ok(())
+        self.validate_pairs()
     }
 }
 

@@ -49,6 +49,8 @@ impl Collector {
             scene: scene.name.clone(),
             description: scene.description.clone(),
             method: scene.discretisation.method.as_str().to_owned(),
+            dimension: twin.dimension().as_str().to_owned(),
+            dimension_because: twin.dimension_because().to_owned(),
             nodes: twin.nodes(),
             integration_points: twin.integration_points(),
             target_names: scene.targets.iter().map(|target| target.name.clone()).collect(),

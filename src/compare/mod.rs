@@ -94,7 +94,11 @@ pub struct Run {
     pub description: String,
     /// Word for the method (`mmls`, ...).
     pub method: String,
-    /// Nodes.
+    /// Word for the dimension of the model (`full`, `axisymmetric`).
+    pub dimension: String,
+    /// Why, in one clause.
+    pub dimension_because: String,
+    /// Nodes of the model.
     pub nodes: usize,
     /// Integration points.
     pub integration_points: usize,

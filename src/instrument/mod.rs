@@ -6,7 +6,7 @@ mod needle;
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
 
-use crate::cloud::{Axis, BASE, Cloud, TOP};
+use crate::cloud::{Axis, BASE, TOP};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::solver::Solver;
 use crate::twin::{Event, Phase};
@@ -43,7 +43,7 @@ impl Tip {
 impl Contact {
     /// Nodes that an instrument can hold: all of the contact face, or all of the needle's path; never those of the base.
     #[must_use]
-    pub fn nodes(cloud: &Cloud, top: f64, instrument: &Instrument) -> Vec<u32> {
+    pub fn nodes(points: &[[f64; 3]], faces: &[u8], top: f64, instrument: &Instrument) -> Vec<u32> {
         let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: instrument.slope() };
         let radius = match &instrument.kind {
             InstrumentKind::Plate => f64::INFINITY,
@@ -52,10 +52,10 @@ impl Contact {
         };
         let on_top = !matches!(instrument.kind, InstrumentKind::Needle(_));
         let held = |n: &u32| {
-            let (p, faces) = (cloud.points[*n as usize], cloud.faces[*n as usize]);
+            let (p, faces) = (points[*n as usize], faces[*n as usize]);
             axis.distance(top, p) <= radius * (1.0 + 1e-9) && (!on_top || faces & TOP != 0) && faces & BASE == 0
         };
-        (0..cloud.points.len() as u32).filter(held).collect()
+        (0..points.len() as u32).filter(held).collect()
     }
 
     /// Prescribes the nodes for a tip and returns the phase and what happened.

@@ -74,8 +74,12 @@ pub struct NeedlePath {
     watched: Vec<u32>,
     /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
     inner: Vec<(u32, [u32; 4])>,
+    /// Share of each of these that the needle fills.
+    filled: Vec<f64>,
     /// m; see [`NeedlePath::effective_radius`].
     effective_radius: f64,
+    /// Whether the nodes are those of a half plane, whose radial displacement is no sideways motion.
+    revolved: bool,
     state: Insertion,
 }
 
@@ -111,7 +115,25 @@ impl NeedlePath {
             }
         }
         let effective_radius = (filled / (PI * length)).sqrt();
-        Self { nodes, hold, needle, slope, layer, watched, inner, effective_radius, state }
+        Self {
+            nodes,
+            hold,
+            needle,
+            slope,
+            layer,
+            watched,
+            filled: vec![0.0; inner.len()],
+            inner,
+            effective_radius,
+            revolved: false,
+            state,
+        }
+    }
+
+    /// The same path in a meridian half plane: its nodes are rings, and no ring moves sideways.
+    #[must_use]
+    pub fn revolved(self) -> Self {
+        Self { revolved: true, ..self }
     }
 
     /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
@@ -160,6 +182,8 @@ impl NeedlePath {
 
     pub(super) fn reset(&mut self, solver: &mut Solver) {
         self.release_all(solver);
+        // a solver that is reset has made all of it tissue again
+        self.filled.fill(0.0);
         self.state = Insertion { punctured: false, deepest: 0.0 };
     }
 
@@ -223,6 +247,9 @@ impl NeedlePath {
     /// How far the path's layer of nodes at depth z has been moved sideways off the path, m: its mean lateral
     /// displacement less what motion along the path would make.
     fn layer_shift(&self, z: f64, solver: &Solver) -> [f64; 2] {
+        if self.revolved {
+            return [0.0; 2];
+        }
         let near = 0.25 * self.layer;
         let first = self.nodes.partition_point(|(_, d)| *d < z - near);
         let layer = self.nodes[first..].iter().take_while(|(_, d)| *d <= z + near);
@@ -236,13 +263,17 @@ impl NeedlePath {
     }
 
     /// The needle takes the place of the tissue in the cells that it fills.
-    fn fill(&self, depth: f64, solver: &mut Solver) {
-        for (point, corners) in &self.inner {
+    fn fill(&mut self, depth: f64, solver: &mut Solver) {
+        for ((point, corners), filled) in self.inner.iter().zip(&mut self.filled) {
             let least = corners.iter().map(|&c| match self.hold[c as usize] {
                 Hold::Captured { since, .. } => captured_share(depth, since, WINDOW * self.layer),
                 Hold::Free | Hold::Indented => 0.0,
             });
-            solver.set_active(*point as usize, 1.0 - least.fold(1.0, f64::min));
+            let share = least.fold(1.0, f64::min);
+            if share != *filled {
+                *filled = share;
+                solver.set_active(*point as usize, 1.0 - share);
+            }
         }
     }
 

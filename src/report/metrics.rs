@@ -14,6 +14,8 @@ pub fn metrics_json(run: &Run) -> String {
     let body = json!({
         "scene": run.scene,
         "method": run.method,
+        "dimension": run.dimension,
+        "dimension_because": run.dimension_because,
         "nodes": run.nodes,
         "integration_points": run.integration_points,
         "poses": run.answers.len(),

@@ -112,7 +112,9 @@ pub(super) fn cards(html: &mut String, run: &Run) {
         let rest = format!("{} in all{step}", count(run.steps));
         card(html, "Steps per pose", Some(significant(mean, 3)), "", Some(rest));
     }
-    let points = format!("{}, {} integration points", run.method, count(run.integration_points as u64));
+    let kind = [run.method.as_str(), run.dimension.as_str()].into_iter().filter(|word| !word.is_empty());
+    let kind = kind.collect::<Vec<_>>().join(", ");
+    let points = format!("{kind}, {} integration points", count(run.integration_points as u64));
     card(html, "Nodes", Some(count(run.nodes as u64)), "", Some(points));
     if let Some(radius_m) = run.effective_radius_m {
         let below = "radius that the cloud gives the needle".to_owned();

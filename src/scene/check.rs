@@ -181,17 +181,10 @@ impl Check<'_> {
         if self.scene.discretisation.dimension != Dimension::Axisymmetric {
             return Ok(());
         }
-        let shape = &self.scene.sample.shape;
-        if !matches!(shape, Shape::Cylinder { .. }) {
-            return self.refuse(KEY, format!("a {} is not a body of revolution: use full or auto", shape.as_str()));
+        match self.scene.asymmetry() {
+            Some(reason) => self.refuse(KEY, format!("{reason}: use full or auto")),
+            None => Ok(()),
         }
-        if self.scene.instrument.is_some_and(|i| i.entry.iter().any(|e| e.get() != 0.0)) {
-            return self.refuse(KEY, "the instrument is beside the sample's axis: use full or auto".to_owned());
-        }
-        if self.scene.instrument.is_some_and(|i| i.slope() != [0.0; 2]) {
-            return self.refuse(KEY, "the needle's path is oblique (instrument.tilt_rad): use full or auto".to_owned());
-        }
-        Ok(())
     }
 
     fn stepping(&self) -> Result<(), SceneError> {

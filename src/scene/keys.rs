@@ -206,7 +206,12 @@ pub static KEYS: &[Key] = &[
         "eta: MMLS penalty on the quadratic coefficients, dimensionless (local scaled coordinates).",
     )
     .or("1e-2"),
-    Key::one_of("discretisation.points_per_cell", &[1, 4, 5], "Integration points per tetrahedral cell.").or("1"),
+    Key::one_of(
+        "discretisation.points_per_cell",
+        &[1, 4, 5],
+        "Integration points per tetrahedral cell; a triangle of the half plane then has 3, 6 or 7.",
+    )
+    .or("1"),
     Key::word(
         "discretisation.volume_ratio",
         VolumeRatio::WORDS,

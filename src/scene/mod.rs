@@ -19,6 +19,7 @@ mod parse;
 mod presets;
 mod range;
 pub mod size;
+mod symmetry;
 mod units;
 mod value;
 mod values;
@@ -29,6 +30,7 @@ pub use error::SceneError;
 pub use key::{Key, Kind};
 pub use presets::{PRESETS, Preset};
 pub use range::Range;
+pub use symmetry::Resolved;
 pub use units::{Hertz, KilogramsPerCubicMetre, Metres, MetresPerSecond, Pascals, PoissonRatio, Radians, Seconds};
 pub use value::Value;
 

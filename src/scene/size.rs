@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Grading, InstrumentKind, Metres, Precision, Scene, Shape};
+use super::{Dimension, Grading, InstrumentKind, Metres, Precision, Scene, Shape};
 
 /// Most memory that a scene may ask for, bytes.
 pub const MEMORY_LIMIT: f64 = 8e9;
@@ -15,6 +15,12 @@ const CELLS_PER_NODE: f64 = 5.5;
 const SUPPORT_NODES: f64 = 41.0;
 /// Bytes per node besides the shape table: positions, state, masses, cells, surface, links.
 const BYTES_PER_NODE: f64 = 1000.0;
+/// The same of a half plane: nodes per square of the spacing, support nodes, points per triangle at most, and bytes per
+/// node with its ring of shown points and their tetrahedra.
+const PLANE_PACKING: f64 = 1.2;
+const PLANE_SUPPORT: f64 = 16.0;
+const PLANE_POINTS: f64 = 3.0;
+const PLANE_BYTES: f64 = 15_000.0;
 
 /// Estimated size of a discretisation; within a factor of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +32,7 @@ pub struct Estimate {
 }
 
 impl Scene {
-    /// Estimates nodes and memory; `None` for a mesh, whose file has to be read first ([`Scene::estimate_of`]).
+    /// Estimates nodes of the model and memory; `None` for a mesh, whose file has to be read first ([`Scene::estimate_of`]).
     #[must_use]
     pub fn estimate(&self) -> Option<Estimate> {
         self.discretisation.grading.map(|grading| self.estimate_with(&grading))
@@ -34,6 +40,9 @@ impl Scene {
 
     /// The same with another grading.
     fn estimate_with(&self, grading: &Grading) -> Estimate {
+        if self.dimension().dimension == Dimension::Axisymmetric {
+            return self.estimate_half_plane(grading);
+        }
         let nodes = PACKING * (self.volume() / grading.spacing.get().powi(3) + self.edge_nodes(grading));
         self.estimate_of(nodes, nodes * CELLS_PER_NODE)
     }
@@ -55,6 +64,26 @@ impl Scene {
         };
         // Per support node: an index and three components of the gradient.
         Estimate { nodes, bytes: points * (support * (4.0 + 3.0 * float) + memory) + nodes * BYTES_PER_NODE }
+    }
+
+    /// A half plane: area over the square of the spacing, what the refinement adds, and the body that is shown.
+    fn estimate_half_plane(&self, grading: &Grading) -> Estimate {
+        let (far, edge) = (grading.spacing.get(), grading.spacing.get() * grading.edge_refinement);
+        // round the edge: the integral of pi s / h(s)^2; along the axis: of 1 / h(s)^2, both with h = h_e + g s
+        let round = PI / grading.growth.powi(2) * (far / edge).ln();
+        let along = match self.instrument.map(|i| i.kind) {
+            Some(InstrumentKind::Needle(_)) => self.height() / (grading.growth * edge),
+            _ => 0.0,
+        };
+        let radius = (self.volume() / (PI * self.height())).sqrt();
+        let nodes = PLANE_PACKING * (radius * self.height() / (far * far) + round + along);
+        let float = match self.discretisation.precision {
+            Precision::F32 => 4.0,
+            Precision::F64 => 8.0,
+        };
+        let support = PLANE_SUPPORT * (self.discretisation.support_factor / 1.8).powi(2);
+        let points = 2.0 * nodes * PLANE_POINTS * f64::from(self.discretisation.points_per_cell);
+        Estimate { nodes, bytes: points * support * (4.0 + 3.0 * float) + nodes * PLANE_BYTES }
     }
 
     /// Smallest spacing of a grading that stays within [`MEMORY_LIMIT`].

@@ -4,7 +4,7 @@
 //! buffer; the buffers are then summed node by node in a fixed order. The partition depends on the model alone, so
 //! the result has the same bits for any number of threads, and no atomic is needed.
 
-use crate::approximation::ShapeTable;
+use crate::approximation::{Form, ShapeTable};
 
 use super::dilatation::Dilatation;
 use super::memory::Memory;
@@ -16,8 +16,12 @@ const ENTRIES: usize = 16_384;
 /// A run of integration points with their local shape table and scratch memory.
 #[derive(Clone, Debug)]
 pub struct Block<T> {
-    /// Global index of each local node, ascending.
+    /// Global index of each local node, ascending; then the nodes whose images beyond the axis the block uses.
     pub nodes: Vec<u32>,
+    /// Number of local nodes that are no images.
+    pub originals: usize,
+    /// What the shape table describes.
+    pub form: Form,
     /// Offsets into `local` and `gradient`, one more than points.
     pub start: Vec<u32>,
     /// Local index of each support node.
@@ -28,7 +32,8 @@ pub struct Block<T> {
     pub volume: Vec<T>,
     /// Share of each point that is tissue: 1, or less where a needle fills its cell.
     pub active: Vec<T>,
-    /// Local indices of the corners of the point's cell: the nodes that share its volume ratio.
+    /// Local indices of the corners of the point's cell: the nodes that share its volume ratio. A triangle repeats its
+    /// last.
     pub corners: Vec<[u16; 4]>,
     /// First point of the block in the shape table.
     pub first_point: usize,
@@ -44,7 +49,7 @@ pub struct Block<T> {
     pub u: Vec<[T; 4]>,
     /// Deformation gradient of each point, by columns: d x / d X_k, each padded to four lanes.
     pub deformation: Vec<[[T; 4]; 3]>,
-    /// Sum over the block's points of V (J - 1) / 4 at each local node, m^3.
+    /// Sum over the block's points of V (J - 1) over the number of corners, at each local node, m^3.
     pub dilation: Vec<T>,
     /// Sum over the block's nodes of N_aP times `dilation`, m^3.
     pub coarse_dilation: Vec<f64>,
@@ -70,9 +75,9 @@ pub struct Shares {
 }
 
 impl<T: Real> Block<T> {
-    /// Cuts a shape table into blocks.
+    /// Cuts a shape table of `count` nodes into blocks.
     #[must_use]
-    pub fn partition(table: &ShapeTable, cells: &[[u32; 4]], dilatation: &Dilatation) -> Vec<Self> {
+    pub fn partition(table: &ShapeTable, cells: &[[u32; 4]], count: usize, dilatation: &Dilatation) -> Vec<Self> {
         let points = table.volume.len();
         let mut blocks = Vec::new();
         let mut first = 0;
@@ -81,13 +86,20 @@ impl<T: Real> Block<T> {
             while last < points && (table.start[last + 1] - table.start[first]) as usize <= ENTRIES {
                 last += 1;
             }
-            blocks.push(Self::new(table, cells, dilatation, first, last));
+            blocks.push(Self::new(table, cells, count, dilatation, first, last));
             first = last;
         }
         blocks
     }
 
-    fn new(table: &ShapeTable, cells: &[[u32; 4]], dilatation: &Dilatation, first: usize, last: usize) -> Self {
+    fn new(
+        table: &ShapeTable,
+        cells: &[[u32; 4]],
+        count: usize,
+        dilatation: &Dilatation,
+        first: usize,
+        last: usize,
+    ) -> Self {
         let entries = table.start[first] as usize..table.start[last] as usize;
         let corners = |p: usize| cells[table.cell[p] as usize];
         let nodes = ascending(table.nodes[entries.clone()].iter().copied().chain((first..last).flat_map(corners)));
@@ -105,14 +117,22 @@ impl<T: Real> Block<T> {
             coarse_value.extend_from_slice(v);
             coarse_start.push(coarse_local.len() as u32);
         }
+        // entries beyond the last node are images
+        let originals = nodes.partition_point(|&n| (n as usize) < count);
+        let form = table.form;
+        let local = table.nodes[entries.clone()].iter().map(|&n| position(&nodes, n)).collect();
+        let corners = (first..last).map(|p| corners(p).map(|n| position(&nodes, n))).collect();
+        let nodes: Vec<u32> = nodes.into_iter().map(|n| n % count as u32).collect();
         let count = nodes.len();
         Self {
+            originals,
+            form,
             start: (first..=last).map(|p| table.start[p] - table.start[first]).collect(),
-            local: table.nodes[entries.clone()].iter().map(|&n| position(&nodes, n)).collect(),
+            local,
             gradient: table.gradient[entries].iter().map(|g| g.map(T::of)).collect(),
             volume: table.volume[first..last].iter().map(|&v| T::of(v)).collect(),
             active: vec![T::of(1.0); last - first],
-            corners: (first..last).map(|p| corners(p).map(|n| position(&nodes, n))).collect(),
+            corners,
             first_point: first,
             coarse_start,
             coarse_local,

@@ -5,7 +5,7 @@
 //! so, as in a Taylor-Hood element; between coarse nodes it is approximated by moving least squares N_aP:
 //!
 //! ```text
-//! J_a = sum_g V_g J_g / (4 V_a)        over the integration points of the cells of node a
+//! J_a = sum_g V_g J_g / (4 V_a)        over the integration points of the cells of node a (3 V_a for triangles)
 //! J_P = sum_a V_a N_aP J_a / V_P       V_P = sum_a V_a N_aP
 //! W_vol = sum_P V_P (kappa - kappa_s) u(J_P) + sum_g V_g kappa_s w(J_g),     w(J) = (J - 1)^2 / 2 (1 + (J_0/J)^4)
 //! p_g = mean over the cell's corners a of sum_P N_aP (kappa - kappa_s) u'(J_P)  +  kappa_s w'(J_g)
@@ -20,7 +20,9 @@
 
 use rayon::prelude::*;
 
-use crate::approximation::mls::{Basis, Fit};
+use crate::approximation::Form;
+use crate::approximation::axisymmetric::MirroredSupports;
+use crate::approximation::mls::{Basis, Fit, Neighbour};
 use crate::approximation::support::{Supports, distance, radii};
 
 /// Distance between coarse nodes over the spacing of the cloud there.
@@ -48,18 +50,21 @@ pub struct Dilatation {
 impl Dilatation {
     /// Chooses coarse nodes greedily in node order (deterministic) and fits N_aP.
     #[must_use]
-    pub fn projected(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Self {
-        let spacing = radii(points, cells, 1.0);
+    pub fn projected(points: &[[f64; 3]], cells: &[[u32; 4]], form: Form) -> Self {
+        let spacing = match form {
+            Form::Full => radii(points, cells, 1.0),
+            Form::Axisymmetric => {
+                let triangles: Vec<[u32; 3]> = cells.iter().map(|&[a, b, c, _]| [a, b, c]).collect();
+                radii(points, &triangles, 1.0)
+            }
+        };
         let coarse = coarse_nodes(points, &spacing);
         let at: Vec<[f64; 3]> = coarse.iter().map(|&c| points[c as usize]).collect();
         let mut rows: Vec<Option<Row>> = vec![None; points.len()];
         let mut reach = REACH * COARSENING;
         while rows.iter().any(Option::is_none) {
-            let supports = Supports::new(
-                &at,
-                coarse.iter().map(|&c| reach * spacing[c as usize]).collect(),
-                vec![false; at.len()],
-            );
+            let reaches = coarse.iter().map(|&c| reach * spacing[c as usize]).collect();
+            let supports = Nodes::new(&at, reaches, form);
             // A sample smaller than a few coarse spacings determines no linear fit: the mean keeps the partition of unity.
             let last = reach > WIDEST;
             rows.par_iter_mut().zip(points).filter(|(row, _)| row.is_none()).for_each(|(row, &x)| {
@@ -97,14 +102,47 @@ impl Dilatation {
 
 type Row = (Vec<u32>, Vec<f64>);
 
+/// The coarse nodes; those of a half plane with their images beyond the axis, since pressure is even in r.
+enum Nodes {
+    Full(Supports),
+    Axisymmetric(MirroredSupports),
+}
+
+impl Nodes {
+    fn new(at: &[[f64; 3]], reaches: Vec<f64>, form: Form) -> Self {
+        let weights = vec![false; at.len()];
+        match form {
+            Form::Full => Self::Full(Supports::new(at, reaches, weights)),
+            Form::Axisymmetric => Self::Axisymmetric(MirroredSupports::new(at, &reaches, &weights)),
+        }
+    }
+
+    /// Nodes round x in `out`, and their linear fit if there is one.
+    fn fit(&self, x: [f64; 3], out: &mut Vec<Neighbour>) -> Option<Vec<f64>> {
+        let mut fit = Fit::default();
+        let done = match self {
+            Self::Full(supports) => {
+                supports.at(x, out);
+                out.len() > 4 && fit.evaluate(out, Basis::Linear, false).is_ok()
+            }
+            Self::Axisymmetric(supports) => {
+                supports.at(x, out);
+                let done = out.len() > 3 && fit.evaluate_in_plane(out, Basis::Linear, false).is_ok();
+                out.iter_mut().for_each(|n| n.node = supports.node(n.node).0);
+                done
+            }
+        };
+        done.then_some(fit.value)
+    }
+}
+
 /// Linear fit of the coarse nodes round x, or their weighted mean if that must do.
-fn fit(supports: &Supports, x: [f64; 3], mean: bool) -> Option<Row> {
+fn fit(supports: &Nodes, x: [f64; 3], mean: bool) -> Option<Row> {
     let mut neighbours = Vec::new();
-    let mut fit = Fit::default();
-    supports.at(x, &mut neighbours);
+    let fitted = supports.fit(x, &mut neighbours);
     let nodes = || neighbours.iter().map(|n| n.node).collect();
-    if neighbours.len() > 4 && fit.evaluate(&neighbours, Basis::Linear, false).is_ok() {
-        return Some((nodes(), fit.value));
+    if let Some(value) = fitted {
+        return Some((nodes(), value));
     }
     let total: f64 = neighbours.iter().map(|n| n.weight.0).sum();
     (mean && total > 0.0).then(|| (nodes(), neighbours.iter().map(|n| n.weight.0 / total).collect()))

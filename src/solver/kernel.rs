@@ -8,7 +8,7 @@
 //! Pass 2 is the exact derivative of the energy that pass 1 defines (see [`super::dilatation`]), so the force is
 //! conservative. With the pointwise volume ratio p = kappa u'(J_g) and the coarse nodes are idle.
 
-use crate::approximation::ShapeTable;
+use crate::approximation::{Form, ShapeTable};
 use crate::material::neo_hookean::{cofactor, determinant};
 use crate::material::{Law, Volumetric};
 use crate::scene::VolumeRatio;
@@ -19,6 +19,12 @@ use super::memory::Memory;
 use super::points::{Constants, PointLaw, Relaxing};
 use super::pool::{Dealt, Team};
 use super::real::Real;
+
+/// Points whose law is evaluated before their stress is spread.
+const RUN: usize = 16;
+
+/// Columns of F = I.
+const UNDEFORMED: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// Nodes per share of the final sum.
 pub const NODES_PER_DEAL: usize = 256;
@@ -65,18 +71,22 @@ impl<T: Real> Kernel<T> {
         let nodes = points.len();
         let (mu, kappa) = (law.shear_modulus(), law.bulk_modulus);
         let (dilatation, pointwise) = match volume_ratio {
-            VolumeRatio::Projected => (Dilatation::projected(points, cells), kappa.min(POINTWISE_BULK * mu)),
+            VolumeRatio::Projected => {
+                (Dilatation::projected(points, cells, table.form), kappa.min(POINTWISE_BULK * mu))
+            }
             VolumeRatio::Averaged => (Dilatation::nodal(nodes), 0.0),
             VolumeRatio::Pointwise => (Dilatation { start: vec![0; nodes + 1], ..Dilatation::default() }, kappa),
         };
-        let mut blocks = Block::partition(table, cells, &dilatation);
+        let mut blocks = Block::partition(table, cells, nodes, &dilatation);
         blocks.iter_mut().for_each(|b| b.memory = Memory::new(&law.prony, b.volume.len()));
         let mut coarse_volume = vec![0.0; dilatation.count];
+        let corners = table.form.corners();
+        let share = 1.0 / corners as f64;
         for (p, v) in table.volume.iter().enumerate() {
-            for n in cells[table.cell[p] as usize] {
-                let (coarse, value) = dilatation.of_node(n as usize);
+            for n in &cells[table.cell[p] as usize][..corners] {
+                let (coarse, value) = dilatation.of_node(*n as usize);
                 for (c, x) in coarse.iter().zip(value) {
-                    coarse_volume[*c as usize] += 0.25 * v * x;
+                    coarse_volume[*c as usize] += share * v * x;
                 }
             }
         }
@@ -224,6 +234,19 @@ impl<T: Real> Parts<'_, T> {
     }
 }
 
+/// The hoop strain of an axisymmetric field, sum_j u_r phi_j / r, comes out of the gather in the radial row; here it
+/// takes its place on the diagonal. What shears the hoop direction is zero.
+#[inline(always)]
+fn hoop_to_diagonal<T: Real>(columns: &mut [[T; 4]; 3]) {
+    columns[1] = [T::default(), columns[1][0], T::default(), T::default()];
+}
+
+/// And back: the hoop stress pushes its nodes outwards.
+#[inline(always)]
+fn hoop_to_radius<T: Real>(columns: &mut [[T; 4]; 3]) {
+    columns[1] = [columns[1][1], T::default(), T::default(), T::default()];
+}
+
 /// Row-major F from its columns.
 #[inline(always)]
 pub(super) fn gradient<T: Real>(columns: &[[T; 4]; 3]) -> [T; 9] {
@@ -236,9 +259,14 @@ impl<T: Real> Block<T> {
         // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
         // whole sample costs no digits in single precision.
         let origin = u[self.nodes[0] as usize];
-        for (local, &n) in self.u.iter_mut().zip(&self.nodes) {
-            let u = u[n as usize];
-            *local = [T::of(u[0] - origin[0]), T::of(u[1] - origin[1]), T::of(u[2] - origin[2]), T::default()];
+        match self.form {
+            Form::Full => {
+                for (local, &n) in self.u.iter_mut().zip(&self.nodes) {
+                    let u = u[n as usize];
+                    *local = [T::of(u[0] - origin[0]), T::of(u[1] - origin[1]), T::of(u[2] - origin[2]), T::default()];
+                }
+            }
+            Form::Axisymmetric => self.copy_meridian(u, origin[2]),
         }
         self.dilation.fill(T::default());
         T::dispatch_deform(self);
@@ -253,15 +281,32 @@ impl<T: Real> Block<T> {
         }
     }
 
+    /// Displacements of nodes and images of a half plane: only a motion along the axis is rigid, so u_r stays absolute.
+    fn copy_meridian(&mut self, u: &[[f64; 3]], origin: f64) {
+        for (l, (local, &n)) in self.u.iter_mut().zip(&self.nodes).enumerate() {
+            let [radial, _, axial] = u[n as usize];
+            let radial = if l < self.originals { radial } else { -radial };
+            *local = [T::of(radial), T::default(), T::of(axial - origin), T::default()];
+        }
+    }
+
     /// The loop over points of pass 1.
     #[inline(always)]
-    pub(super) fn deform_points(&mut self) {
+    pub(super) fn deform_points<const AXISYMMETRIC: bool>(&mut self) {
         let one = T::of(1.0);
-        let quarter = T::of(0.25);
+        let share_of_corner = if AXISYMMETRIC { T::of(1.0 / 3.0) } else { T::of(0.25) };
         let mut min = T::of(f64::MAX);
         for p in 0..self.volume.len() {
+            if AXISYMMETRIC && self.active[p] == T::default() {
+                // the needle's, not the tissue's: nothing reads it but what is shown
+                self.deformation[p] = UNDEFORMED.map(|column| column.map(T::of));
+                continue;
+            }
             let range = self.start[p] as usize..self.start[p + 1] as usize;
             let mut columns = T::gather(&self.local[range.clone()], &self.gradient[range], &self.u);
+            if AXISYMMETRIC {
+                hoop_to_diagonal(&mut columns);
+            }
             for k in 0..3 {
                 columns[k][k] += one;
             }
@@ -271,8 +316,8 @@ impl<T: Real> Block<T> {
             let active = self.active[p];
             // a NaN does not survive this comparison; the energy of pass 2 keeps it
             min = if j < min && active > T::default() { j } else { min };
-            let share = quarter * active * self.volume[p] * (j - one);
-            for c in self.corners[p] {
+            let share = share_of_corner * active * self.volume[p] * (j - one);
+            for &c in &self.corners[p][..if AXISYMMETRIC { 3 } else { 4 }] {
                 self.dilation[c as usize] += share;
             }
         }
@@ -295,36 +340,57 @@ impl<T: Real> Block<T> {
         self.force.fill([T::default(); 4]);
         // the usual law has a loop of its own, with no choices in it
         if let Some(plain) = constants.plain() {
-            return T::dispatch_stress(self, &plain);
+            T::dispatch_stress(self, &plain);
+        } else {
+            let memory = std::mem::take(&mut self.memory);
+            T::dispatch_stress(self, &Relaxing { constants, memory: &memory });
+            self.energy += memory.offset;
+            self.memory = memory;
         }
-        let memory = std::mem::take(&mut self.memory);
-        T::dispatch_stress(self, &Relaxing { constants, memory: &memory });
-        self.energy += memory.offset;
-        self.memory = memory;
+        // what pulls an image outwards pulls its node the other way
+        for force in &mut self.force[self.originals..] {
+            force[0] = -force[0];
+        }
     }
 
     #[inline(always)]
     pub(super) fn projected_pressure(&self, p: usize) -> T {
         let c = self.corners[p].map(|c| self.pressure[c as usize]);
-        T::of(0.25) * ((c[0] + c[1]) + (c[2] + c[3]))
+        match self.form {
+            Form::Full => T::of(0.25) * ((c[0] + c[1]) + (c[2] + c[3])),
+            Form::Axisymmetric => T::of(1.0 / 3.0) * ((c[0] + c[1]) + c[2]),
+        }
     }
 
-    /// The loop over points of pass 2.
+    /// The loop over points of pass 2, in runs: the law of one point waits for itself most of the time, so those of a run
+    /// are evaluated side by side before their stress is spread.
     #[inline(always)]
-    pub(super) fn stress_points<L: PointLaw<T>>(&mut self, law: &L) {
+    pub(super) fn stress_points<L: PointLaw<T>, const AXISYMMETRIC: bool>(&mut self, law: &L) {
         let mut energy = T::default();
-        for p in 0..self.volume.len() {
-            let volume = self.active[p] * self.volume[p];
-            if volume == T::default() {
-                continue;
+        let mut stress = [[[T::default(); 4]; 3]; RUN];
+        let count = self.volume.len();
+        for first in (0..count).step_by(RUN) {
+            let run = first..(first + RUN).min(count);
+            for (columns, p) in stress.iter_mut().zip(run.clone()) {
+                let volume = self.active[p] * self.volume[p];
+                if volume == T::default() {
+                    continue;
+                }
+                let f = gradient(&self.deformation[p]);
+                let (density, s) = law.at(p, &f, self.projected_pressure(p));
+                energy += volume * density;
+                *columns = std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
+                if AXISYMMETRIC {
+                    hoop_to_radius(columns);
+                }
             }
-            let f = gradient(&self.deformation[p]);
-            let (density, s) = law.at(p, &f, self.projected_pressure(p));
-            energy += volume * density;
-            let columns: [[T; 4]; 3] =
-                std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
-            let range = self.start[p] as usize..self.start[p + 1] as usize;
-            T::scatter(&self.local[range.clone()], &self.gradient[range], &columns, &mut self.force);
+            for (columns, p) in stress.iter().zip(run) {
+                if self.active[p] * self.volume[p] == T::default() {
+                    continue;
+                }
+                let range = self.start[p] as usize..self.start[p + 1] as usize;
+                T::scatter(&self.local[range.clone()], &self.gradient[range], columns, &mut self.force);
+            }
         }
         self.energy = energy.get();
     }

@@ -52,13 +52,14 @@ impl<T: Real> Parts<'_, T> {
     fn bound(&self, team: &Team) {
         let constants = &self.kernel.constants;
         // SAFETY: each block is claimed by one thread.
-        team.claim(self.blocks.len(), |b| unsafe { self.blocks.get(b) }.bound(constants));
+        team.claim(self.blocks.len(), |b| T::dispatch_bound(unsafe { self.blocks.get(b) }, constants));
         team.barrier();
     }
 }
 
 impl<T: Real> Block<T> {
-    fn bound(&mut self, constants: &Constants) {
+    #[inline(always)]
+    pub(super) fn bound_points(&mut self, constants: &Constants) {
         self.force.fill([T::default(); 4]);
         for p in 0..self.volume.len() {
             let range = self.start[p] as usize..self.start[p + 1] as usize;
@@ -73,8 +74,10 @@ impl<T: Real> Block<T> {
     }
 }
 
-/// Rayleigh quotient of the sway mode u_x = sin(pi z / 2 H) of a body that stands on its base: the slowest mode there
-/// is, up to the shape of the section. omega^2 = mu V (pi / 2 H)^2 / 2 / sum_j m_j sin^2.
+/// Rayleigh quotient of the slowest mode of a body that stands on its base, up to the shape of the section:
+/// omega^2 = G V (pi / 2 H)^2 / 2 / sum_j m_j sin^2(pi z_j / 2 H). In space it is the sway u_x = sin(pi z / 2 H), with G
+/// the shear modulus; a body that keeps its symmetry of revolution can't sway, and its slowest mode is the stretch
+/// u_z = sin(pi z / 2 H), with Young's modulus for G.
 #[derive(Clone, Debug)]
 pub(super) struct Sway {
     /// H, m.
@@ -86,12 +89,12 @@ pub(super) struct Sway {
 }
 
 impl Sway {
-    pub fn new(points: &[[f64; 3]], volume: f64, mu: f64) -> Self {
+    pub fn new(points: &[[f64; 3]], volume: f64, modulus: f64) -> Self {
         let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
         let k = std::f64::consts::FRAC_PI_2 / height;
         Self {
             height,
-            stiffness: 0.5 * mu * volume * k * k,
+            stiffness: 0.5 * modulus * volume * k * k,
             square: points.iter().map(|p| (k * p[2]).sin().powi(2)).collect(),
         }
     }

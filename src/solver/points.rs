@@ -8,7 +8,7 @@ use super::real::Real;
 
 /// Material and how its bulk modulus is shared out.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Constants {
+pub struct Constants {
     pub law: Law,
     /// Bulk modulus of the projected part, Pa; 0 with the pointwise volume ratio.
     pub projected: f64,
@@ -20,7 +20,7 @@ pub(super) struct Constants {
 
 impl Constants {
     /// The constants of the neo-Hookean law with quadratic volumetric energy and no relaxation, if it is that.
-    pub fn plain<T: Real>(&self) -> Option<NeoHookean<T>> {
+    pub(super) fn plain<T: Real>(&self) -> Option<NeoHookean<T>> {
         match self.law {
             Law {
                 distortional: Distortional::NeoHookean { shear_modulus },

@@ -4,7 +4,8 @@ use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 use super::block::Block;
-use super::points::PointLaw;
+use super::points::{Constants, PointLaw};
+use crate::approximation::Form;
 
 /// What the kernel needs of a floating-point type.
 pub trait Real:
@@ -40,20 +41,28 @@ pub trait Real:
     fn dispatch_deform(block: &mut Block<Self>);
     /// `Block::stress_points` compiled for this machine.
     fn dispatch_stress<L: PointLaw<Self>>(block: &mut Block<Self>, law: &L);
+    /// `Block::bound_points` compiled for this machine.
+    fn dispatch_bound(block: &mut Block<Self>, constants: &Constants);
 }
 
 macro_rules! real {
-    ($t:ty, $iterations:literal, $deform:ident, $stress:ident, $($loops:item),*) => {
+    ($t:ty, $iterations:literal, $deform:ident, $stress:ident, $bound:ident, $($loops:item),*) => {
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        fn $deform(block: &mut Block<$t>) {
-            block.deform_points();
+        fn $deform<const AXISYMMETRIC: bool>(block: &mut Block<$t>) {
+            block.deform_points::<AXISYMMETRIC>();
         }
 
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
-        fn $stress<L: PointLaw<$t>>(block: &mut Block<$t>, law: &L) {
-            block.stress_points(law);
+        fn $stress<L: PointLaw<$t>, const AXISYMMETRIC: bool>(block: &mut Block<$t>, law: &L) {
+            block.stress_points::<L, AXISYMMETRIC>(law);
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,fma")]
+        fn $bound(block: &mut Block<$t>, constants: &Constants) {
+            block.bound_points(constants);
         }
 
         impl Real for $t {
@@ -87,17 +96,41 @@ macro_rules! real {
                 #[cfg(target_arch = "x86_64")]
                 if has_fma() {
                     // SAFETY: the processor has both features.
-                    return unsafe { $deform(block) };
+                    return unsafe {
+                        match block.form {
+                            Form::Full => $deform::<false>(block),
+                            Form::Axisymmetric => $deform::<true>(block),
+                        }
+                    };
                 }
-                block.deform_points();
+                match block.form {
+                    Form::Full => block.deform_points::<false>(),
+                    Form::Axisymmetric => block.deform_points::<true>(),
+                }
             }
             fn dispatch_stress<L: PointLaw<Self>>(block: &mut Block<Self>, law: &L) {
                 #[cfg(target_arch = "x86_64")]
                 if has_fma() {
                     // SAFETY: the processor has both features.
-                    return unsafe { $stress(block, law) };
+                    return unsafe {
+                        match block.form {
+                            Form::Full => $stress::<L, false>(block, law),
+                            Form::Axisymmetric => $stress::<L, true>(block, law),
+                        }
+                    };
                 }
-                block.stress_points(law);
+                match block.form {
+                    Form::Full => block.stress_points::<L, false>(law),
+                    Form::Axisymmetric => block.stress_points::<L, true>(law),
+                }
+            }
+            fn dispatch_bound(block: &mut Block<Self>, constants: &Constants) {
+                #[cfg(target_arch = "x86_64")]
+                if has_fma() {
+                    // SAFETY: the processor has both features.
+                    return unsafe { $bound(block, constants) };
+                }
+                block.bound_points(constants);
             }
         }
     };
@@ -121,6 +154,7 @@ real!(
     3,
     deform_f32,
     stress_f32,
+    bound_f32,
     #[inline(always)]
     fn gather(local: &[u16], gradient: &[[f32; 3]], u: &[[f32; 4]]) -> [[f32; 4]; 3] {
         #[cfg(target_arch = "x86_64")]
@@ -145,6 +179,7 @@ real!(
     4,
     deform_f64,
     stress_f64,
+    bound_f64,
     #[inline(always)]
     fn gather(local: &[u16], gradient: &[[f64; 3]], u: &[[f64; 4]]) -> [[f64; 4]; 3] {
         super::kernel::gather(local, gradient, u)

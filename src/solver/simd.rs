@@ -11,6 +11,7 @@ use std::arch::x86_64::{
 /// The processor must have AVX2 and FMA; every index in `local` must be below `u.len()`, and `gradient` must be as long
 /// as `local`.
 #[target_feature(enable = "avx2,fma")]
+#[inline]
 pub unsafe fn gather(local: &[u16], gradient: &[[f32; 3]], u: &[[f32; 4]]) -> [[f32; 4]; 3] {
     let mut sets = [[_mm_setzero_ps(); 3]; 2];
     // SAFETY: `i < local.len()` throughout; indices are in bounds by the caller's promise.
@@ -44,6 +45,7 @@ pub unsafe fn gather(local: &[u16], gradient: &[[f32; 3]], u: &[[f32; 4]]) -> [[
 /// # Safety
 /// As [`gather`], with `force` in the place of `u`.
 #[target_feature(enable = "avx2,fma")]
+#[inline]
 pub unsafe fn scatter(local: &[u16], gradient: &[[f32; 3]], columns: &[[f32; 4]; 3], force: &mut [[f32; 4]]) {
     // SAFETY: as in `gather`.
     unsafe {

@@ -4,7 +4,7 @@
 //! largest eigenvalue of M^-1 K is (2 f)^2, f being the step factor (Joldes, Wittek, Miller 2012). Every point gets
 //! mass in proportion to its own bound, so fine and coarse, crushed and relaxed regions share one critical step.
 
-use crate::approximation::ShapeTable;
+use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 use crate::scene::{Precision, VolumeRatio};
 
@@ -114,6 +114,8 @@ impl State {
 #[derive(Debug)]
 pub struct Solver {
     pub(super) kernel: AnyKernel,
+    /// What the shape table describes.
+    pub(super) form: Form,
     pub(super) pool: Pool,
     pub(super) state: State,
     pub(super) saved: State,
@@ -155,14 +157,24 @@ impl Solver {
             Precision::F64 => AnyKernel::F64(Kernel::new(table, cells, points, law, ratio)),
         };
         let nodes = points.len();
+        let mu = law.shear_modulus();
+        let (modulus, threads) = match table.form {
+            Form::Full => (mu, settings.threads),
+            // Blocks are what threads share, and a half plane has one or a few.
+            Form::Axisymmetric => {
+                let blocks = with_kernel!(&kernel, k => k.blocks.len());
+                (9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu), settings.threads.min(blocks))
+            }
+        };
         let mut solver = Self {
             kernel,
-            pool: Pool::new(settings.threads),
+            form: table.form,
+            pool: Pool::new(threads),
             state: State::new(nodes),
             saved: State::new(nodes),
             mass: vec![0.0; nodes],
             mass_scale: 1.0,
-            sway: Sway::new(points, table.volume.iter().sum(), law.shear_modulus()),
+            sway: Sway::new(points, table.volume.iter().sum(), modulus),
             path: vec![Path::default(); nodes],
             first_probe: (Vec::new(), 0.0),
             probe: noise(&role),

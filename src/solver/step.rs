@@ -10,6 +10,8 @@
 //! tissue neither overshoots nor has to be set in motion again. t is learnt on the way at a rate a below the slowest frequency, as a least-mean-squares filter: t += a q d / (d^2 + e^2), so that steps with next to no
 //! travel teach next to nothing. c is critical for the slowest mode.
 
+use crate::approximation::Form;
+
 use super::kernel::{NODES_PER_DEAL, Parts};
 use super::pool::{Dealt, Team};
 use super::real::Real;
@@ -118,6 +120,10 @@ impl Solver {
                         0.5 * self.mass[i] * self.state.mass_factor * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
                 }
             }
+        }
+        if self.form == Form::Axisymmetric {
+            // the radial forces round a ring cancel
+            (b.instrument[0], b.base[0]) = (0.0, 0.0);
         }
         b
     }

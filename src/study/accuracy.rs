@@ -147,7 +147,9 @@ impl Case {
             }
             _ => ("discretisation.spacing_m", self.spacing * far),
         };
+        // the study is of clouds in space, where a scene of its own accord takes the least model
         let mut keys = vec![
+            Override::text("discretisation.dimension", "full", "study"),
             Override::text(key, &value.to_string(), "study"),
             Override::text("motion.depth_m", &format!("{}", self.depth_m), "study"),
             Override::text("stepping.tolerance", TOLERANCE, "study"),

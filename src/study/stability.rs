@@ -42,7 +42,7 @@ pub const METHODS: [Method; 6] = [
     method("tet4, no cure", "tet4", "pointwise"),
 ];
 
-/// A property and the value that it is changed to; everything else is as in the base column.
+/// A property and the value that it is changed to; everything else is as in `BASE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// Group of columns in the map.
@@ -58,9 +58,11 @@ const fn change(group: &'static str, label: &'static str, key: &'static str, val
 }
 
 /// What every run starts from, beside the preset: Poisson's ratio 0.49, support factor 1.8, step factor 0.9.
-const BASE: [(&str, &str); 2] = [(SPACING, "0.00304"), (SPEED, "0.004")];
+const BASE: [(&str, &str); 3] = [SPACE, (SPACING, "0.00304"), (SPEED, "0.004")];
 /// The same for the quick form.
-const QUICK_BASE: [(&str, &str); 2] = [(SPACING, "0.0042"), (SPEED, "0.004")];
+const QUICK_BASE: [(&str, &str); 3] = [SPACE, (SPACING, "0.0042"), (SPEED, "0.004")];
+/// The study is of methods in three dimensions.
+const SPACE: (&str, &str) = ("discretisation.dimension", "full");
 const NU: &str = "material.poisson_ratio";
 const SPACING: &str = "discretisation.spacing_m";
 const SUPPORT: &str = "discretisation.support_factor";
@@ -94,7 +96,7 @@ pub struct Case {
     pub change: Change,
     /// Where it ends if nothing fails, m.
     pub deepest_m: f64,
-    base: [(&'static str, &'static str); 2],
+    base: [(&'static str, &'static str); 3],
 }
 
 /// Why a run ended.

@@ -13,6 +13,8 @@ const PATH_MARGIN: f64 = 1.0;
 pub const PATH_SPACING: f64 = 0.5;
 /// A contact ring has at least this many nodes along its radius's worth of arc.
 const RING_SPACING: f64 = 0.15;
+/// Spacing at an edge of contact in a half plane over that in space.
+const POINT_REFINEMENT: f64 = 0.5;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
@@ -59,36 +61,68 @@ impl Body {
 }
 
 fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, BuildError> {
-    let far = grading.spacing.get().min(domain.half_thickness());
-    let edge = far * grading.edge_refinement;
+    let layout = Layout::new(scene, domain, grading);
     let height = domain.height();
-    let mut reach = height;
-    let mut features = Vec::new();
-    if let Some(instrument) = &scene.instrument {
-        let centre = instrument.entry.map(|m| m.get());
-        let axis = Axis { entry: centre, slope: instrument.slope() };
-        match &instrument.kind {
-            InstrumentKind::Plate => {
-                features.extend([true, false].map(|top| Feature::Rim { top, spacing: edge }));
-            }
-            InstrumentKind::Indenter { diameter } => {
-                let radius = 0.5 * diameter.get();
-                features.push(Feature::ContactRing { centre, radius, spacing: edge.min(RING_SPACING * radius) });
-            }
-            InstrumentKind::Needle(needle) => {
-                let capture_radius = needle.capture_radius.get();
-                let spacing = edge.min(PATH_SPACING * capture_radius);
-                let floor = height * axis.secant() - 2.0 * spacing;
-                let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
-                let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
-                reach = length;
-                features.push(Feature::Path { axis, capture_radius, length, spacing });
+    let cloud = cloud::generate(domain, &layout.spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
+    let nodes = |i| Contact::nodes(&cloud.points, &cloud.faces, height, i);
+    let held = scene.instrument.as_ref().map_or_else(Vec::new, nodes);
+    Ok(Body { cloud, top: height, height, reach: layout.reach, held, layer: layout.layer(), warnings: Vec::new() })
+}
+
+/// How the nodes of a generated body lie, in space or in a half plane.
+pub(super) struct Layout {
+    /// Spacing, with the features that the instrument asks for.
+    pub spacing: Spacing,
+    /// Deepest pose that such a cloud can take, m.
+    pub reach: f64,
+}
+
+impl Layout {
+    /// Spacing in space.
+    pub fn new(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
+        Self::refined(scene, domain, grading, 1.0)
+    }
+
+    /// Spacing in the half plane, where an edge of contact is a point: twice as fine costs next to nothing there.
+    pub fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
+        Self::refined(scene, domain, grading, POINT_REFINEMENT)
+    }
+
+    /// `point`: spacing at edges of contact over what the scene asks for.
+    fn refined(scene: &Scene, domain: &Domain, grading: &Grading, point: f64) -> Self {
+        let far = grading.spacing.get().min(domain.half_thickness());
+        let edge = far * grading.edge_refinement;
+        let height = domain.height();
+        let mut reach = height;
+        let mut features = Vec::new();
+        if let Some(instrument) = &scene.instrument {
+            let centre = instrument.entry.map(|m| m.get());
+            let axis = Axis { entry: centre, slope: instrument.slope() };
+            match &instrument.kind {
+                InstrumentKind::Plate => {
+                    features.extend([true, false].map(|top| Feature::Rim { top, spacing: point * edge }));
+                }
+                InstrumentKind::Indenter { diameter } => {
+                    let radius = 0.5 * diameter.get();
+                    let spacing = point * edge.min(RING_SPACING * radius);
+                    features.push(Feature::ContactRing { centre, radius, spacing });
+                }
+                InstrumentKind::Needle(needle) => {
+                    let capture_radius = needle.capture_radius.get();
+                    let spacing = edge.min(PATH_SPACING * capture_radius);
+                    let floor = height * axis.secant() - 2.0 * spacing;
+                    let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
+                    let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
+                    reach = length;
+                    features.push(Feature::Path { axis, capture_radius, length, spacing });
+                }
             }
         }
+        Self { spacing: Spacing { far, growth: grading.growth, features }, reach }
     }
-    let spacing = Spacing { far, growth: grading.growth, features };
-    let cloud = cloud::generate(domain, &spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
-    let held = scene.instrument.as_ref().map_or_else(Vec::new, |i| Contact::nodes(&cloud, height, i));
-    let layer = spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0);
-    Ok(Body { cloud, top: height, height, reach, held, layer, warnings: Vec::new() })
+
+    /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle.
+    pub fn layer(&self) -> f64 {
+        self.spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0)
+    }
 }

@@ -8,7 +8,22 @@ use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene};
 use crate::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
-use super::{Body, BuildError, Phase, Twin};
+use super::tissue::{Cells, Fields, Tissue};
+use super::{Body, BuildError, Phase, Twin, axisymmetric};
+
+/// What a model brings to the twin.
+pub(super) struct Built {
+    pub solver: Solver,
+    pub contact: Option<Contact>,
+    pub tissue: Tissue,
+    /// z of the undeformed surface where the instrument meets it, m.
+    pub top: f64,
+    /// Height of the body under that, m.
+    pub height: f64,
+    /// Deepest pose that the cloud can take, m.
+    pub reach: f64,
+    pub warnings: Vec<String>,
+}
 
 impl Twin {
     /// Builds cloud, shape functions and masses for a scene, on as many threads as the present rayon pool has.
@@ -16,37 +31,22 @@ impl Twin {
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
-        if scene.discretisation.dimension == Dimension::Axisymmetric {
-            return Err(BuildError::Unsupported {
-                key: "discretisation.dimension",
-                reason: "\"axisymmetric\" is not built yet; use \"full\" or \"auto\"",
-            });
-        }
-        let body = Body::new(scene)?;
-        let (cloud, held) = (&body.cloud, &body.held);
-        let mut interpolating: Vec<bool> = cloud.faces.iter().map(|f| f & BASE != 0).collect();
-        held.iter().for_each(|&n| interpolating[n as usize] = true);
-        let approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
-        let table = approximation.table()?;
-        let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
-        let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
-        let solver = make_solver(scene, cloud, held, &table);
-        let pace = Pace::new(scene, body.height);
+        let dimension = scene.dimension();
+        let Built { solver, contact, tissue, top, height, reach, warnings } = match dimension.dimension {
+            Dimension::Axisymmetric => axisymmetric::build(scene)?,
+            Dimension::Full | Dimension::Auto => full(scene)?,
+        };
         Ok(Self {
-            node_field: approximation.field(&cloud.points)?,
-            target_field: approximation.field(&targets)?,
             scene: scene.clone(),
-            points: body.cloud.points,
-            cells: body.cloud.cells,
-            surface: body.cloud.surface,
-            cell_of_point: table.cell,
+            dimension,
+            tissue,
             solver,
             contact,
-            top: body.top,
-            height: body.height,
-            reach: body.reach,
-            warnings: body.warnings,
-            pace,
+            top,
+            height,
+            reach,
+            warnings,
+            pace: Pace::new(scene, height),
             steps_since_save: 0,
             steps: 0,
             recoveries: 0,
@@ -57,13 +57,38 @@ impl Twin {
     }
 }
 
+/// The model in three dimensions.
+fn full(scene: &Scene) -> Result<Built, BuildError> {
+    let body = Body::new(scene)?;
+    let (cloud, held) = (&body.cloud, &body.held);
+    let mut interpolating: Vec<bool> = cloud.faces.iter().map(|f| f & BASE != 0).collect();
+    held.iter().for_each(|&n| interpolating[n as usize] = true);
+    let approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
+    let table = approximation.table()?;
+    let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
+    let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
+    let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
+    let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
+    let model = Cells { nodes: cloud.points.len(), triangles: None, of_point: table.cell };
+    let Cloud { points, cells, surface, .. } = body.cloud;
+    Ok(Built {
+        solver,
+        contact,
+        tissue: Tissue { points, cells, surface, model, fields },
+        top: body.top,
+        height: body.height,
+        reach: body.reach,
+        warnings: body.warnings,
+    })
+}
+
 impl From<ApproximationError> for BuildError {
     fn from(e: ApproximationError) -> Self {
         Self::Approximation(e.to_string())
     }
 }
 
-fn settings(scene: &Scene) -> Settings {
+pub(super) fn settings(scene: &Scene) -> Settings {
     let d = &scene.discretisation;
     Settings {
         basis: match d.method {
@@ -101,18 +126,30 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Con
     }
 }
 
-fn make_solver(scene: &Scene, cloud: &Cloud, held: &[u32], table: &ShapeTable) -> Solver {
+/// What holds each node from the start.
+pub(super) fn roles(scene: &Scene, faces: &[u8], held: &[u32]) -> Vec<Role> {
     let base = |f: &u8| if f & BASE != 0 { Role::Base } else { Role::Free };
-    let mut role: Vec<Role> = cloud.faces.iter().map(base).collect();
+    let mut role: Vec<Role> = faces.iter().map(base).collect();
     let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
     if bonded {
         held.iter().for_each(|&n| role[n as usize] = Role::Instrument);
     }
+    role
+}
+
+/// The solver of a scene's shape table.
+pub(super) fn solver(
+    scene: &Scene,
+    cells: &[[u32; 4]],
+    points: &[[f64; 3]],
+    role: Vec<Role>,
+    table: &ShapeTable,
+) -> Solver {
     let d = &scene.discretisation;
     Solver::new(
         table,
-        &cloud.cells,
-        &cloud.points,
+        cells,
+        points,
         role,
         &SolverSettings {
             law: scene.material.law(),

@@ -87,12 +87,9 @@ impl Twin {
             let f = self.solver.deformation(p);
             determinant(&f, &cofactor(&f))
         };
-        let least = (0..self.cell_of_point.len()).map(|p| (p, ratio(p))).min_by(|a, b| a.1.total_cmp(&b.1));
+        let least = (0..self.integration_points()).map(|p| (p, ratio(p))).min_by(|a, b| a.1.total_cmp(&b.1));
         let (point, volume_ratio) = least.unwrap_or((0, f64::NAN));
-        let corners = self.cell_of_point.get(point).map(|&c| self.cells[c as usize].map(|n| self.points[n as usize]));
-        let place =
-            corners.map_or([f64::NAN; 3], |p| std::array::from_fn(|k| 0.25 * p.iter().map(|x| x[k]).sum::<f64>()));
-        Trouble::Inverted { point, place, volume_ratio }
+        Trouble::Inverted { point, place: self.tissue.place(point), volume_ratio }
     }
 
     /// Strain energy below which the kinetic energy is not compared with it, J.

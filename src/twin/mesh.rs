@@ -55,7 +55,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
         body.top = top(&body.cloud, instrument)?;
         body.height = body.top - lowest;
         body.reach = body.height;
-        body.held = Contact::nodes(&body.cloud, body.top, instrument);
+        body.held = Contact::nodes(&body.cloud.points, &body.cloud.faces, body.top, instrument);
         match &instrument.kind {
             InstrumentKind::Needle(needle) => {
                 path(&mut body, needle.capture_radius.get())?;

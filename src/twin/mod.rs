@@ -1,5 +1,6 @@
 //! One pose in, one prediction out: [`Twin::step`].
 
+mod axisymmetric;
 mod body;
 mod build;
 mod contain;
@@ -7,16 +8,17 @@ mod mesh;
 mod observe;
 mod pace;
 mod step;
+mod tissue;
 
-use crate::approximation::Field;
 use crate::cloud::Axis;
 use crate::instrument::Contact;
-use crate::scene::{Instrument, Scene};
+use crate::scene::{Dimension, Instrument, Resolved, Scene};
 use crate::solver::Solver;
 
 pub use body::{Body, PATH_SPACING};
 
 use pace::Pace;
+use tissue::Tissue;
 
 /// Position and direction of the instrument in frame `sample`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -198,14 +200,8 @@ pub enum BuildError {
 #[derive(Debug)]
 pub struct Twin {
     scene: Scene,
-    points: Vec<[f64; 3]>,
-    cells: Vec<[u32; 4]>,
-    surface: Vec<[u32; 3]>,
-    /// Cell of each integration point.
-    cell_of_point: Vec<u32>,
-    /// The field at every node, and at every target.
-    node_field: Field,
-    target_field: Field,
+    dimension: Resolved,
+    tissue: Tissue,
     solver: Solver,
     contact: Option<Contact>,
     /// z of the undeformed surface where the instrument meets it, m.
@@ -246,16 +242,29 @@ impl Twin {
         &self.warnings
     }
 
-    /// Number of nodes.
+    /// The dimension that the model has: [`Dimension::Full`] or [`Dimension::Axisymmetric`].
+    #[must_use]
+    pub fn dimension(&self) -> Dimension {
+        self.dimension.dimension
+    }
+
+    /// Why it has that dimension, in one clause.
+    #[must_use]
+    pub fn dimension_because(&self) -> &str {
+        &self.dimension.because
+    }
+
+    /// Number of the model's nodes: those of a half plane if it is axisymmetric, each of which is shown as a ring of
+    /// [`Twin::reference_points`].
     #[must_use]
     pub fn nodes(&self) -> usize {
-        self.points.len()
+        self.tissue.model.nodes
     }
 
     /// Number of integration points.
     #[must_use]
     pub fn integration_points(&self) -> usize {
-        self.cell_of_point.len()
+        self.tissue.model.of_point.len()
     }
 
     /// Explicit steps taken since the last reset.
@@ -291,21 +300,21 @@ impl Twin {
         self.scene.instrument.as_ref().map_or(Axis::vertical([0.0; 2]), of)
     }
 
-    /// Reference positions of the nodes, m.
+    /// Reference positions of the points that the tissue is shown by, m: the model's nodes in space, or rings of them.
     #[must_use]
     pub fn reference_points(&self) -> &[[f64; 3]] {
-        &self.points
+        &self.tissue.points
     }
 
     /// Triangles of the sample's surface, outward normals, indices into [`Twin::reference_points`].
     #[must_use]
     pub fn surface(&self) -> &[[u32; 3]] {
-        &self.surface
+        &self.tissue.surface
     }
 
     /// Background tetrahedra, indices into [`Twin::reference_points`].
     #[must_use]
     pub fn cells(&self) -> &[[u32; 4]] {
-        &self.cells
+        &self.tissue.cells
     }
 }

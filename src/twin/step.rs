@@ -1,6 +1,7 @@
 //! A pose in, a prediction out.
 
 use crate::instrument::Tip;
+use crate::scene::Dimension;
 use crate::solver::Balance;
 
 use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
@@ -11,6 +12,9 @@ const FASTEST_ITERATIONS: usize = 400;
 const ALIGNMENT: f64 = 0.02;
 /// Largest tilt of an inserted needle (sine).
 const INSERTED_ALIGNMENT: f64 = 0.35;
+/// Largest tilt (sine) of an axisymmetric model's instrument, and how far beside the axis it may be, over the height of
+/// the body: what it can't follow, and what a sensor may tremble by.
+const SYMMETRIC: f64 = 2e-3;
 
 impl Twin {
     /// Advances the tissue to a pose and predicts the force.
@@ -116,6 +120,11 @@ impl Twin {
         if (length - 1.0).abs() > 1e-3 {
             return refuse(format!("its axis has length {length:.4}, not 1"));
         }
+        if self.dimension() == Dimension::Axisymmetric
+            && let Some(reason) = self.asymmetry(&pose.pose)
+        {
+            return refuse(reason);
+        }
         let tilt = if self.inserted() { INSERTED_ALIGNMENT } else { ALIGNMENT };
         let own = self.pose_at_depth(0.0).axis;
         if sine(&axis, &own) > tilt || axis[2] >= 0.0 {
@@ -142,7 +151,25 @@ impl Twin {
                 self.side_reach()
             ));
         }
+        if self.dimension() == Dimension::Axisymmetric {
+            return Ok(Tip { offset: [0.0, 0.0, offset[2]], depth, slope: [0.0; 2] });
+        }
         Ok(Tip { offset, depth, slope: [axis[0] / axis[2], axis[1] / axis[2]] })
+    }
+
+    /// What an axisymmetric model can't follow of a pose, if anything.
+    fn asymmetry(&self, pose: &Pose) -> Option<String> {
+        let Pose { tip, axis } = pose;
+        let (beside, tilt) = (tip[0].hypot(tip[1]), axis[0].hypot(axis[1]));
+        let most = SYMMETRIC * self.height;
+        let what = if tilt > SYMMETRIC {
+            format!("its axis leans by {tilt:.4} (sine), and {SYMMETRIC} is taken")
+        } else if tip[2] < self.top && beside > most {
+            format!("its tip is {beside:.6} m beside the sample's axis, and {most:.6} m is taken")
+        } else {
+            return None;
+        };
+        Some(format!("{what} by an axisymmetric model: set discretisation.dimension = \"full\""))
     }
 }
 

@@ -4,9 +4,10 @@
 use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::{Prediction, StampedPose, Twin};
 
-/// A preset on a coarse cloud, for depths up to 3 mm.
+/// A preset in three dimensions on a coarse cloud, for depths up to 3 mm.
 pub fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
     let mut all = vec![
+        ("discretisation.dimension", "full"),
         ("discretisation.spacing_m", "0.003"),
         ("discretisation.edge_refinement", "0.5"),
         ("motion.depth_m", "0.003"),

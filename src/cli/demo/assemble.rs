@@ -15,8 +15,11 @@ const SNAPSHOTS: usize = 96;
 
 /// The run that was observed. `source` says what the measured force is.
 pub(super) fn run(heard: &Observations, scene: &Scene, source: &str) -> Run {
+    let dimension = scene.dimension();
     let mut run = Run {
         scene: scene.name.clone(),
+        dimension: dimension.dimension.as_str().to_owned(),
+        dimension_because: dimension.because,
         description: scene.description.clone(),
         target_names: scene.targets.iter().map(|t| t.name.clone()).collect(),
         instrument: scene.instrument,
@@ -130,7 +133,9 @@ fn health(run: &mut Run, heard: &Observations) {
 
 fn tissue(run: &mut Run, model: &TissueModel, heard: &Observations, origin_ns: i64) {
     run.method.clone_from(&model.method);
-    run.nodes = model.reference_points.len();
+    // an axisymmetric model shows every node as a ring of points
+    let nodes = heard.diagnostics.get("nodes").and_then(|n| n.parse().ok());
+    run.nodes = nodes.unwrap_or(model.reference_points.len());
     run.integration_points = usize::try_from(model.integration_points).unwrap_or(0);
     let states: Vec<&Heard<TissueState>> =
         heard.tissue.iter().filter(|s| s.value.model_id == model.model_id && s.stamp_ns >= origin_ns).collect();

@@ -100,6 +100,7 @@ impl Solver {
         let begun = Instant::now();
         let twin = Twin::new(scene).map_err(|error| error.to_string())?;
         twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
+        tracing::info!("the model is {}: {}", twin.dimension().as_str(), twin.dimension_because());
         let model = Model::of(&twin, begun.elapsed());
         let solver =
             Self { twin, origin_nanos: None, stamp: Time::default(), depth_m: 0.0, halted: false, step_s: 0.0 };

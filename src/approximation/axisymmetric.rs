@@ -1,0 +1,301 @@
+//! Shape functions of an axisymmetric field u = (u_r, 0, u_z)(r, z), and the table that the kernel reads for them.
+//!
+//! At azimuth zero, with phi_j fitted in the half plane, the displacement gradient of such a field is
+//!
+//! ```text
+//!        | u_r,r    0     u_r,z |
+//! H  =   |   0    u_r/r     0   |      row of the table: node j, (phi_j,r, phi_j / r, phi_j,z)
+//!        | u_z,r    0     u_z,z |
+//! ```
+//!
+//! (Bathe, Finite Element Procedures, section 5.3.1; the hoop strain u_r/r stands in the table's y.) A point stands for
+//! its share of the ring, V = 2 pi r A, so forces are those of the whole body.
+//!
+//! *Symmetry.* The field goes on beyond the axis: u_r is odd in r and u_z even. So the support of a point near the axis
+//! holds images of nodes at -r as well, with parameters (-u_r, 0, u_z): no support is one-sided there, and u_r/r stays
+//! finite. A node on the axis is its own image; half of it stands for each, and its u_r drops out of field and force by
+//! itself. In the table, image of node j is entry `nodes + j`.
+
+use std::cell::RefCell;
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::mls::{Fit, Neighbour};
+use super::support::{Supports, radii};
+use super::table::{ApproximationError, Form, Row, Settings, ShapeTable, assemble};
+
+/// Nodes with their images beyond the axis, searchable by place.
+#[derive(Clone, Debug)]
+pub struct MirroredSupports {
+    supports: Supports,
+    nodes: usize,
+    /// The node of each image.
+    original: Vec<u32>,
+    on_axis: Vec<bool>,
+}
+
+impl MirroredSupports {
+    /// Indexes the nodes of a half plane. `interpolating` marks those with the almost singular weight.
+    #[must_use]
+    pub fn new(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> Self {
+        let nodes = points.len();
+        let original: Vec<u32> =
+            (0..nodes).filter(|&n| points[n][0] > 0.0 && points[n][0] < radii[n]).map(|n| n as u32).collect();
+        let image = |&n: &u32| {
+            let [r, y, z] = points[n as usize];
+            [-r, y, z]
+        };
+        let all_points: Vec<_> = points.iter().copied().chain(original.iter().map(image)).collect();
+        let all_radii = radii.iter().copied().chain(original.iter().map(|&n| radii[n as usize])).collect();
+        let weights =
+            interpolating.iter().copied().chain(original.iter().map(|&n| interpolating[n as usize])).collect();
+        let on_axis = points.iter().map(|p| p[0] == 0.0).collect();
+        Self { supports: Supports::new(&all_points, all_radii, weights), nodes, original, on_axis }
+    }
+
+    /// Nodes and images whose support holds x. Overwrites `out`; [`MirroredSupports::node`] tells them apart.
+    pub fn at(&self, x: [f64; 3], out: &mut Vec<Neighbour>) {
+        self.supports.at(x, out);
+    }
+
+    /// The node that a neighbour is, and whether it is its image.
+    #[must_use]
+    pub fn node(&self, neighbour: u32) -> (u32, bool) {
+        match (neighbour as usize).checked_sub(self.nodes) {
+            None => (neighbour, false),
+            Some(image) => (self.original[image], true),
+        }
+    }
+}
+
+/// Rows of the field at points of the half plane: phi_j for u_r and for u_z.
+#[derive(Clone, Debug, Default)]
+pub struct MeridianField {
+    /// Offsets, one more than rows.
+    pub start: Vec<u32>,
+    /// Support nodes.
+    pub nodes: Vec<u32>,
+    /// Odd and even shape function.
+    pub value: Vec<[f64; 2]>,
+}
+
+impl MeridianField {
+    /// (u_r, 0, u_z) of row `i` for nodal parameters `u`.
+    #[must_use]
+    pub fn at(&self, i: usize, u: &[[f64; 3]]) -> [f64; 3] {
+        let mut v = [0.0; 3];
+        for e in self.start[i] as usize..self.start[i + 1] as usize {
+            let u = &u[self.nodes[e] as usize];
+            v[0] += self.value[e][0] * u[0];
+            v[2] += self.value[e][1] * u[2];
+        }
+        v
+    }
+}
+
+/// The approximation on one half plane.
+#[derive(Clone, Debug)]
+pub struct AxisymmetricApproximation {
+    points: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    settings: Settings,
+    supports: MirroredSupports,
+    /// Triangles that get a single point.
+    plain: Vec<bool>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<(Vec<Neighbour>, Fit)> = RefCell::new((Vec::new(), Fit::default()));
+}
+
+impl AxisymmetricApproximation {
+    /// Indexes the nodes (r, 0, z) and triangles of a half plane; `interpolating` marks nodes whose nodal value must be
+    /// the field's value.
+    #[must_use]
+    pub fn new(points: &[[f64; 3]], triangles: &[[u32; 3]], interpolating: &[bool], settings: Settings) -> Self {
+        let supports = MirroredSupports::new(points, &radii(points, triangles, settings.support_factor), interpolating);
+        let plain = vec![false; triangles.len()];
+        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, plain }
+    }
+
+    /// Gives the triangles between these nodes one point each: enough for tissue whose place a needle takes.
+    #[must_use]
+    pub fn with_plain(mut self, nodes: &[u32]) -> Self {
+        let mut among = vec![false; self.points.len()];
+        nodes.iter().for_each(|&n| among[n as usize] = true);
+        self.plain = self.triangles.iter().map(|t| t.iter().all(|&n| among[n as usize])).collect();
+        self
+    }
+
+    /// The shape table of the triangles.
+    ///
+    /// # Errors
+    /// [`ApproximationError::Singular`] where the support does not determine the fit.
+    pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
+        let rule = gauss_points(self.settings.points_per_cell);
+        let rows: Vec<Vec<Row>> = self
+            .triangles
+            .par_iter()
+            .zip(&self.plain)
+            .map(|(t, &plain)| self.rows(t, if plain { &CENTRE } else { &rule }))
+            .collect::<Result<_, _>>()?;
+        Ok(ShapeTable { form: Form::Axisymmetric, ..assemble(&rows) })
+    }
+
+    /// The field at points (r, 0, z) of the half plane; with linear triangles the one that holds the point decides.
+    ///
+    /// # Errors
+    /// [`ApproximationError::Singular`] as above.
+    pub fn field(&self, at: &[[f64; 3]]) -> Result<MeridianField, ApproximationError> {
+        let rows: Vec<Vec<Entry>> = at.par_iter().map(|&x| self.entries(x, None)).collect::<Result<_, _>>()?;
+        let mut field = MeridianField { start: vec![0], ..MeridianField::default() };
+        for row in rows {
+            for e in row {
+                field.nodes.push(e.node);
+                field.value.push([if e.image { -e.value } else { e.value }, e.value]);
+            }
+            field.start.push(field.nodes.len() as u32);
+        }
+        Ok(field)
+    }
+
+    fn corners(&self, t: &[u32; 3]) -> [[f64; 3]; 3] {
+        t.map(|n| self.points[n as usize])
+    }
+
+    fn rows(&self, t: &[u32; 3], rule: &[Gauss]) -> Result<Vec<Row>, ApproximationError> {
+        let x = self.corners(t);
+        let (area, _) = triangle(&x);
+        rule.iter()
+            .map(|(bary, weight)| {
+                let at: [f64; 3] = std::array::from_fn(|k| (0..3).map(|a| bary[a] * x[a][k]).sum());
+                let entries = self.entries(at, Some(t))?;
+                let slot = |e: &Entry| if e.image { e.node + self.points.len() as u32 } else { e.node };
+                Ok(Row {
+                    volume: 2.0 * PI * at[0] * weight * area,
+                    nodes: entries.iter().map(slot).collect(),
+                    gradient: entries.iter().map(|e| [e.slope[0], e.value / at[0], e.slope[2]]).collect(),
+                })
+            })
+            .collect()
+    }
+
+    /// phi of every node and image at x, and its slope; linear triangles take `within`, or the one that holds x.
+    fn entries(&self, x: [f64; 3], within: Option<&[u32; 3]>) -> Result<Vec<Entry>, ApproximationError> {
+        let Some(basis) = self.settings.basis else { return Ok(self.linear(x, within)) };
+        SCRATCH.with_borrow_mut(|(neighbours, fit)| {
+            self.supports.at(x, neighbours);
+            fit.evaluate_in_plane(neighbours, basis, true)
+                .map_err(|_| ApproximationError::Singular { at: x, neighbours: neighbours.len() })?;
+            let mut entries = Vec::with_capacity(neighbours.len());
+            for (i, n) in neighbours.iter().enumerate() {
+                let (node, image) = self.supports.node(n.node);
+                self.push(Entry { node, image, value: fit.value[i], slope: fit.gradient[i] }, &mut entries);
+            }
+            Ok(entries)
+        })
+    }
+
+    /// Halves a node on the axis between itself and its image.
+    fn push(&self, e: Entry, entries: &mut Vec<Entry>) {
+        if self.supports.on_axis[e.node as usize] {
+            let half = Entry { value: 0.5 * e.value, slope: e.slope.map(|s| 0.5 * s), ..e };
+            entries.extend([half, Entry { image: true, ..half }]);
+        } else {
+            entries.push(e);
+        }
+    }
+
+    fn linear(&self, x: [f64; 3], within: Option<&[u32; 3]>) -> Vec<Entry> {
+        let mut best = (f64::NEG_INFINITY, Vec::new());
+        for t in within.map_or(self.triangles.as_slice(), std::slice::from_ref) {
+            let corners = self.corners(t);
+            let (_, slope) = triangle(&corners);
+            let value: [f64; 3] = std::array::from_fn(|a| {
+                let b = corners[(a + 1) % 3];
+                (0..3).map(|k| slope[a][k] * (x[k] - b[k])).sum()
+            });
+            let least = value.iter().copied().fold(f64::INFINITY, f64::min);
+            if least > best.0 {
+                best = (least, Vec::new());
+                for a in 0..3 {
+                    self.push(Entry { node: t[a], image: false, value: value[a], slope: slope[a] }, &mut best.1);
+                }
+            }
+        }
+        best.1
+    }
+}
+
+/// Barycentric place and weight of an integration point.
+type Gauss = ([f64; 3], f64);
+
+/// A single point.
+const CENTRE: [Gauss; 1] = [([1.0 / 3.0; 3], 1.0)];
+
+/// phi of one node, or of its image, at a point.
+#[derive(Clone, Copy)]
+struct Entry {
+    node: u32,
+    image: bool,
+    value: f64,
+    slope: [f64; 3],
+}
+
+/// Area and gradients of the three barycentric coordinates of a triangle (r, 0, z), counter-clockwise with r to the
+/// right.
+#[must_use]
+pub fn triangle(x: &[[f64; 3]; 3]) -> (f64, [[f64; 3]; 3]) {
+    let side = |a: usize| {
+        let (b, c) = (x[(a + 1) % 3], x[(a + 2) % 3]);
+        [c[0] - b[0], c[2] - b[2]]
+    };
+    let [first, second] = [side(0), side(1)];
+    let twice = first[0] * second[1] - first[1] * second[0];
+    let slope = |a: usize| {
+        let [dr, dz] = side(a);
+        [-dz / twice, 0.0, dr / twice]
+    };
+    (0.5 * twice, [slope(0), slope(1), slope(2)])
+}
+
+/// Barycentric points and weights of a triangle: 3 of degree 2, 6 of degree 4 (Dunavant 1985) or 7 of degree 5 (Radon
+/// 1948), where a tetrahedron has 1, 4 or 5. So there are as many points per node as in space, where a node has 5.5
+/// cells and not 2: with a single point per triangle an indentation loses 12% of its force past 4 mm.
+fn gauss_points(n: u32) -> Vec<Gauss> {
+    let vertex = |a: f64, weight: f64| {
+        (0..3).map(move |i| (std::array::from_fn(|k| if k == i { a } else { 0.5 * (1.0 - a) }), weight))
+    };
+    let root = 15f64.sqrt();
+    match n {
+        4 => vertex(0.816_847_572_980_459, 0.109_951_743_655_322)
+            .chain(vertex(0.108_103_018_168_070, 0.223_381_589_678_011))
+            .collect(),
+        5 => std::iter::once(([1.0 / 3.0; 3], 0.225))
+            .chain(vertex((9.0 + 2.0 * root) / 21.0, (155.0 - root) / 1200.0))
+            .chain(vertex((9.0 - 2.0 * root) / 21.0, (155.0 + root) / 1200.0))
+            .collect(),
+        _ => vertex(2.0 / 3.0, 1.0 / 3.0).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Integral of L1^a L2^b over a triangle of unit area is 2 a! b! / (a + b + 2)!.
+    #[test]
+    fn points_integrate_polynomials_of_their_degree() {
+        let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
+        for (rule, degree) in [(1, 2), (4, 4), (5, 5)] {
+            for a in 0..=degree {
+                for b in 0..=degree - a {
+                    let sum: f64 = gauss_points(rule).iter().map(|(l, w)| w * l[0].powi(a) * l[1].powi(b)).sum();
+                    let exact = 2.0 * factorial(a) * factorial(b) / factorial(a + b + 2);
+                    assert!((sum - exact).abs() < 1e-12, "rule {rule}: {a} {b}: {sum} {exact}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! Nodes and triangles of the meridian half plane of an upright cylinder: what an axisymmetric model needs of a cloud.
+//!
+//! ```text
+//! domain, spacing ─► path, edges ─► interior, relaxation ─► order ─► triangles ─► smoothing ─► triangles ─► Meridian
+//! ```
+//!
+//! Points are (r, 0, z), so that whatever knows distances in space knows them here as well: the same [`Spacing`] with
+//! the same features grades both kinds of cloud.
+
+use super::domain::{BASE, Domain, SIDE, TOP};
+use super::edges::{equidistribute, path_shape};
+use super::error::CloudError;
+use super::grid::Grid;
+use super::order::hilbert_order;
+use super::packing::Packing;
+use super::spacing::{Feature, MAX_NODES, Spacing};
+use super::triangulate::{orient, triangulate};
+use super::vector::{Point, add, distance, hash01, scale, sub};
+use std::f64::consts::PI;
+
+/// Nearest accepted distance as a fraction of the spacing.
+const GAP: f64 = 0.86;
+/// Candidates round each node.
+const TRIES: usize = 10;
+/// Distance kept from the edges of the half plane, as a fraction of the spacing.
+const CLEARANCE: f64 = 0.55;
+/// Iterations of the relaxation, and how often the neighbours are looked up anew.
+const RELAXATIONS: usize = 36;
+const REFRESH: usize = 6;
+/// Sweeps of smoothing over the first triangles.
+const SWEEPS: usize = 2;
+/// Lowest shape of a triangle, 4 √3 area over the sum of its squared edges: 1 if equilateral, 0 if flat.
+pub const LEAST_SHAPE: f64 = 0.35;
+/// Nodes per square of the spacing in a dense packing, 2/√3.
+const DENSITY: f64 = 1.1547;
+
+/// Nodes and triangles of a meridian half plane, m.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Meridian {
+    /// (r, 0, z) of each node, along a Hilbert curve; r is exactly 0 on the axis.
+    pub points: Vec<Point>,
+    /// Counter-clockwise with r to the right and z up.
+    pub triangles: Vec<[u32; 3]>,
+    /// Faces of the body that each node lies on: [`BASE`], [`TOP`], [`SIDE`] (its lowest bit).
+    pub faces: Vec<u8>,
+}
+
+/// The bit of a cylinder's side.
+const WALL: u8 = SIDE & SIDE.wrapping_neg();
+
+impl Meridian {
+    /// Lowest shape of any triangle.
+    #[must_use]
+    pub fn lowest_shape(&self) -> f64 {
+        let shape = |t: &[u32; 3]| {
+            let p = t.map(|v| self.points[v as usize]);
+            let squares: f64 = (0..3).map(|k| distance(p[k], p[(k + 1) % 3]).powi(2)).sum();
+            2.0 * 3f64.sqrt() * orient(p[0], p[1], p[2]) / squares
+        };
+        self.triangles.iter().map(shape).fold(1.0, f64::min)
+    }
+}
+
+/// Generates the half plane of a cylinder for a spacing whose features lie on the axis or go round it.
+///
+/// # Errors
+/// A body that is not a cylinder, a number out of its range, too many nodes, or features too close for the spacing.
+pub fn meridian(domain: &Domain, spacing: &Spacing) -> Result<Meridian, CloudError> {
+    let Domain::Cylinder { radius, height } = *domain else {
+        return Err(CloudError::NotMeshable { reason: "only a cylinder has a meridian half plane".to_owned() });
+    };
+    spacing.validate_features(domain)?;
+    let plane = Plane { domain, spacing, radius, height };
+    plane.affordable()?;
+    let mut nodes = plane.edges()?;
+    plane.fill(&mut nodes)?;
+    plane.relax(&mut nodes);
+    let order = hilbert_order(&nodes.points);
+    let pick = |i: &u32| *i as usize;
+    let mut points: Vec<Point> = order.iter().map(|i| nodes.points[pick(i)]).collect();
+    let fixed: Vec<bool> = order.iter().map(|i| pick(i) < nodes.fixed).collect();
+    let faces = points.iter().map(|p| plane.faces(*p)).collect();
+    for _ in 0..SWEEPS {
+        let triangles = triangulate(&points)?;
+        plane.smooth(&mut points, &fixed, &triangles);
+    }
+    let triangles = triangulate(&points)?;
+    let meridian = Meridian { points, triangles, faces };
+    let lowest = meridian.lowest_shape();
+    if lowest < LEAST_SHAPE {
+        let reason = format!("a triangle of shape {lowest:.3} is left (least allowed: {LEAST_SHAPE})");
+        return Err(CloudError::NotMeshable { reason });
+    }
+    Ok(meridian)
+}
+
+/// Nodes under construction: the first `fixed` may not move.
+struct Nodes {
+    points: Vec<Point>,
+    fixed: usize,
+}
+
+struct Plane<'a> {
+    domain: &'a Domain,
+    spacing: &'a Spacing,
+    radius: f64,
+    height: f64,
+}
+
+impl Plane<'_> {
+    fn h(&self, p: Point) -> f64 {
+        self.spacing.at(self.domain, p)
+    }
+
+    /// Distance to the nearest edge of the half plane, the axis being one.
+    fn room(&self, p: Point) -> f64 {
+        p[0].min(self.radius - p[0]).min(p[2]).min(self.height - p[2])
+    }
+
+    fn reserved(&self, p: Point) -> bool {
+        Packing { domain: self.domain, spacing: self.spacing }.reserved(p)
+    }
+
+    fn faces(&self, p: Point) -> u8 {
+        let bit = |on: bool, bit: u8| if on { bit } else { 0 };
+        bit(p[2] == 0.0, BASE) | bit(p[2] == self.height, TOP) | bit(p[0] == self.radius, WALL)
+    }
+
+    /// Refuses more than [`MAX_NODES`] nodes before anything is allocated: area over spacing squared, and what the
+    /// refinement round each feature adds at most.
+    fn affordable(&self) -> Result<(), CloudError> {
+        let finest = self.spacing.finest();
+        let mut nodes = DENSITY * self.radius * self.height / (self.spacing.far * self.spacing.far);
+        for f in &self.spacing.features {
+            // a half disc of directions round a point of the half plane, or a strip along the axis
+            let (near, far, g) = (f.spacing(), self.spacing.far, self.spacing.growth);
+            let along = if f.path_nodes() > 0 { self.height } else { 0.0 };
+            nodes += DENSITY * (PI / (g * g) * (1.0 + (far / near).ln()) + along / (g * near));
+        }
+        if nodes.is_finite() && nodes <= MAX_NODES as f64 {
+            return Ok(());
+        }
+        Err(CloudError::TooManyNodes {
+            finest,
+            far: self.spacing.far,
+            nodes,
+            cells: 2.0 * nodes,
+            gigabytes: 2.0 * super::BYTES_PER_NODE * nodes * 1e-9,
+            limit: MAX_NODES,
+        })
+    }
+
+    fn grid(&self, points: &[Point]) -> Grid {
+        // one layer of cubes
+        let cell = (self.radius * self.height / (2.0 * points.len().max(512) as f64)).sqrt();
+        let mut grid = Grid::new([0.0, 0.0, 0.0], [self.radius, cell, self.height], points.len().max(512));
+        points.iter().for_each(|&p| grid.push(p));
+        grid
+    }
+
+    /// Layers of a needle's path, edges of contact, and the half plane's own edges.
+    fn edges(&self) -> Result<Nodes, CloudError> {
+        let mut points = Vec::new();
+        let (mut inner, mut floor, mut marks) = (0.0, self.height, Vec::new());
+        for f in &self.spacing.features {
+            match *f {
+                Feature::Path { capture_radius, length, spacing, .. } => {
+                    let (layers, rings) = path_shape(capture_radius, length, spacing);
+                    for layer in 0..=layers {
+                        let z = self.height - length * (layer as f64 / layers as f64);
+                        let place = |ring: usize| [capture_radius * (ring as f64 / rings as f64), 0.0, z];
+                        points.extend((0..=rings).map(place));
+                        floor = z;
+                    }
+                    inner = capture_radius;
+                }
+                Feature::ContactRing { radius, .. } => marks.push(radius),
+                Feature::Rim { .. } => {}
+            }
+        }
+        let (r, h) = (self.radius, self.height);
+        points.extend([[0.0, 0.0, 0.0], [r, 0.0, 0.0], [r, 0.0, h]]);
+        if inner == 0.0 {
+            points.push([0.0, 0.0, h]);
+        }
+        let mut top = vec![inner];
+        top.extend(marks.iter().copied());
+        top.push(r);
+        points.extend(marks.iter().map(|&m| [m, 0.0, h]));
+        for ends in top.windows(2) {
+            self.line([ends[0], 0.0, h], [ends[1], 0.0, h], &mut points);
+        }
+        self.line([0.0, 0.0, 0.0], [r, 0.0, 0.0], &mut points);
+        self.line([r, 0.0, 0.0], [r, 0.0, h], &mut points);
+        self.line([0.0, 0.0, 0.0], [0.0, 0.0, floor], &mut points);
+        self.too_close(&points)?;
+        Ok(Nodes { fixed: points.len(), points })
+    }
+
+    /// Nodes between the ends of a straight edge, one spacing apart.
+    fn line(&self, a: Point, b: Point, points: &mut Vec<Point>) {
+        // an end keeps its own digits, so that a node is on the edge exactly or not at all
+        let curve = |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) });
+        points.extend(equidistribute(self.domain, self.spacing, &curve, false, 1).into_iter().map(curve));
+    }
+
+    fn too_close(&self, points: &[Point]) -> Result<(), CloudError> {
+        let grid = self.grid(points);
+        for (i, &p) in points.iter().enumerate() {
+            let h = self.h(p);
+            if grid.any(points, p, 0.4 * h, |j, _| j as usize != i) {
+                let reason =
+                    format!("two edges or features come closer to each other than half the spacing {h} m at {p:?} m");
+                return Err(CloudError::NotMeshable { reason });
+            }
+        }
+        Ok(())
+    }
+
+    /// An advancing front of candidates round every node, each accepted if no node is nearer than [`GAP`] spacings.
+    fn fill(&self, nodes: &mut Nodes) -> Result<(), CloudError> {
+        let mut grid = self.grid(&nodes.points);
+        let mut spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
+        let mut next = 0;
+        while next < nodes.points.len() {
+            let p = nodes.points[next];
+            let turn = hash01(next as u64, 1);
+            next += 1;
+            for k in 0..TRIES {
+                let (sin, cos) = (2.0 * PI * (k as f64 + turn) / TRIES as f64).sin_cos();
+                let way = [cos, 0.0, sin];
+                let candidate = add(p, scale(way, self.stride(p, way)));
+                let h = self.h(candidate);
+                if self.room(candidate) < CLEARANCE * h
+                    || self.reserved(candidate)
+                    || self.crowded(&nodes.points, &spacings, &grid, candidate, h)
+                {
+                    continue;
+                }
+                nodes.points.push(candidate);
+                grid.push(candidate);
+                spacings.push(h);
+            }
+            if nodes.points.len() > MAX_NODES {
+                return Err(CloudError::NotMeshable { reason: format!("more than {MAX_NODES} nodes") });
+            }
+        }
+        Ok(())
+    }
+
+    /// Distance from p to a candidate: the mean of the spacings at both ends.
+    fn stride(&self, p: Point, way: Point) -> f64 {
+        let h = self.h(p);
+        let once = 0.5 * (h + self.h(add(p, scale(way, h))));
+        0.5 * (h + self.h(add(p, scale(way, once))))
+    }
+
+    fn crowded(&self, points: &[Point], spacings: &[f64], grid: &Grid, candidate: Point, h: f64) -> bool {
+        let reach = GAP * h / (1.0 - 0.5 * GAP * self.spacing.growth);
+        grid.any(points, candidate, reach, |j, squared| {
+            let least = 0.5 * GAP * (h + spacings[j as usize]);
+            squared < least * least
+        })
+    }
+
+    /// Short-range forces between neighbours, as in [`super::packing`].
+    fn relax(&self, nodes: &mut Nodes) {
+        let mut near: Vec<Vec<u32>> = Vec::new();
+        for iteration in 0..RELAXATIONS {
+            let spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
+            if iteration % REFRESH == 0 {
+                let grid = self.grid(&nodes.points);
+                near = (nodes.fixed..nodes.points.len())
+                    .map(|i| {
+                        let mut found = Vec::new();
+                        grid.any(&nodes.points, nodes.points[i], 1.7 * spacings[i], |j, _| {
+                            if j as usize != i {
+                                found.push(j);
+                            }
+                            false
+                        });
+                        found
+                    })
+                    .collect();
+            }
+            let moved: Vec<Point> = (nodes.fixed..nodes.points.len())
+                .map(|i| self.relaxed(&nodes.points, &spacings, i, &near[i - nodes.fixed]))
+                .collect();
+            nodes.points[nodes.fixed..].copy_from_slice(&moved);
+        }
+    }
+
+    fn relaxed(&self, points: &[Point], spacings: &[f64], i: usize, near: &[u32]) -> Point {
+        let (p, h) = (points[i], spacings[i]);
+        let mut force = [0.0; 3];
+        for &j in near {
+            let d = sub(p, points[j as usize]);
+            let length = super::vector::norm(d);
+            let w = 2.0 * length / (h + spacings[j as usize]);
+            if w < 1.5 {
+                let f = 1.125 + w * w * (1.25 * w - 2.375);
+                force = add(force, scale(d, f / length));
+            }
+        }
+        let step = super::vector::norm(force).max(1.0);
+        let q = add(p, scale(force, 0.2 * h / step));
+        if self.room(q) < CLEARANCE * self.h(q) || self.reserved(q) { p } else { q }
+    }
+
+    /// One sweep of centroidal-patch smoothing (Chen 2004), graded: each free node goes to the mean of its triangles'
+    /// centroids, weighted by area over h².
+    fn smooth(&self, points: &mut [Point], fixed: &[bool], triangles: &[[u32; 3]]) {
+        let mut sums = vec![([0.0; 3], 0.0); points.len()];
+        for t in triangles {
+            let p = t.map(|v| points[v as usize]);
+            let middle = scale(add(add(p[0], p[1]), p[2]), 1.0 / 3.0);
+            let weight = orient(p[0], p[1], p[2]) / self.h(middle).powi(2);
+            for &v in t {
+                let (sum, total) = &mut sums[v as usize];
+                *sum = add(*sum, scale(middle, weight));
+                *total += weight;
+            }
+        }
+        for (i, (sum, total)) in sums.into_iter().enumerate() {
+            if fixed[i] || total <= 0.0 {
+                continue;
+            }
+            let q = scale(sum, 1.0 / total);
+            if self.room(q) > 0.5 * CLEARANCE * self.h(q) && !self.reserved(q) {
+                points[i] = q;
+            }
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! Does a scene have symmetry of revolution? Then a meridian half plane models all of it.
+
+use super::{Dimension, Scene, Shape};
+
+/// What `discretisation.dimension` comes to in a scene, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Resolved {
+    /// [`Dimension::Axisymmetric`] or [`Dimension::Full`].
+    pub dimension: Dimension,
+    /// Why, in one clause.
+    pub because: String,
+}
+
+impl Scene {
+    /// What breaks the symmetry of revolution, if anything.
+    #[must_use]
+    pub fn asymmetry(&self) -> Option<String> {
+        let shape = &self.sample.shape;
+        if !matches!(shape, Shape::Cylinder { .. }) {
+            return Some(format!("a {} is not a body of revolution", shape.as_str()));
+        }
+        if self.instrument.is_some_and(|i| i.entry.iter().any(|e| e.get() != 0.0)) {
+            return Some(
+                "the instrument is beside the sample's axis (instrument.entry_x_m, instrument.entry_y_m)".to_owned(),
+            );
+        }
+        if self.instrument.is_some_and(|i| i.slope() != [0.0; 2]) {
+            return Some("the needle's path is oblique (instrument.tilt_rad)".to_owned());
+        }
+        None
+    }
+
+    /// The dimension that the scene runs in: what it asks for, or the least that it allows.
+    #[must_use]
+    pub fn dimension(&self) -> Resolved {
+        let asked = "discretisation.dimension asks for it".to_owned();
+        match self.discretisation.dimension {
+            Dimension::Auto => Resolved {
+                dimension: Dimension::Full,
+                because: self.asymmetry().unwrap_or_else(|| "it is the default".to_owned()),
+            },
+            dimension => Resolved { dimension, because: asked },
+        }
+    }
+}

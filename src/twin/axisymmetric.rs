@@ -1,0 +1,125 @@
+//! The half-plane model of a scene with symmetry of revolution: cloud, shape table, solver, contact, and the body that
+//! it sweeps.
+
+use crate::approximation::ShapeTable;
+use crate::approximation::axisymmetric::AxisymmetricApproximation;
+use crate::cloud::{self, BASE, Domain, Meridian, Revolved, revolve};
+use crate::instrument::{Bonded, Contact, NeedlePath};
+use crate::scene::{Instrument, InstrumentKind, Scene, Shape};
+
+use super::BuildError;
+use super::body::Layout;
+use super::build::{Built, roles, settings, solver};
+use super::tissue::{Cells, Fields, Tissue};
+
+/// Builds the model.
+///
+/// # Errors
+/// [`BuildError`] if the half plane can't be discretised.
+pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
+    let (Shape::Cylinder { diameter, height }, Some(grading)) = (&scene.sample.shape, &scene.discretisation.grading)
+    else {
+        return Err(BuildError::Unsupported {
+            key: "discretisation.dimension",
+            reason: "only a cylinder with a spacing has a half plane; use \"full\" or \"auto\"",
+        });
+    };
+    let domain = Domain::Cylinder { radius: 0.5 * diameter.get(), height: height.get() };
+    let layout = Layout::in_half_plane(scene, &domain, grading);
+    let plane = cloud::meridian::meridian(&domain, &layout.spacing).map_err(cloud_error)?;
+    let held = scene
+        .instrument
+        .as_ref()
+        .map_or_else(Vec::new, |i| Contact::nodes(&plane.points, &plane.faces, height.get(), i));
+    let approximation = approximation(scene, &plane, &held);
+    let table = approximation.table()?;
+    let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
+    let contact = scene.instrument.as_ref().map(|i| contact(i, &plane, height.get(), &held, &layout, &table));
+    let roles = roles(scene, &plane.faces, &held);
+    Ok(Built {
+        solver: solver(scene, &cells, &plane.points, roles, &table),
+        contact,
+        top: height.get(),
+        height: height.get(),
+        reach: layout.reach,
+        warnings: Vec::new(),
+        tissue: tissue(
+            scene,
+            &plane,
+            &approximation,
+            table,
+            revolve::sectors(0.5 * diameter.get(), layout.spacing.far),
+        )?,
+    })
+}
+
+fn cloud_error(e: cloud::CloudError) -> BuildError {
+    BuildError::Cloud(e.to_string())
+}
+
+fn approximation(scene: &Scene, plane: &Meridian, held: &[u32]) -> AxisymmetricApproximation {
+    let mut interpolating: Vec<bool> = plane.faces.iter().map(|f| f & BASE != 0).collect();
+    held.iter().for_each(|&n| interpolating[n as usize] = true);
+    let approximation =
+        AxisymmetricApproximation::new(&plane.points, &plane.triangles, &interpolating, settings(scene));
+    match scene.instrument.map(|i| i.kind) {
+        Some(InstrumentKind::Needle(_)) => approximation.with_plain(held),
+        _ => approximation,
+    }
+}
+
+fn contact(
+    instrument: &Instrument,
+    plane: &Meridian,
+    top: f64,
+    held: &[u32],
+    layout: &Layout,
+    table: &ShapeTable,
+) -> Contact {
+    let InstrumentKind::Needle(needle) = &instrument.kind else {
+        return Contact::Bonded(Bonded::new(held.to_vec()));
+    };
+    let triangle = |p: usize| plane.triangles[table.cell[p] as usize];
+    let near = |p: &u32| {
+        let corners = triangle(*p as usize).map(|n| plane.points[n as usize]);
+        let centre = [0, 2].map(|k| corners.iter().map(|c| c[k]).sum::<f64>() / 3.0);
+        centre[0].hypot(centre[1] - top) < 2.0 * needle.capture_radius.get()
+    };
+    let watched = (0..table.cell.len() as u32).filter(near).collect();
+    let nodes = held.iter().map(|&n| (n, top - plane.points[n as usize][2])).collect();
+    let corners = (0..table.cell.len()).map(|p| {
+        let [a, b, c] = triangle(p);
+        ([a, b, c, c], table.volume[p])
+    });
+    let path = NeedlePath::new(nodes, plane.points.len(), *needle, layout.reach, layout.layer(), watched, corners);
+    Contact::Needle(Box::new(path.revolved()))
+}
+
+fn tissue(
+    scene: &Scene,
+    plane: &Meridian,
+    approximation: &AxisymmetricApproximation,
+    table: ShapeTable,
+    sectors: usize,
+) -> Result<Tissue, BuildError> {
+    let Revolved { points, cells, surface, first, azimuths } = Revolved::new(plane, sectors).map_err(cloud_error)?;
+    let radius = |[x, y, _]: [f64; 3]| x.hypot(y);
+    let places: Vec<[f64; 3]> = scene.targets.iter().map(|t| [radius(t.position), 0.0, t.position[2]]).collect();
+    let azimuth = |p: [f64; 3]| match radius(p) {
+        0.0 => [1.0, 0.0],
+        r => [p[0] / r, p[1] / r],
+    };
+    Ok(Tissue {
+        points,
+        cells,
+        surface,
+        model: Cells { nodes: plane.points.len(), triangles: Some(plane.triangles.clone()), of_point: table.cell },
+        fields: Fields::Revolved {
+            nodes: approximation.field(&plane.points)?,
+            targets: approximation.field(&places)?,
+            first,
+            azimuths,
+            target_azimuths: scene.targets.iter().map(|t| azimuth(t.position)).collect(),
+        },
+    })
+}
