@@ -480,6 +480,18 @@ fn a_scene_says_what_breaks_its_symmetry() {
     }
 }
 
+/// The least model that the scene allows.
+#[test]
+fn auto_takes_the_half_plane_where_it_can() {
+    for preset in ["compression", "indentation", "needle_insertion"] {
+        let scene = Scene::preset(preset).unwrap();
+        assert_eq!(scene.discretisation.dimension, Dimension::Auto, "{preset}");
+        let twin = Twin::new(&scene).unwrap();
+        assert_eq!(twin.dimension(), Dimension::Axisymmetric, "{preset}");
+        assert!(twin.dimension_because().contains("axis"), "{preset}: {}", twin.dimension_because());
+    }
+}
+
 /// Half planes of all sizes, gradings and instruments: nodes where they belong, the whole rectangle and nothing else.
 #[test]
 fn half_planes_of_many_shapes_are_sound() {

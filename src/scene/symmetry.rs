@@ -35,9 +35,12 @@ impl Scene {
     pub fn dimension(&self) -> Resolved {
         let asked = "discretisation.dimension asks for it".to_owned();
         match self.discretisation.dimension {
-            Dimension::Auto => Resolved {
-                dimension: Dimension::Full,
-                because: self.asymmetry().unwrap_or_else(|| "it is the default".to_owned()),
+            Dimension::Auto => match self.asymmetry() {
+                Some(because) => Resolved { dimension: Dimension::Full, because },
+                None => Resolved {
+                    dimension: Dimension::Axisymmetric,
+                    because: "sample, instrument and path have one axis".to_owned(),
+                },
             },
             dimension => Resolved { dimension, because: asked },
         }
