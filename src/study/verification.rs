@@ -104,9 +104,7 @@ impl Verification {
         table.retain(|(depth, _)| depth_m.is_none_or(|last| *depth <= last * (1.0 + 1e-9)));
         let deepest = table.last().map_or(0.0, |p| p.0);
         let depth = Override::text("motion.depth_m", &deepest.to_string(), "study");
-        // the targets are those of the clouds in space; `keys` may ask for another dimension
-        let dimension = Override::text("discretisation.dimension", "full", "study");
-        let mut scene = Scene::preset(preset)?.with(&[&[dimension, depth], keys].concat())?;
+        let mut scene = Scene::preset(preset)?.with(&[&[depth], keys].concat())?;
         let height = scene.sample.shape.height().map_or(0.0, |h| h.get());
         if preset == "indentation" {
             scene.targets = reference::targets(height);
