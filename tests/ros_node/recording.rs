@@ -106,7 +106,9 @@ fn a_full_disk_ends_the_recording_and_not_the_node_and_the_bag_is_closed() {
     let place = folder.path().display().to_string();
     let mut arguments = vec!["-rm", "sh", "-c", script, "sh", &place, env!("CARGO_BIN_EXE_needle_twin"), &bag, TWIN];
     arguments.extend(COARSE);
-    arguments.extend(["-p", &record, "-p", "tissue_rate_hz:=200", "-p", "status_rate_hz:=200"]);
+    // the model in three dimensions says more, and so fills the disk
+    let space = ["-p", "discretisation.dimension:=full"];
+    arguments.extend(["-p", &record, "-p", "tissue_rate_hz:=200", "-p", "status_rate_hz:=200"].iter().chain(&space));
     let domain = free_domain();
     let node = Program::start("unshare", &arguments, domain, &[]);
     let mut peer = Peer::start(domain);
