@@ -13,6 +13,9 @@ use super::mass::Sway;
 use super::pool::Pool;
 use super::step;
 
+/// Blocks of a half plane that are worth a thread.
+const BLOCKS_PER_THREAD: usize = 4;
+
 /// Power iterations at the start: the estimate is from below, so [`EIGENVALUE_MARGIN`] stands on top.
 const POWER_ITERATIONS: usize = 40;
 /// Safety on the estimated largest eigenvalue.
@@ -160,10 +163,14 @@ impl Solver {
         let mu = law.shear_modulus();
         let (modulus, threads) = match table.form {
             Form::Full => (mu, settings.threads),
-            // Blocks are what threads share, and a half plane has one or a few.
+            // Blocks are what threads share, and a half plane has one or a few. So short a step gains nothing from a
+            // second thread on a quiet machine, and loses tenfold where one has to wait for a processor.
             Form::Axisymmetric => {
                 let blocks = with_kernel!(&kernel, k => k.blocks.len());
-                (9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu), settings.threads.min(blocks))
+                (
+                    9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu),
+                    settings.threads.min(blocks.div_ceil(BLOCKS_PER_THREAD)),
+                )
             }
         };
         let mut solver = Self {
@@ -249,8 +256,10 @@ impl Solver {
         if !self.probe.iter().flatten().all(|e| e.is_finite()) {
             self.probe.copy_from_slice(&self.first_probe.0);
         }
-        // masses are to follow the kept state, not the one that was left
+        // masses are to be those of the kept state: the one that was left may have had enormous ones
         step::evaluate(self);
+        self.mass.fill(0.0);
+        self.refresh_masses();
         // velocities that led into trouble are not worth keeping
         self.state.q.fill([0.0; 3]);
         for (path, u) in self.path.iter_mut().zip(&self.state.u) {
