@@ -339,7 +339,7 @@ fn targets_and_points_are_one_field() {
 #[test]
 fn one_two_and_four_threads_give_the_same_bits() {
     // fine enough for several blocks
-    let fine = [("discretisation.spacing_m", "0.0005"), ("stepping.max_steps_per_pose", "40")];
+    let fine = [("discretisation.spacing_m", "0.00035"), ("stepping.max_steps_per_pose", "40")];
     for (preset, precision) in [("needle_insertion", "f32"), ("indentation", "f64")] {
         let mut changes = fine.to_vec();
         changes.push(("discretisation.precision", precision));

@@ -8,7 +8,7 @@
 //! The volumetric pressure p is an argument of its own, because the cure for volumetric locking computes it from
 //! an averaged volume ratio, and because there are other energies of volume ([`super::volumetric`]). Valid for J > 0; the kernel flags points at which J falls below [`MIN_JACOBIAN`].
 
-use crate::solver::real::Real;
+use crate::solver::real::Number;
 
 /// Deformation gradient, row-major: F[3 i + k] = d x_i / d X_k.
 pub type Gradient<T> = [T; 9];
@@ -19,7 +19,7 @@ pub const MIN_JACOBIAN: f64 = 0.02;
 
 /// cof F = J F^-T, row-major, with no division.
 #[inline(always)]
-pub fn cofactor<T: Real>(f: &Gradient<T>) -> Gradient<T> {
+pub fn cofactor<T: Number>(f: &Gradient<T>) -> Gradient<T> {
     [
         f[4] * f[8] - f[5] * f[7],
         f[5] * f[6] - f[3] * f[8],
@@ -35,13 +35,13 @@ pub fn cofactor<T: Real>(f: &Gradient<T>) -> Gradient<T> {
 
 /// det F from F and its cofactor.
 #[inline(always)]
-pub fn determinant<T: Real>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
+pub fn determinant<T: Number>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
     f[0] * cof[0] + f[1] * cof[1] + f[2] * cof[2]
 }
 
 /// First Piola-Kirchhoff stress for the pressure p = dU/dJ, Pa.
 #[inline(always)]
-pub fn first_piola<T: Real>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p: T) -> Gradient<T> {
+pub fn first_piola<T: Number>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p: T) -> Gradient<T> {
     let j = j.max(T::of(MIN_JACOBIAN));
     let r = j.inverse_cube_root();
     let a = mu * r * r;
@@ -52,7 +52,7 @@ pub fn first_piola<T: Real>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p: 
 
 /// Deviatoric (distortional) energy density mu/2 (J^-2/3 I1 - 3), Pa.
 #[inline(always)]
-pub fn distortional_energy<T: Real>(f: &Gradient<T>, j: T, mu: T) -> T {
+pub fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
     let r = j.max(T::of(MIN_JACOBIAN)).inverse_cube_root();
     let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
     T::of(0.5) * mu * (r * r * i1 - T::of(3.0))

@@ -14,7 +14,7 @@
 //! differences that it was divided by, neither their round-off nor that of the eigenvalues is amplified.
 
 use super::neo_hookean::{Gradient, MIN_JACOBIAN};
-use crate::solver::real::Real;
+use crate::solver::real::Number;
 
 /// Most terms of a law.
 pub const MOST_TERMS: usize = 6;

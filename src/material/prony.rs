@@ -21,7 +21,7 @@
 
 use super::neo_hookean::{Gradient, MIN_JACOBIAN};
 use super::ogden::Symmetric;
-use crate::solver::real::Real;
+use crate::solver::real::Number;
 
 /// Most terms of a series.
 pub const MOST_TERMS: usize = 6;

@@ -9,52 +9,71 @@
 //! conservative. With the pointwise volume ratio p = kappa u'(J_g) and the coarse nodes are idle.
 
 use crate::approximation::{Form, ShapeTable};
-use crate::material::neo_hookean::{cofactor, determinant};
+use crate::material::neo_hookean::{Gradient, cofactor, determinant};
 use crate::material::{Law, Volumetric};
 use crate::scene::VolumeRatio;
 
 use super::block::{Block, Shares};
 use super::dilatation::{Dilatation, POINTWISE_BULK};
+use super::lanes::{LANES, Lanes, Loop, run};
 use super::memory::Memory;
 use super::points::{Constants, PointLaw, Relaxing};
 use super::pool::{Dealt, Team};
-use super::real::Real;
+use super::real::{Number, Real};
+use super::rows::Rows;
 
-/// Points whose law is evaluated before their stress is spread.
-const RUN: usize = 16;
-
-/// Columns of F = I.
-const UNDEFORMED: [[f64; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-
-/// Nodes per share of the final sum.
+/// Nodes per share of the sums over nodes.
 pub const NODES_PER_DEAL: usize = 256;
+/// How far ahead gradients are asked for: 2 kB in single precision.
+#[cfg(target_arch = "x86_64")]
+const VISITS_AHEAD: usize = 40;
+/// Groups of rows per share of a product with N_aP.
+const ROWS_PER_DEAL: usize = NODES_PER_DEAL / LANES;
 
 /// Internal-force kernel of one model.
 #[derive(Clone, Debug)]
-pub struct Kernel<T> {
+pub struct Kernel<T: Real> {
     pub(super) blocks: Vec<Block<T>>,
+    /// Block and slot of each integration point.
+    slot: Vec<(u32, u32)>,
     node_shares: Shares,
-    coarse_shares: Shares,
-    /// V_P, m^3.
-    coarse_volume: Vec<f64>,
-    /// (kappa - kappa_s) u'(J_P) at the last evaluation, Pa.
-    coarse_pressure: Vec<f64>,
+    projection: Projection<T>,
+    pressure: Pressure<T>,
     nodes: usize,
     pub(super) constants: Constants,
 }
 
-/// The kernel's memory during a job, dealt to the team's threads.
-pub struct Parts<'a, T> {
-    pub(super) blocks: Dealt<'a, Block<T>>,
-    pressure: Dealt<'a, f64>,
-    pub(super) kernel: Fixed<'a>,
+/// N_aP both ways, and the volumes of the coarse nodes.
+#[derive(Clone, Debug)]
+struct Projection<T> {
+    /// Rows P.
+    to_coarse: Rows<T>,
+    /// Rows a.
+    to_nodes: Rows<T>,
+    /// V_P, m^3.
+    volume: Vec<f64>,
 }
 
-#[derive(Clone, Copy)]
-pub(super) struct Fixed<'a> {
+/// Volume ratios and pressures of the last evaluation; whole groups of lanes.
+#[derive(Clone, Debug)]
+struct Pressure<T> {
+    /// V_a (J_a - 1), m^3.
+    dilation: Vec<T>,
+    /// (kappa - kappa_s) u'(J_P), Pa.
+    coarse: Vec<T>,
+    /// The same at the nodes, Pa.
+    nodal: Vec<T>,
+}
+
+/// The kernel's memory during a job, dealt to the team's threads.
+pub struct Parts<'a, T: Real> {
+    pub(super) blocks: Dealt<'a, Block<T>>,
+    dilation: Dealt<'a, T>,
+    coarse: Dealt<'a, T>,
+    nodal: Dealt<'a, T>,
     node_shares: &'a Shares,
-    coarse_shares: &'a Shares,
-    coarse_volume: &'a [f64],
+    projection: &'a Projection<T>,
+    nodes: usize,
     pub(super) constants: Constants,
 }
 
@@ -77,24 +96,21 @@ impl<T: Real> Kernel<T> {
             VolumeRatio::Averaged => (Dilatation::nodal(nodes), 0.0),
             VolumeRatio::Pointwise => (Dilatation { start: vec![0; nodes + 1], ..Dilatation::default() }, kappa),
         };
-        let mut blocks = Block::partition(table, cells, nodes, &dilatation);
-        blocks.iter_mut().for_each(|b| b.memory = Memory::new(&law.prony, b.volume.len()));
-        let mut coarse_volume = vec![0.0; dilatation.count];
-        let corners = table.form.corners();
-        let share = 1.0 / corners as f64;
-        for (p, v) in table.volume.iter().enumerate() {
-            for n in &cells[table.cell[p] as usize][..corners] {
-                let (coarse, value) = dilatation.of_node(*n as usize);
-                for (c, x) in coarse.iter().zip(value) {
-                    coarse_volume[*c as usize] += share * v * x;
-                }
-            }
+        let mut blocks = Block::partition(table, cells, points);
+        let mut slot = vec![(0, 0); table.volume.len()];
+        for (b, block) in blocks.iter_mut().enumerate() {
+            block.memory = Memory::new(&law.prony, block.point.len());
+            block.occupied().for_each(|(s, point)| slot[point] = (b as u32, s as u32));
         }
+        let projection = Projection::new(&dilatation, table, cells, nodes);
         Self {
             node_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
-            coarse_shares: Shares::of(blocks.iter().map(|b| b.coarse.as_slice()), dilatation.count),
-            coarse_pressure: vec![0.0; dilatation.count],
-            coarse_volume,
+            pressure: Pressure {
+                dilation: vec![T::default(); nodes],
+                coarse: vec![T::default(); LANES * projection.to_coarse.groups()],
+                nodal: vec![T::default(); LANES * projection.to_nodes.groups()],
+            },
+            projection,
             nodes,
             constants: Constants {
                 law: *law,
@@ -102,6 +118,7 @@ impl<T: Real> Kernel<T> {
                 pointwise,
                 resists_collapse: volume_ratio == VolumeRatio::Projected,
             },
+            slot,
             blocks,
         }
     }
@@ -110,13 +127,13 @@ impl<T: Real> Kernel<T> {
     pub fn parts(&mut self) -> Parts<'_, T> {
         Parts {
             blocks: Dealt::new(&mut self.blocks),
-            pressure: Dealt::new(&mut self.coarse_pressure),
-            kernel: Fixed {
-                node_shares: &self.node_shares,
-                coarse_shares: &self.coarse_shares,
-                coarse_volume: &self.coarse_volume,
-                constants: self.constants,
-            },
+            dilation: Dealt::new(&mut self.pressure.dilation),
+            coarse: Dealt::new(&mut self.pressure.coarse),
+            nodal: Dealt::new(&mut self.pressure.nodal),
+            node_shares: &self.node_shares,
+            projection: &self.projection,
+            nodes: self.nodes,
+            constants: self.constants,
         }
     }
 
@@ -132,27 +149,22 @@ impl<T: Real> Kernel<T> {
         self.blocks.iter().map(|b| b.min_jacobian).fold(f64::INFINITY, f64::min)
     }
 
-    fn block_of(&self, point: usize) -> usize {
-        self.blocks.partition_point(|b| b.first_point <= point).saturating_sub(1)
-    }
-
     /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
     pub fn set_active(&mut self, point: usize, share: f64) {
-        let b = self.block_of(point);
-        let b = &mut self.blocks[b];
-        b.active[point - b.first_point] = T::of(share);
+        let (b, s) = self.slot[point];
+        self.blocks[b as usize].active[s as usize / LANES].0[s as usize % LANES] = T::of(share);
     }
 
     /// Makes every point tissue again.
     pub fn activate_all(&mut self) {
-        self.blocks.iter_mut().for_each(|b| b.active.fill(T::of(1.0)));
+        self.blocks.iter_mut().for_each(|b| b.active.fill(Lanes::of(1.0)));
     }
 
     /// Deformation gradient (row-major) of one integration point at the last evaluation.
     #[must_use]
-    pub fn deformation(&self, point: usize) -> [f64; 9] {
-        let b = &self.blocks[self.block_of(point)];
-        gradient(&b.deformation[point - b.first_point]).map(Real::get)
+    pub fn deformation(&self, point: usize) -> Gradient<f64> {
+        let (b, s) = self.slot[point];
+        self.blocks[b as usize].deformation_in(s as usize)
     }
 
     /// Strain energy at the last evaluation, J.
@@ -161,7 +173,7 @@ impl<T: Real> Kernel<T> {
         let projected: f64 = if self.constants.projected > 0.0 {
             let (kappa, volumetric) = (self.constants.projected, self.constants.law.volumetric);
             let density = |p: f64| kappa * volumetric.energy(volumetric.dilation(p / kappa));
-            self.coarse_pressure.iter().zip(&self.coarse_volume).map(|(p, v)| v * density(*p)).sum()
+            self.pressure.coarse.iter().zip(&self.projection.volume).map(|(p, v)| v * density(p.get())).sum()
         } else {
             0.0
         };
@@ -170,14 +182,40 @@ impl<T: Real> Kernel<T> {
 
     /// Calls `visit(point, F, P, V)` for every integration point of the last evaluation: deformation gradient and first
     /// Piola-Kirchhoff stress in Pa (row-major), volume in m^3.
-    pub fn for_points(&self, mut visit: impl FnMut(usize, [f64; 9], [f64; 9], f64)) {
+    pub fn for_points(&self, mut visit: impl FnMut(usize, Gradient<f64>, Gradient<f64>, f64)) {
         for b in &self.blocks {
             let law = Relaxing { constants: &self.constants, memory: &b.memory };
-            for p in 0..b.volume.len() {
-                let f = gradient(&b.deformation[p]).map(Real::get);
-                let (_, stress): (f64, _) = law.at(p, &f, b.projected_pressure(p).get());
-                visit(b.first_point + p, f, stress, b.volume[p].get());
+            for (slot, point) in b.occupied() {
+                let f = b.deformation_in(slot);
+                let (_, stress) = law.evaluate(slot, &f, b.projected_pressure_in(slot));
+                visit(point, f, stress, b.volume_in(slot));
             }
+        }
+    }
+}
+
+impl<T: Real> Projection<T> {
+    fn new(dilatation: &Dilatation, table: &ShapeTable, cells: &[[u32; 4]], nodes: usize) -> Self {
+        let entries = |a: usize| {
+            let (coarse, value) = dilatation.of_node(a);
+            coarse.iter().copied().zip(value.iter().copied())
+        };
+        let mut of_coarse = vec![Vec::new(); dilatation.count];
+        for a in 0..nodes {
+            entries(a).for_each(|(coarse, value)| of_coarse[coarse as usize].push((a as u32, value)));
+        }
+        let mut volume = vec![0.0; dilatation.count];
+        let corners = table.form.corners();
+        let share = 1.0 / corners as f64;
+        for (p, v) in table.volume.iter().enumerate() {
+            for n in &cells[table.cell[p] as usize][..corners] {
+                entries(*n as usize).for_each(|(coarse, value)| volume[coarse as usize] += share * v * value);
+            }
+        }
+        Self {
+            to_nodes: Rows::new(if dilatation.count > 0 { nodes } else { 0 }, |a| entries(a).collect()),
+            to_coarse: Rows::new(dilatation.count, |coarse| of_coarse[coarse].clone()),
+            volume,
         }
     }
 }
@@ -187,33 +225,33 @@ impl<T: Real> Parts<'_, T> {
     /// the blocks hold their forces and the team has passed a barrier.
     pub fn force(&self, team: &Team, u: &[[f64; 3]]) {
         let count = self.blocks.len();
-        let constants = &self.kernel.constants;
-        // SAFETY: each block is claimed by one thread between barriers.
+        // SAFETY (all blocks below): each block, then each range of nodes or rows, is claimed by one thread between
+        // barriers, and what a phase reads no thread writes in it.
         team.claim(count, |b| unsafe { self.blocks.get(b) }.deform(u));
         team.barrier();
-        if constants.projected > 0.0 {
-            team.claim(self.pressure.len().div_ceil(NODES_PER_DEAL), |deal| self.project(deal));
+        let pressures: &[T] = if self.constants.projected > 0.0 {
+            team.claim(self.nodes.div_ceil(NODES_PER_DEAL), |deal| self.sum_dilation(deal));
             team.barrier();
-        }
-        // SAFETY: as above; pressures are only read in this phase.
-        team.claim(count, |b| unsafe { self.blocks.get(b).stress(self.pressure.read(), constants) });
+            team.claim(self.projection.to_coarse.groups().div_ceil(ROWS_PER_DEAL), |deal| run(ToCoarse(self, deal)));
+            team.barrier();
+            team.claim(self.projection.to_nodes.groups().div_ceil(ROWS_PER_DEAL), |deal| run(ToNodes(self, deal)));
+            team.barrier();
+            unsafe { self.nodal.read() }
+        } else {
+            &[]
+        };
+        team.claim(count, |b| unsafe { self.blocks.get(b) }.stress(pressures, &self.constants));
         team.barrier();
     }
 
-    fn project(&self, deal: usize) {
-        let range = deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(self.pressure.len());
-        // SAFETY: blocks are only read in this phase; each range of pressures is claimed by one thread.
-        let (blocks, pressure) = unsafe { (self.blocks.read(), self.pressure.part(range.clone())) };
-        for (p, out) in range.zip(pressure) {
-            let shares = self.kernel.coarse_shares.of_index(p).iter();
-            let dilation: f64 = shares.map(|&(b, l)| blocks[b as usize].coarse_dilation[l as usize]).sum();
-            let volume = self.kernel.coarse_volume[p];
-            let constants = &self.kernel.constants;
-            *out = match constants.law.volumetric {
-                _ if volume <= 0.0 => 0.0,
-                Volumetric::Quadratic => constants.projected * dilation / volume,
-                other => constants.projected * other.slope(dilation / volume),
-            };
+    /// V_a (J_a - 1) of one deal of nodes.
+    fn sum_dilation(&self, deal: usize) {
+        let range = deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(self.nodes);
+        // SAFETY: as in `force`.
+        let (blocks, dilation) = unsafe { (self.blocks.read(), self.dilation.part(range.clone())) };
+        for (out, n) in dilation.iter_mut().zip(range) {
+            let shares = self.node_shares.of_index(n).iter();
+            *out = T::of(shares.map(|&(b, l)| blocks[b as usize].dilation[l as usize].get()).sum());
         }
     }
 
@@ -226,7 +264,7 @@ impl<T: Real> Parts<'_, T> {
         // SAFETY: blocks are only read now, by the caller's promise.
         let blocks = unsafe { self.blocks.read() };
         let mut sum = [0.0; 3];
-        for &(b, l) in self.kernel.node_shares.of_index(n) {
+        for &(b, l) in self.node_shares.of_index(n) {
             let share = blocks[b as usize].force[l as usize];
             (0..3).for_each(|k| sum[k] += share[k].get());
         }
@@ -234,23 +272,46 @@ impl<T: Real> Parts<'_, T> {
     }
 }
 
-/// The hoop strain of an axisymmetric field, sum_j u_r phi_j / r, comes out of the gather in the radial row; here it
-/// takes its place on the diagonal. What shears the hoop direction is zero.
-#[inline(always)]
-fn hoop_to_diagonal<T: Real>(columns: &mut [[T; 4]; 3]) {
-    columns[1] = [T::default(), columns[1][0], T::default(), T::default()];
+/// Coarse pressures of one deal of rows.
+struct ToCoarse<'a, T: Real>(&'a Parts<'a, T>, usize);
+
+impl<T: Real> Loop for ToCoarse<'_, T> {
+    #[inline(always)]
+    fn go(self) {
+        let Self(parts, deal) = self;
+        let Projection { to_coarse, volume, .. } = parts.projection;
+        let kappa = parts.constants.projected;
+        for group in deal * ROWS_PER_DEAL..((deal + 1) * ROWS_PER_DEAL).min(to_coarse.groups()) {
+            let range = LANES * group..LANES * (group + 1);
+            // SAFETY: as in `Parts::force`.
+            let (dilation, out) = unsafe { (parts.dilation.read(), parts.coarse.part(range.clone())) };
+            let sums = to_coarse.times(group, dilation);
+            for ((out, sum), volume) in out.iter_mut().zip(sums.0).zip(&volume[range.start..]) {
+                let dilation = sum.get() / volume;
+                *out = T::of(match parts.constants.law.volumetric {
+                    _ if *volume <= 0.0 => 0.0,
+                    Volumetric::Quadratic => kappa * dilation,
+                    other => kappa * other.slope(dilation),
+                });
+            }
+        }
+    }
 }
 
-/// And back: the hoop stress pushes its nodes outwards.
-#[inline(always)]
-fn hoop_to_radius<T: Real>(columns: &mut [[T; 4]; 3]) {
-    columns[1] = [columns[1][1], T::default(), T::default(), T::default()];
-}
+/// Nodal pressures of one deal of rows.
+struct ToNodes<'a, T: Real>(&'a Parts<'a, T>, usize);
 
-/// Row-major F from its columns.
-#[inline(always)]
-pub(super) fn gradient<T: Real>(columns: &[[T; 4]; 3]) -> [T; 9] {
-    std::array::from_fn(|i| columns[i % 3][i / 3])
+impl<T: Real> Loop for ToNodes<'_, T> {
+    #[inline(always)]
+    fn go(self) {
+        let Self(parts, deal) = self;
+        let rows = &parts.projection.to_nodes;
+        for group in deal * ROWS_PER_DEAL..((deal + 1) * ROWS_PER_DEAL).min(rows.groups()) {
+            // SAFETY: as in `Parts::force`.
+            let (coarse, out) = unsafe { (parts.coarse.read(), parts.nodal.part(LANES * group..LANES * (group + 1))) };
+            out.copy_from_slice(&rows.times(group, coarse).0);
+        }
+    }
 }
 
 impl<T: Real> Block<T> {
@@ -259,24 +320,18 @@ impl<T: Real> Block<T> {
         // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
         // whole sample costs no digits in single precision.
         let origin = u[self.nodes[0] as usize];
+        self.dilation.fill(T::default());
         match self.form {
             Form::Full => {
                 for (local, &n) in self.u.iter_mut().zip(&self.nodes) {
                     let u = u[n as usize];
-                    *local = [T::of(u[0] - origin[0]), T::of(u[1] - origin[1]), T::of(u[2] - origin[2]), T::default()];
+                    *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
                 }
+                run(Deform::<_, false>(self));
             }
-            Form::Axisymmetric => self.copy_meridian(u, origin[2]),
-        }
-        self.dilation.fill(T::default());
-        T::dispatch_deform(self);
-        if !self.coarse.is_empty() {
-            self.coarse_dilation.fill(0.0);
-            for a in 0..self.nodes.len() {
-                let dilation = self.dilation[a].get();
-                for e in self.coarse_start[a] as usize..self.coarse_start[a + 1] as usize {
-                    self.coarse_dilation[self.coarse_local[e] as usize] += self.coarse_value[e] * dilation;
-                }
+            Form::Axisymmetric => {
+                self.copy_meridian(u, origin[2]);
+                run(Deform::<_, true>(self));
             }
         }
     }
@@ -286,64 +341,23 @@ impl<T: Real> Block<T> {
         for (l, (local, &n)) in self.u.iter_mut().zip(&self.nodes).enumerate() {
             let [radial, _, axial] = u[n as usize];
             let radial = if l < self.originals { radial } else { -radial };
-            *local = [T::of(radial), T::default(), T::of(axial - origin), T::default()];
+            *local = [T::of(radial), T::default(), T::of(axial - origin)];
         }
     }
 
-    /// The loop over points of pass 1.
-    #[inline(always)]
-    pub(super) fn deform_points<const AXISYMMETRIC: bool>(&mut self) {
-        let one = T::of(1.0);
-        let share_of_corner = if AXISYMMETRIC { T::of(1.0 / 3.0) } else { T::of(0.25) };
-        let mut min = T::of(f64::MAX);
-        for p in 0..self.volume.len() {
-            if AXISYMMETRIC && self.active[p] == T::default() {
-                // the needle's, not the tissue's: nothing reads it but what is shown
-                self.deformation[p] = UNDEFORMED.map(|column| column.map(T::of));
-                continue;
-            }
-            let range = self.start[p] as usize..self.start[p + 1] as usize;
-            let mut columns = T::gather(&self.local[range.clone()], &self.gradient[range], &self.u);
-            if AXISYMMETRIC {
-                hoop_to_diagonal(&mut columns);
-            }
-            for k in 0..3 {
-                columns[k][k] += one;
-            }
-            self.deformation[p] = columns;
-            let f = gradient(&columns);
-            let j = determinant(&f, &cofactor(&f));
-            let active = self.active[p];
-            // a NaN does not survive this comparison; the energy of pass 2 keeps it
-            min = if j < min && active > T::default() { j } else { min };
-            let share = share_of_corner * active * self.volume[p] * (j - one);
-            for &c in &self.corners[p][..if AXISYMMETRIC { 3 } else { 4 }] {
-                self.dilation[c as usize] += share;
+    /// Pass 2. `pressure` at all nodes, or empty.
+    fn stress(&mut self, pressure: &[T], constants: &Constants) {
+        if !pressure.is_empty() {
+            for (local, &n) in self.pressure.iter_mut().zip(&self.nodes) {
+                *local = pressure[n as usize];
             }
         }
-        self.min_jacobian = min.get();
-    }
-
-    /// Pass 2.
-    fn stress(&mut self, coarse_pressure: &[f64], constants: &Constants) {
-        if !self.coarse.is_empty() {
-            for a in 0..self.nodes.len() {
-                let entries = self.coarse_start[a] as usize..self.coarse_start[a + 1] as usize;
-                let p: f64 = entries
-                    .map(|e| {
-                        self.coarse_value[e] * coarse_pressure[self.coarse[self.coarse_local[e] as usize] as usize]
-                    })
-                    .sum();
-                self.pressure[a] = T::of(p);
-            }
-        }
-        self.force.fill([T::default(); 4]);
         // the usual law has a loop of its own, with no choices in it
         if let Some(plain) = constants.plain() {
-            T::dispatch_stress(self, &plain);
+            self.spread(&plain);
         } else {
             let memory = std::mem::take(&mut self.memory);
-            T::dispatch_stress(self, &Relaxing { constants, memory: &memory });
+            self.spread(&Relaxing { constants, memory: &memory });
             self.energy += memory.offset;
             self.memory = memory;
         }
@@ -353,75 +367,164 @@ impl<T: Real> Block<T> {
         }
     }
 
-    #[inline(always)]
-    pub(super) fn projected_pressure(&self, p: usize) -> T {
-        let c = self.corners[p].map(|c| self.pressure[c as usize]);
+    fn spread(&mut self, law: &impl PointLaw<T>) {
         match self.form {
-            Form::Full => T::of(0.25) * ((c[0] + c[1]) + (c[2] + c[3])),
-            Form::Axisymmetric => T::of(1.0 / 3.0) * ((c[0] + c[1]) + c[2]),
+            Form::Full => run(Stress::<_, _, false>(self, law)),
+            Form::Axisymmetric => run(Stress::<_, _, true>(self, law)),
         }
+        T::sum_and_clear(&mut self.force_of_lane, &mut self.force);
     }
 
-    /// The loop over points of pass 2, in runs: the law of one point waits for itself most of the time, so those of a run
-    /// are evaluated side by side before their stress is spread.
     #[inline(always)]
-    pub(super) fn stress_points<L: PointLaw<T>, const AXISYMMETRIC: bool>(&mut self, law: &L) {
-        let mut energy = T::default();
-        let mut stress = [[[T::default(); 4]; 3]; RUN];
-        let count = self.volume.len();
-        for first in (0..count).step_by(RUN) {
-            let run = first..(first + RUN).min(count);
-            for (columns, p) in stress.iter_mut().zip(run.clone()) {
-                let volume = self.active[p] * self.volume[p];
-                if volume == T::default() {
-                    continue;
-                }
-                let f = gradient(&self.deformation[p]);
-                let (density, s) = law.at(p, &f, self.projected_pressure(p));
-                energy += volume * density;
-                *columns = std::array::from_fn(|k| [volume * s[k], volume * s[3 + k], volume * s[6 + k], T::default()]);
+    fn projected_pressure(&self, group: usize) -> Lanes<T> {
+        let [a, b, c, d] = &self.corners[group];
+        let two = Lanes::look_up(&self.pressure, a) + Lanes::look_up(&self.pressure, b);
+        let third = Lanes::look_up(&self.pressure, c);
+        match self.form {
+            Form::Full => Lanes::of(0.25) * (two + (third + Lanes::look_up(&self.pressure, d))),
+            Form::Axisymmetric => Lanes::of(1.0 / 3.0) * (two + third),
+        }
+    }
+
+    /// Projected pressure of the point in one slot, Pa.
+    pub(super) fn projected_pressure_in(&self, slot: usize) -> f64 {
+        self.projected_pressure(slot / LANES).0[slot % LANES].get()
+    }
+}
+
+/// The loop over points of pass 1.
+struct Deform<'a, T: Real, const AXISYMMETRIC: bool>(&'a mut Block<T>);
+
+impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
+    #[inline(always)]
+    fn go(self) {
+        let block = self.0;
+        let (one, zero) = (Lanes::of(1.0), Lanes::default());
+        let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
+        let mut min = Lanes::of(f64::MAX);
+        for group in 0..block.volume.len() {
+            let range = block.start[group] as usize..block.start[group + 1] as usize;
+            let mut f = gather::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &block.u);
+            let (active, scale) = (block.active[group], block.scale[group]);
+            for k in 0..9 {
+                let undeformed = if k % 4 == 0 { one } else { zero };
+                f[k] = f[k].fma(scale, undeformed);
                 if AXISYMMETRIC {
-                    hoop_to_radius(columns);
+                    // the needle's, not the tissue's: nothing reads it but what is shown
+                    f[k] = f[k].where_positive(active, undeformed);
                 }
             }
-            for (columns, p) in stress.iter().zip(run) {
-                if self.active[p] * self.volume[p] == T::default() {
-                    continue;
+            block.deformation[group] = f;
+            let j = determinant(&f, &cofactor(&f));
+            // a NaN does not survive this comparison; the energy of pass 2 keeps it
+            min = j.where_positive(active, min).min(min);
+            let share = share_of_corner * active * block.volume[group] * (j - one);
+            for corner in &block.corners[group][..if AXISYMMETRIC { 3 } else { 4 }] {
+                for (&c, share) in corner.iter().zip(share.0) {
+                    block.dilation[usize::from(c)] += share;
                 }
-                let range = self.start[p] as usize..self.start[p + 1] as usize;
-                T::scatter(&self.local[range.clone()], &self.gradient[range], columns, &mut self.force);
             }
         }
-        self.energy = energy.get();
+        block.min_jacobian = min.0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
     }
 }
 
-/// sum_j u_j (x) grad phi_j by columns. Two sets of accumulators hide the latency of the additions.
-#[inline(always)]
-pub(super) fn gather<T: Real>(local: &[u16], gradient: &[[T; 3]], u: &[[T; 4]]) -> [[T; 4]; 3] {
-    let mut sets = [[[T::default(); 4]; 3]; 2];
-    for (e, (l, g)) in local.iter().zip(gradient).enumerate() {
-        accumulate(&mut sets[e % 2], &u[usize::from(*l)], g);
+/// The loop over points of pass 2.
+struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a L);
+
+impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L, AXISYMMETRIC> {
+    #[inline(always)]
+    fn go(self) {
+        let Self(block, law) = self;
+        let zero = Lanes::default();
+        let mut energy = zero;
+        for group in 0..block.volume.len() {
+            let volume = block.active[group] * block.volume[group];
+            if volume == zero {
+                continue;
+            }
+            let (density, stress) = law.at(group, &block.deformation[group], block.projected_pressure(group));
+            // what is no tissue must not spoil its neighbours in the vector
+            let here = volume * volume;
+            energy += (volume * density).where_positive(here, zero);
+            let factor = volume * block.scale[group];
+            let stress = stress.map(|s| (factor * s).where_positive(here, zero));
+            let range = block.start[group] as usize..block.start[group + 1] as usize;
+            scatter::<T, AXISYMMETRIC>(
+                &block.local[range.clone()],
+                &block.gradient[range],
+                &stress,
+                &mut block.force_of_lane,
+            );
+        }
+        block.energy = energy.sum().get();
     }
-    std::array::from_fn(|k| std::array::from_fn(|i| sets[0][k][i] + sets[1][k][i]))
 }
 
-/// f_j += V P grad phi_j, with V P by columns.
+/// sum_j u_j (x) grad phi_j, over the scale of the gradients. In a half plane the second component of a gradient belongs to the hoop strain
+/// sum_j u_r phi_j / r, and what shears the hoop direction is zero.
 #[inline(always)]
-pub(super) fn scatter<T: Real>(local: &[u16], gradient: &[[T; 3]], columns: &[[T; 4]; 3], force: &mut [[T; 4]]) {
+fn gather<T: Real, const AXISYMMETRIC: bool>(
+    local: &[u16],
+    gradient: &[[[T::Stored; LANES]; 3]],
+    u: &[[T; 3]],
+) -> Gradient<Lanes<T>> {
+    let mut f = [Lanes::default(); 9];
     for (l, g) in local.iter().zip(gradient) {
+        prefetch(g);
+        let g = [Lanes::load(&g[0]), Lanes::load(&g[1]), Lanes::load(&g[2])];
+        let u = u[usize::from(*l)].map(Lanes::splat);
+        if AXISYMMETRIC {
+            f[0] = u[0].fma(g[0], f[0]);
+            f[2] = u[0].fma(g[2], f[2]);
+            f[4] = u[0].fma(g[1], f[4]);
+            f[6] = u[2].fma(g[0], f[6]);
+            f[8] = u[2].fma(g[2], f[8]);
+        } else {
+            for i in 0..3 {
+                for k in 0..3 {
+                    f[3 * i + k] = u[i].fma(g[k], f[3 * i + k]);
+                }
+            }
+        }
+    }
+    f
+}
+
+/// f_j += V P grad phi_j, with V P times the scale of the gradients row-major; the hoop stress pushes its nodes outwards.
+#[inline(always)]
+fn scatter<T: Real, const AXISYMMETRIC: bool>(
+    local: &[u16],
+    gradient: &[[[T::Stored; LANES]; 3]],
+    p: &Gradient<Lanes<T>>,
+    force: &mut [[Lanes<T>; 3]],
+) {
+    for (l, g) in local.iter().zip(gradient) {
+        prefetch(g);
+        let g = [Lanes::load(&g[0]), Lanes::load(&g[1]), Lanes::load(&g[2])];
         let force = &mut force[usize::from(*l)];
-        for i in 0..4 {
-            force[i] = columns[0][i].fma(g[0], columns[1][i].fma(g[1], columns[2][i].fma(g[2], force[i])));
+        if AXISYMMETRIC {
+            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], force[0])));
+            force[2] = p[6].fma(g[0], p[8].fma(g[2], force[2]));
+        } else {
+            for i in 0..3 {
+                force[i] = p[3 * i].fma(g[0], p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], force[i])));
+            }
         }
     }
 }
 
+/// Asks for the gradients of a later visit: the processor's own prefetching ends at the next page, and stalls of a
+/// fifth of the step were measured without.
 #[inline(always)]
-fn accumulate<T: Real>(columns: &mut [[T; 4]; 3], u: &[T; 4], g: &[T; 3]) {
-    for k in 0..3 {
-        for i in 0..4 {
-            columns[k][i] = u[i].fma(g[k], columns[k][i]);
-        }
+fn prefetch<S>(g: &[[S; LANES]; 3]) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let later = std::ptr::from_ref(g).wrapping_add(VISITS_AHEAD);
+        // SAFETY: a hint; the address need not be valid.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(later.cast()) };
     }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = g;
 }

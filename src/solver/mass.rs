@@ -12,10 +12,11 @@
 //! once, at rest, from the true largest eigenvalue.
 
 use super::block::Block;
-use super::kernel::{NODES_PER_DEAL, Parts, gradient};
+use super::kernel::{NODES_PER_DEAL, Parts};
+use super::lanes::{LANES, Lanes, Loop, run};
 use super::points::Constants;
 use super::pool::{Dealt, Team};
-use super::real::Real;
+use super::real::{Number, Real};
 use super::state::{Solver, with_kernel};
 
 /// Masses shrink by at most this factor per refresh, so that a point on the verge doesn't make them swing.
@@ -50,27 +51,42 @@ impl Solver {
 impl<T: Real> Parts<'_, T> {
     /// Leaves each block's shares of the masses, over s, in the first component of its forces.
     fn bound(&self, team: &Team) {
-        let constants = &self.kernel.constants;
         // SAFETY: each block is claimed by one thread.
-        team.claim(self.blocks.len(), |b| T::dispatch_bound(unsafe { self.blocks.get(b) }, constants));
+        team.claim(self.blocks.len(), |b| run(Bound(unsafe { self.blocks.get(b) }, &self.constants)));
         team.barrier();
     }
 }
 
-impl<T: Real> Block<T> {
+/// The loop over points of the bounds.
+struct Bound<'a, T: Real>(&'a mut Block<T>, &'a Constants);
+
+impl<T: Real> Loop for Bound<'_, T> {
     #[inline(always)]
-    pub(super) fn bound_points(&mut self, constants: &Constants) {
-        self.force.fill([T::default(); 4]);
-        for p in 0..self.volume.len() {
-            let range = self.start[p] as usize..self.start[p + 1] as usize;
-            let squares = self.gradient[range.clone()].iter().flatten().fold(T::default(), |s, &g| g.fma(g, s));
-            let f = gradient(&self.deformation[p]).map(Real::get);
-            let stiffness = constants.stiffness(&f, self.projected_pressure(p).get());
-            let share = self.volume[p].max(-self.volume[p]) * squares * T::of(stiffness);
-            for &l in &self.local[range] {
-                self.force[usize::from(l)][0] += share;
+    fn go(self) {
+        let Self(block, constants) = self;
+        let zero = Lanes::default();
+        for group in 0..block.volume.len() {
+            let range = block.start[group] as usize..block.start[group + 1] as usize;
+            let (local, gradients) = (&block.local[range.clone()], &block.gradient[range]);
+            let scale = block.scale[group];
+            let square = |g: &[[T::Stored; LANES]; 3]| {
+                let [x, y, z] = [0, 1, 2].map(|k| scale * Lanes::load(&g[k]));
+                x.fma(x, y.fma(y, z * z))
+            };
+            let mut squares = zero;
+            gradients.iter().for_each(|g| squares += square(g));
+            let volume = block.volume[group].max(-block.volume[group]);
+            let mut stiffness = zero;
+            for (lane, stiffness) in stiffness.0.iter_mut().enumerate() {
+                let slot = LANES * group + lane;
+                *stiffness = T::of(constants.stiffness(&block.deformation_in(slot), block.projected_pressure_in(slot)));
+            }
+            let share = volume * squares * stiffness;
+            for (&l, g) in local.iter().zip(gradients) {
+                block.force_of_lane[usize::from(l)][0] += share.where_positive(square(g), zero);
             }
         }
+        T::sum_and_clear(&mut block.force_of_lane, &mut block.force);
     }
 }
 

@@ -10,7 +10,6 @@ use crate::material::prony::{MOST_TERMS, contract, reference_stress, unimodular}
 use crate::material::{Law, Prony};
 
 use super::block::Block;
-use super::kernel::gradient;
 use super::real::Real;
 
 const ZERO: Symmetric = [0.0; 6];
@@ -18,7 +17,7 @@ const ZERO: Symmetric = [0.0; 6];
 /// Memory of one block; empty for a material that does not relax.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
-    /// H of each point, Pa.
+    /// H of each slot, Pa.
     pub held: Vec<Symmetric>,
     /// gamma.
     pub elastic: f64,
@@ -50,14 +49,14 @@ pub struct Sums {
 }
 
 impl Memory {
-    /// Memory of `points` points; none for an elastic material.
+    /// Memory of so many slots; none for an elastic material.
     #[must_use]
-    pub fn new(prony: &Prony, points: usize) -> Self {
+    pub fn new(prony: &Prony, slots: usize) -> Self {
         if prony.is_empty() {
             return Self::default();
         }
-        let history = History { stress: vec![ZERO; (1 + prony.len()) * points], sums: Sums::default() };
-        Self { held: vec![ZERO; points], elastic: 1.0, offset: 0.0, saved: history.clone(), now: history }
+        let history = History { stress: vec![ZERO; (1 + prony.len()) * slots], sums: Sums::default() };
+        Self { held: vec![ZERO; slots], elastic: 1.0, offset: 0.0, saved: history.clone(), now: history }
     }
 
     /// Forgets everything.
@@ -114,11 +113,12 @@ impl<T: Real> Block<T> {
         let series = &law.prony;
         let increment = series.increment(dt);
         let long_term = series.long_term_share();
-        let memory = &mut self.memory;
+        // taken out so that the block can be asked for its slots
+        let mut memory = std::mem::take(&mut self.memory);
         let mut sums = Sums { work: memory.offset, ..Sums::default() };
-        for (p, history) in memory.now.stress.chunks_exact_mut(1 + series.len()).enumerate() {
-            let volume = (self.active[p] * self.volume[p]).get();
-            let f = gradient(&self.deformation[p]).map(Real::get);
+        for (slot, history) in memory.now.stress.chunks_exact_mut(1 + series.len()).enumerate() {
+            let volume = self.active_in(slot) * self.volume_in(slot);
+            let f = self.deformation_in(slot);
             let cof = cofactor(&f);
             let j = determinant(&f, &cof);
             let c = unimodular(&f, j);
@@ -138,8 +138,9 @@ impl<T: Real> Block<T> {
             history[0] = new;
             sums.elastic += volume * w;
             sums.total += volume * contract(&total, &total);
-            sums.work += volume * (memory.elastic * w + 0.5 * contract(&memory.held[p], &c));
+            sums.work += volume * (memory.elastic * w + 0.5 * contract(&memory.held[slot], &c));
         }
         memory.now.sums = sums;
+        self.memory = memory;
     }
 }

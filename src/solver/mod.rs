@@ -2,15 +2,16 @@
 
 pub mod block;
 pub mod dilatation;
+mod group;
 pub mod kernel;
+pub mod lanes;
 mod mass;
 mod memory;
 mod points;
 pub mod pool;
 pub mod real;
 mod relax;
-#[cfg(target_arch = "x86_64")]
-mod simd;
+mod rows;
 mod state;
 mod step;
 

@@ -3,8 +3,9 @@
 use crate::material::neo_hookean::{Gradient, MIN_JACOBIAN, cofactor, determinant, distortional_energy, first_piola};
 use crate::material::{Distortional, Law, Volumetric};
 
+use super::lanes::{LANES, Lanes};
 use super::memory::Memory;
-use super::real::Real;
+use super::real::{Number, Real};
 
 /// Material and how its bulk modulus is shared out.
 #[derive(Clone, Copy, Debug)]
@@ -28,8 +29,8 @@ impl Constants {
                 prony,
                 ..
             } if prony.is_empty() => Some(NeoHookean {
-                mu: T::of(shear_modulus),
-                pointwise: T::of(self.pointwise),
+                mu: Lanes::of(shear_modulus),
+                pointwise: Lanes::of(self.pointwise),
                 resists_collapse: self.resists_collapse,
             }),
             _ => None,
@@ -81,30 +82,30 @@ fn largest_square(a: &Gradient<f64>) -> f64 {
     trace * inner(&s3, &s2) / inner(&s2, &s2)
 }
 
-/// Energy density and stress of one point.
+/// Energy density and stress of a group of points.
 pub trait PointLaw<T: Real> {
-    /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of point
-    /// `p` of the block, from its deformation gradient and projected pressure.
-    fn at(&self, p: usize, f: &Gradient<T>, projected: T) -> (T, Gradient<T>);
+    /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of the
+    /// points of one group of a block, from their deformation gradients and projected pressures.
+    fn at(&self, group: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>);
 }
 
 /// [`crate::material::neo_hookean`] in the kernel's own precision.
 pub(super) struct NeoHookean<T> {
-    mu: T,
-    pointwise: T,
+    mu: Lanes<T>,
+    pointwise: Lanes<T>,
     resists_collapse: bool,
 }
 
 impl<T: Real> PointLaw<T> for NeoHookean<T> {
     #[inline(always)]
-    fn at(&self, _: usize, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
+    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
         let cof = cofactor(f);
         let j = determinant(f, &cof);
         let (energy, own) = if self.resists_collapse {
             collapse(j, self.pointwise)
         } else {
-            let dilation = j - T::of(1.0);
-            (T::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
+            let dilation = j - Lanes::of(1.0);
+            (Lanes::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
         };
         let energy = distortional_energy(f, j, self.mu) + energy;
         (energy, first_piola(f, &cof, j, self.mu, projected + own))
@@ -119,14 +120,22 @@ pub(super) struct Relaxing<'a> {
 
 impl<T: Real> PointLaw<T> for Relaxing<'_> {
     #[inline]
-    fn at(&self, p: usize, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
-        let (energy, stress) = self.evaluate(p, &f.map(Real::get), projected.get());
-        (T::of(energy), stress.map(T::of))
+    fn at(&self, group: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
+        let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
+        for lane in 0..LANES {
+            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), projected.0[lane].get());
+            density.0[lane] = T::of(w);
+            for (out, p) in stress.iter_mut().zip(p) {
+                out.0[lane] = T::of(p);
+            }
+        }
+        (density, stress)
     }
 }
 
 impl Relaxing<'_> {
-    fn evaluate(&self, p: usize, f: &Gradient<f64>, projected: f64) -> (f64, Gradient<f64>) {
+    /// Energy density and stress of the point in one slot of the block.
+    pub fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: f64) -> (f64, Gradient<f64>) {
         let Constants { law, pointwise, resists_collapse, .. } = self.constants;
         let cof = cofactor(f);
         let j = determinant(f, &cof);
@@ -135,7 +144,7 @@ impl Relaxing<'_> {
         } else {
             (pointwise * law.volumetric.energy(j - 1.0), pointwise * law.volumetric.slope(j - 1.0))
         };
-        let (energy, stress) = match self.memory.held.get(p) {
+        let (energy, stress) = match self.memory.held.get(slot) {
             Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, held),
             None => law.distortion(f, &cof, j),
         };
@@ -149,7 +158,7 @@ const CRUSHED: f64 = 0.4;
 /// Energy and pressure of the pointwise part that resists collapse:
 /// kappa_s/2 (J - 1)^2 (1 + q), kappa_s ((J - 1)(1 + q) - 2 (J - 1)^2 q / J), with q = (J_0/J)^4.
 #[inline(always)]
-fn collapse<T: Real>(j: T, kappa: T) -> (T, T) {
+fn collapse<T: Number>(j: T, kappa: T) -> (T, T) {
     let (one, two) = (T::of(1.0), T::of(2.0));
     let inverse = one / j.max(T::of(MIN_JACOBIAN));
     let ratio = T::of(CRUSHED) * inverse;

@@ -1,78 +1,70 @@
-//! The scalar type of the internal-force kernel: f32 or f64.
+//! The scalar type of the internal-force kernel, f32 or f64, and the arithmetic that it shares with [`super::lanes`].
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-use super::block::Block;
-use super::points::{Constants, PointLaw};
-use crate::approximation::Form;
+use super::lanes::{self, Lanes};
 
-/// What the kernel needs of a floating-point type.
-pub trait Real:
+/// What a material law needs of a number, or of several side by side.
+pub trait Number:
     Copy
     + Debug
     + Default
-    + PartialOrd
-    + Send
-    + Sync
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>
     + AddAssign
-    + 'static
 {
     /// Rounds a double.
     fn of(x: f64) -> Self;
-    /// As a double.
-    fn get(self) -> f64;
     /// The larger of two.
+    #[must_use]
     fn max(self, other: Self) -> Self;
     /// self * b + c, rounded once: the same bits with and without hardware support.
+    #[must_use]
     fn fma(self, b: Self, c: Self) -> Self;
     /// x^(-1/3) for x > 0.
+    #[must_use]
     fn inverse_cube_root(self) -> Self;
-    /// sum_j u_j (x) grad phi_j by columns: the inner loop of pass 1.
-    fn gather(local: &[u16], gradient: &[[Self; 3]], u: &[[Self; 4]]) -> [[Self; 4]; 3];
-    /// f_j += V P grad phi_j, with V P by columns: the inner loop of pass 2.
-    fn scatter(local: &[u16], gradient: &[[Self; 3]], columns: &[[Self; 4]; 3], force: &mut [[Self; 4]]);
-    /// `Block::deform_points` compiled for this machine.
-    fn dispatch_deform(block: &mut Block<Self>);
-    /// `Block::stress_points` compiled for this machine.
-    fn dispatch_stress<L: PointLaw<Self>>(block: &mut Block<Self>, law: &L);
-    /// `Block::bound_points` compiled for this machine.
-    fn dispatch_bound(block: &mut Block<Self>, constants: &Constants);
+}
+
+/// A floating-point type.
+pub trait Real: Number + PartialOrd + Send + Sync + 'static {
+    /// A gradient component in memory, over the scale of its point.
+    type Stored: Copy + Debug + Default + PartialEq + Send + Sync + 'static;
+    /// Largest magnitude of a stored number, if they are whole.
+    const LARGEST_STORED: Option<f64>;
+    /// Iterations that take the estimate to round-off.
+    const CUBE_ROOT_ITERATIONS: u32;
+    /// As a double.
+    fn get(self) -> f64;
+    /// Number to store, whole if there is a [`Real::LARGEST_STORED`].
+    fn store(x: f64) -> Self::Stored;
+    /// What was stored.
+    fn load(x: Self::Stored) -> Self;
+    /// Adds up the lanes of three components each, and leaves zero in them.
+    fn sum_and_clear(lanes: &mut [[Lanes<Self>; 3]], sums: &mut [[Self; 3]]) {
+        lanes::sum_and_clear(lanes, sums);
+    }
+    /// x^(-1/3) to a few percent, from the bits: log2(y) = -log2(x)/3.
+    #[must_use]
+    fn inverse_cube_root_estimate(self) -> Self;
+}
+
+/// Newton on y^-3 = x: multiplications only. Each iteration doubles the digits.
+#[inline(always)]
+pub(super) fn inverse_cube_root_iteration<N: Number>(x: N, y: N) -> N {
+    y * (N::of(4.0) - x * y * y * y) * N::of(1.0 / 3.0)
 }
 
 macro_rules! real {
-    ($t:ty, $iterations:literal, $deform:ident, $stress:ident, $bound:ident, $($loops:item),*) => {
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma")]
-        fn $deform<const AXISYMMETRIC: bool>(block: &mut Block<$t>) {
-            block.deform_points::<AXISYMMETRIC>();
-        }
-
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma")]
-        fn $stress<L: PointLaw<$t>, const AXISYMMETRIC: bool>(block: &mut Block<$t>, law: &L) {
-            block.stress_points::<L, AXISYMMETRIC>(law);
-        }
-
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma")]
-        fn $bound(block: &mut Block<$t>, constants: &Constants) {
-            block.bound_points(constants);
-        }
-
-        impl Real for $t {
+    ($t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal $(, $own:item)?) => {
+        impl Number for $t {
             #[inline(always)]
             fn of(x: f64) -> Self {
                 x as Self
-            }
-            #[inline(always)]
-            fn get(self) -> f64 {
-                f64::from(self)
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
@@ -84,111 +76,55 @@ macro_rules! real {
             }
             #[inline(always)]
             fn inverse_cube_root(self) -> Self {
-                // Newton on y^-3 = x: multiplications only. Each iteration doubles the digits of the 5% estimate.
-                let mut y = start(f64::from(self)) as Self;
+                let mut y = self.inverse_cube_root_estimate();
                 for _ in 0..$iterations {
-                    y = y * (4.0 - self * y * y * y) * (1.0 / 3.0);
+                    y = inverse_cube_root_iteration(self, y);
                 }
                 y
             }
-            $($loops)*
-            fn dispatch_deform(block: &mut Block<Self>) {
-                #[cfg(target_arch = "x86_64")]
-                if has_fma() {
-                    // SAFETY: the processor has both features.
-                    return unsafe {
-                        match block.form {
-                            Form::Full => $deform::<false>(block),
-                            Form::Axisymmetric => $deform::<true>(block),
-                        }
-                    };
-                }
-                match block.form {
-                    Form::Full => block.deform_points::<false>(),
-                    Form::Axisymmetric => block.deform_points::<true>(),
-                }
+        }
+
+        impl Real for $t {
+            type Stored = $stored;
+            const LARGEST_STORED: Option<f64> = $largest;
+            const CUBE_ROOT_ITERATIONS: u32 = $iterations;
+            #[inline(always)]
+            fn store(x: f64) -> $stored {
+                x as $stored
             }
-            fn dispatch_stress<L: PointLaw<Self>>(block: &mut Block<Self>, law: &L) {
-                #[cfg(target_arch = "x86_64")]
-                if has_fma() {
-                    // SAFETY: the processor has both features.
-                    return unsafe {
-                        match block.form {
-                            Form::Full => $stress::<L, false>(block, law),
-                            Form::Axisymmetric => $stress::<L, true>(block, law),
-                        }
-                    };
-                }
-                match block.form {
-                    Form::Full => block.stress_points::<L, false>(law),
-                    Form::Axisymmetric => block.stress_points::<L, true>(law),
-                }
+            #[inline(always)]
+            fn load(x: $stored) -> Self {
+                Self::from(x)
             }
-            fn dispatch_bound(block: &mut Block<Self>, constants: &Constants) {
-                #[cfg(target_arch = "x86_64")]
-                if has_fma() {
-                    // SAFETY: the processor has both features.
-                    return unsafe { $bound(block, constants) };
-                }
-                block.bound_points(constants);
+            #[inline(always)]
+            fn get(self) -> f64 {
+                f64::from(self)
             }
+            #[inline(always)]
+            fn inverse_cube_root_estimate(self) -> Self {
+                Self::from_bits($bits - self.to_bits() / 3)
+            }
+            $($own)?
         }
     };
 }
 
-/// Rough x^(-1/3) from the bits: log2(y) = -log2(x)/3, good to 5%.
-#[inline(always)]
-fn start(x: f64) -> f64 {
-    f64::from_bits(0x553e_f0ff_289d_d796 - x.to_bits() / 3)
-}
-
-/// Whether the loops for AVX2 and FMA can run here. The library caches the answer.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn has_fma() -> bool {
-    std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
-}
-
 real!(
     f32,
+    i16,
+    Some(32_767.0),
     3,
-    deform_f32,
-    stress_f32,
-    bound_f32,
-    #[inline(always)]
-    fn gather(local: &[u16], gradient: &[[f32; 3]], u: &[[f32; 4]]) -> [[f32; 4]; 3] {
+    0x54a2_1f14,
+    fn sum_and_clear(lanes: &mut [[Lanes<f32>; 3]], sums: &mut [[f32; 3]]) {
         #[cfg(target_arch = "x86_64")]
-        if has_fma() {
-            // SAFETY: features checked; local indices are positions in the block's node list, as long as `u`.
-            return unsafe { super::simd::gather(local, gradient, u) };
+        if lanes::has_avx2() {
+            // SAFETY: the processor has the feature.
+            return unsafe { lanes::sum_and_clear_avx2(lanes, sums) };
         }
-        super::kernel::gather(local, gradient, u)
-    },
-    #[inline(always)]
-    fn scatter(local: &[u16], gradient: &[[f32; 3]], columns: &[[f32; 4]; 3], force: &mut [[f32; 4]]) {
-        #[cfg(target_arch = "x86_64")]
-        if has_fma() {
-            // SAFETY: as in `gather`.
-            return unsafe { super::simd::scatter(local, gradient, columns, force) };
-        }
-        super::kernel::scatter(local, gradient, columns, force);
+        lanes::sum_and_clear(lanes, sums);
     }
 );
-real!(
-    f64,
-    4,
-    deform_f64,
-    stress_f64,
-    bound_f64,
-    #[inline(always)]
-    fn gather(local: &[u16], gradient: &[[f64; 3]], u: &[[f64; 4]]) -> [[f64; 4]; 3] {
-        super::kernel::gather(local, gradient, u)
-    },
-    #[inline(always)]
-    fn scatter(local: &[u16], gradient: &[[f64; 3]], columns: &[[f64; 4]; 3], force: &mut [[f64; 4]]) {
-        super::kernel::scatter(local, gradient, columns, force);
-    }
-);
+real!(f64, f64, None, 4, 0x553e_f0ff_289d_d796);
 
 #[cfg(test)]
 mod tests {
@@ -200,7 +136,9 @@ mod tests {
         while x < 8.0 {
             let exact: f64 = 1.0 / f64::cbrt(x);
             assert!((x.inverse_cube_root() / exact - 1.0).abs() < 1e-15, "{x}");
-            assert!((f64::from((x as f32).inverse_cube_root()) / exact - 1.0).abs() < 4e-7, "{x}");
+            let single = (x as f32).inverse_cube_root();
+            assert!((f64::from(single) / exact - 1.0).abs() < 4e-7, "{x}");
+            assert_eq!(Lanes::splat(x as f32).inverse_cube_root(), Lanes::splat(single));
             x *= 1.01;
         }
     }

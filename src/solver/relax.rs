@@ -40,13 +40,13 @@ impl<T: Real> Kernel<T> {
 
 impl<T: Real> Parts<'_, T> {
     fn begin(&self, team: &Team, dt: f64) {
-        let prony = &self.kernel.constants.law.prony;
+        let prony = &self.constants.law.prony;
         // SAFETY: each block is claimed by one thread; nothing else runs.
         team.claim(self.blocks.len(), |b| unsafe { self.blocks.get(b) }.begin(prony, dt));
     }
 
     fn commit(&self, team: &Team, dt: f64) {
-        let law = &self.kernel.constants.law;
+        let law = &self.constants.law;
         // SAFETY: as above.
         team.claim(self.blocks.len(), |b| unsafe { self.blocks.get(b) }.commit(law, dt));
     }

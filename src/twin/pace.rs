@@ -19,6 +19,8 @@ const RELAXATION: f64 = 0.5;
 const PATIENCE: f64 = 0.1;
 /// The gap, over what the tolerance allows, at which a resting instrument needs no more steps.
 const QUIET: f64 = 0.1;
+/// What is left after a pose of a gap that has closed.
+const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
 /// Steps after a relaxation of the stress: the pressure has to find its new balance, which its fast waves do in these.
@@ -36,6 +38,8 @@ pub(super) struct Pace {
     pub imbalance: f64,
     /// The present gap over what the tolerance allows.
     gap: f64,
+    /// The same with a fading memory: an oscillating gap is not closed when it passes through zero.
+    unsettled: f64,
     /// Factor on the steps that the tolerance asks for, 1 or more.
     boost: f64,
     /// Most steps that there is time for.
@@ -54,6 +58,7 @@ impl Pace {
             peak: 0.0,
             imbalance: 0.0,
             gap: 0.0,
+            unsettled: 0.0,
             boost: LARGEST_BOOST,
             limit: u32::MAX,
             pending: 0.0,
@@ -69,7 +74,7 @@ impl Pace {
             let wanted = (travel / (s.tolerance * slowest * self.length)).max(1.0);
             return ((self.boost * wanted).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
-        if self.gap >= QUIET {
+        if self.unsettled >= QUIET {
             return ((RELAXATION / slowest).ceil() as u32).min(self.most());
         }
         // Relaxation of the same material everywhere changes forces more than places.
@@ -90,6 +95,7 @@ impl Pace {
         let gap = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
         self.imbalance = if self.peak > 0.0 { gap / self.peak } else { 0.0 };
         self.gap = gap / (self.stepping.tolerance * force.max(self.force_floor));
+        self.unsettled = self.gap.max(FADE * self.unsettled);
         self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
     }
 
@@ -97,6 +103,7 @@ impl Pace {
         self.peak = 0.0;
         self.imbalance = 0.0;
         self.gap = 0.0;
+        self.unsettled = 0.0;
         self.boost = LARGEST_BOOST;
         self.pending = 0.0;
     }
