@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 use super::mls::{Fit, Neighbour};
 use super::support::{Supports, radii};
-use super::table::{ApproximationError, Form, Row, Settings, ShapeTable, assemble};
+use super::table::{ApproximationError, Form, Row, Settings, ShapeTable};
 
 /// Nodes with their images beyond the axis, searchable by place.
 #[derive(Clone, Debug)]
@@ -153,7 +153,9 @@ impl AxisymmetricApproximation {
                 )
             })
             .collect::<Result<_, _>>()?;
-        Ok(ShapeTable { form: Form::Axisymmetric, ..assemble(&rows) })
+        let mut table = ShapeTable::empty(Form::Axisymmetric);
+        table.append(0, &rows);
+        Ok(table)
     }
 
     /// The field at points (r, 0, z) of the half plane; with linear triangles the one that holds the point decides.

@@ -25,6 +25,9 @@ pub enum ApproximationError {
     },
 }
 
+/// Cells whose rows are computed at a time: rows and table side by side would double the memory.
+const CELLS_PER_CHUNK: usize = 4096;
+
 /// Shape functions: basis, support and integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -154,11 +157,15 @@ impl Approximation {
     /// # Errors
     /// [`ApproximationError::Singular`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let rows: Vec<Vec<Row>> = match self.settings.basis {
-            None => self.cells.par_iter().map(|c| vec![self.linear(c)]).collect(),
-            Some(basis) => self.cells.par_iter().map(|c| self.gauss(c, basis)).collect::<Result<_, _>>()?,
-        };
-        Ok(assemble(&rows))
+        let mut table = ShapeTable::empty(Form::Full);
+        for (chunk, cells) in self.cells.chunks(CELLS_PER_CHUNK).enumerate() {
+            let rows: Vec<Vec<Row>> = match self.settings.basis {
+                None => cells.par_iter().map(|c| vec![self.linear(c)]).collect(),
+                Some(basis) => cells.par_iter().map(|c| self.gauss(c, basis)).collect::<Result<_, _>>()?,
+            };
+            table.append(chunk * CELLS_PER_CHUNK, &rows);
+        }
+        Ok(table)
     }
 
     /// phi at arbitrary points of the body; with linear tetrahedra the cell that holds the point decides.
@@ -238,18 +245,23 @@ pub(super) struct Row {
     pub gradient: Vec<[f64; 3]>,
 }
 
-pub(super) fn assemble(rows: &[Vec<Row>]) -> ShapeTable {
-    let mut table = ShapeTable { start: vec![0], ..ShapeTable::default() };
-    for (cell, rows) in rows.iter().enumerate() {
-        for row in rows {
-            table.nodes.extend_from_slice(&row.nodes);
-            table.gradient.extend_from_slice(&row.gradient);
-            table.volume.push(row.volume);
-            table.cell.push(cell as u32);
-            table.start.push(table.nodes.len() as u32);
+impl ShapeTable {
+    pub(super) fn empty(form: Form) -> Self {
+        Self { start: vec![0], form, ..Self::default() }
+    }
+
+    /// Adds the rows of the cells from `first` on.
+    pub(super) fn append(&mut self, first: usize, rows: &[Vec<Row>]) {
+        for (cell, rows) in rows.iter().enumerate() {
+            for row in rows {
+                self.nodes.extend_from_slice(&row.nodes);
+                self.gradient.extend_from_slice(&row.gradient);
+                self.volume.push(row.volume);
+                self.cell.push((first + cell) as u32);
+                self.start.push(self.nodes.len() as u32);
+            }
         }
     }
-    table
 }
 
 /// Volume and gradients of the four barycentric coordinates of a tetrahedron.

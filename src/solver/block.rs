@@ -5,6 +5,10 @@
 //! the result has the same bits for any number of threads, and no atomic is needed. Within a block points stand in
 //! [`groups`] of eight, one to a lane.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 use crate::approximation::{Form, ShapeTable};
 use crate::material::neo_hookean::Gradient;
 
@@ -85,25 +89,25 @@ impl<T: Real> Block<T> {
             .map(|p| std::array::from_fn(|k| corners(p).iter().map(|&n| points[n as usize][k]).sum::<f64>() / 4.0))
             .collect();
         let groups = groups(&centres, |p| corners(p), points.len());
-        let mut blocks = Vec::new();
+        let visited: Vec<Vec<u32>> = groups.par_iter().map(|group| visited(table, group)).collect();
+        let mut ranges = Vec::new();
         let (mut first, mut visits) = (0, 0);
-        for (g, group) in groups.iter().enumerate() {
-            let more = visited(table, group).len();
-            if visits + more > VISITS && g > first {
-                blocks.push(Self::new(table, cells, points.len(), &groups[first..g]));
+        for (g, visited) in visited.iter().enumerate() {
+            if visits + visited.len() > VISITS && g > first {
+                ranges.push(first..g);
                 (first, visits) = (g, 0);
             }
-            visits += more;
+            visits += visited.len();
         }
         if first < groups.len() {
-            blocks.push(Self::new(table, cells, points.len(), &groups[first..]));
+            ranges.push(first..groups.len());
         }
-        blocks
+        let block = |r: Range<usize>| Self::new(table, cells, points.len(), &groups[r.clone()], &visited[r]);
+        ranges.into_par_iter().map(block).collect()
     }
 
-    fn new(table: &ShapeTable, cells: &[[u32; 4]], count: usize, groups: &[Vec<u32>]) -> Self {
+    fn new(table: &ShapeTable, cells: &[[u32; 4]], count: usize, groups: &[Vec<u32>], visited: &[Vec<u32>]) -> Self {
         let corners = |p: u32| cells[table.cell[p as usize] as usize];
-        let visited: Vec<Vec<u32>> = groups.iter().map(|group| visited(table, group)).collect();
         let members = || groups.iter().flatten().copied();
         let nodes = ascending(visited.iter().flatten().copied().chain(members().flat_map(corners)));
         let mut block = Self {
@@ -130,7 +134,7 @@ impl<T: Real> Block<T> {
             nodes: nodes.iter().map(|&n| n % count as u32).collect(),
         };
         let mut from = 0;
-        for (g, (group, visited)) in groups.iter().zip(&visited).enumerate() {
+        for (g, (group, visited)) in groups.iter().zip(visited).enumerate() {
             for (lane, &p) in group.iter().enumerate() {
                 block.point[LANES * g + lane] = p;
                 block.volume[g].0[lane] = T::of(table.volume[p as usize]);
