@@ -132,8 +132,8 @@ fn a_relaxing_tissue_with_stamps_in_any_order() {
     let regular = end(&|i| 0.01 * f64::from(i));
     // every fifth pose repeated, every seventh out of order by 50 ms, a gap of 10 s on the way
     let muddled = |i: u32| {
-        let i = i - u32::from(i % 5 == 0);
-        0.01 * f64::from(i) - if i % 7 == 0 { 0.05 } else { 0.0 } + if i > 100 { 10.0 } else { 0.0 }
+        let i = i - u32::from(i.is_multiple_of(5));
+        0.01 * f64::from(i) - if i.is_multiple_of(7) { 0.05 } else { 0.0 } + if i > 100 { 10.0 } else { 0.0 }
     };
     assert_near(end(&muddled), regular, 0.01, "20 s at depth, 40 relaxation times");
 }
@@ -237,7 +237,7 @@ fn unloading_gives_everything_back() {
     let half = ("discretisation.dimension", "axisymmetric");
     for (preset, depth, changes) in [
         // in space, on a coarse cloud
-        ("indentation", 10e-3, &[("discretisation.edge_refinement", "0.25"), ("motion.depth_m", "0.0105")][..]),
+        ("indentation", 13e-3, &[("discretisation.edge_refinement", "0.25"), ("motion.depth_m", "0.0135")][..]),
         // the half planes, coarser than they ship
         ("indentation", 13e-3, &[half, ("discretisation.edge_refinement", "0.08"), ("motion.depth_m", "0.0135")]),
         ("compression", 5.1e-3, &[half, ("motion.depth_m", "0.0055")]),
