@@ -76,6 +76,8 @@ fn metrics_have_the_keys_of_the_contract() {
         "timing.missed_deadlines",
         "timing.coalesced_poses",
         "stability.diverged",
+        "stability.recoveries",
+        "stability.repaired_supports",
         "stability.min_jacobian",
         "stability.max_kinetic_to_strain_energy",
         "stability.force_imbalance",

@@ -34,10 +34,14 @@ fn the_step_stays_below_the_true_limit_at_every_depth() {
     }
 }
 
+/// 1.1 and 1.5 times the true limit, which the largest eigenvalue at rest gives.
 #[test]
 fn a_step_beyond_the_limit_is_found_out() {
-    for factor in ["1.1", "1.5"] {
-        let mut twin = indentation(&[("stepping.step_factor", factor)]);
+    let at_limit = 0.9 * LIMIT / indentation(&[]).fastest();
+    for over in [1.1, 1.5] {
+        let factor = (over * at_limit).to_string();
+        let mut twin = indentation(&[("stepping.step_factor", &factor)]);
+        assert!((twin.fastest() / LIMIT / over - 1.0).abs() < 0.01, "{over} times the limit");
         let mut halt = None;
         for i in 1..=2000 {
             let pose = StampedPose { time_s: 0.0, pose: twin.pose_at_depth(f64::from(i) * 2e-6) };
@@ -54,7 +58,7 @@ fn a_step_beyond_the_limit_is_found_out() {
                 }
             }
         }
-        println!("step factor {factor}: {} recoveries, {halt:?}", twin.recoveries());
+        println!("{over} of the limit, step factor {factor}: {} recoveries, {halt:?}", twin.recoveries());
         assert!(twin.recoveries() > 0, "step factor {factor}: the overrun was seen");
         if let Some(halt) = halt {
             assert!(halt.to_string().contains("stepping.step_factor"), "says what to change: {halt}");

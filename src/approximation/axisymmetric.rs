@@ -22,8 +22,9 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::mls::{Fit, Neighbour};
+use super::repair::{self, Supported};
 use super::support::{Supports, radii};
-use super::table::{ApproximationError, Form, Row, Settings, ShapeTable};
+use super::table::{ApproximationError, Form, Row, Settings, ShapeTable, assemble};
 
 /// Nodes with their images beyond the axis, searchable by place.
 #[derive(Clone, Debug)]
@@ -57,6 +58,24 @@ impl MirroredSupports {
     /// Nodes and images whose support holds x. Overwrites `out`; [`MirroredSupports::node`] tells them apart.
     pub fn at(&self, x: [f64; 3], out: &mut Vec<Neighbour>) {
         self.supports.at(x, out);
+    }
+
+    /// The same nodes, those with `factor` times the `first` radius that then reach a point of `at`.
+    fn enlarged(&self, first: &[f64], factor: f64, at: &[[f64; 3]]) -> Self {
+        let now = &self.supports.radii()[..self.nodes];
+        let wide: Vec<f64> = now.iter().zip(first).map(|(now, r)| now.max(factor * r)).collect();
+        let points = &self.supports.points()[..self.nodes];
+        let interpolating = &self.supports.interpolating()[..self.nodes];
+        let reaching = Self::new(points, &wide, interpolating);
+        let mut radii = now.to_vec();
+        let mut neighbours = Vec::new();
+        for &x in at {
+            reaching.at(x, &mut neighbours);
+            for n in neighbours.iter().map(|n| reaching.node(n.node).0 as usize) {
+                radii[n] = wide[n];
+            }
+        }
+        Self::new(points, &radii, interpolating)
     }
 
     /// The node that a neighbour is, and whether it is its image.
@@ -101,6 +120,8 @@ pub struct AxisymmetricApproximation {
     triangles: Vec<[u32; 3]>,
     settings: Settings,
     supports: MirroredSupports,
+    /// Radii before any repair, m.
+    first: Vec<f64>,
     /// Triangles that get a single point.
     plain: Vec<bool>,
 }
@@ -114,9 +135,10 @@ impl AxisymmetricApproximation {
     /// the field's value.
     #[must_use]
     pub fn new(points: &[[f64; 3]], triangles: &[[u32; 3]], interpolating: &[bool], settings: Settings) -> Self {
-        let supports = MirroredSupports::new(points, &radii(points, triangles, settings.support_factor), interpolating);
+        let first = radii(points, triangles, settings.support_factor);
+        let supports = MirroredSupports::new(points, &first, interpolating);
         let plain = vec![false; triangles.len()];
-        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, plain }
+        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, first, plain }
     }
 
     /// Gives the triangles between these nodes one point each: enough for tissue whose place a needle takes.
@@ -128,40 +150,34 @@ impl AxisymmetricApproximation {
         self
     }
 
-    /// The shape table of the triangles.
+    /// The shape table of the triangles, with the supports as they are.
     ///
     /// # Errors
-    /// [`ApproximationError::Singular`] where the support does not determine the fit.
+    /// [`ApproximationError`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let rule = gauss_points(self.settings.points_per_cell);
-        let at_axis = gauss_points(self.settings.points_per_cell.max(4));
-        let on_axis = |t: &[u32; 3]| t.iter().any(|&n| self.points[n as usize][0] == 0.0);
-        let rows: Vec<Vec<Row>> = self
-            .triangles
-            .par_iter()
-            .zip(&self.plain)
-            .map(|(t, &plain)| {
-                self.rows(
-                    t,
-                    if plain {
-                        &CENTRE
-                    } else if on_axis(t) {
-                        &at_axis
-                    } else {
-                        &rule
-                    },
-                )
-            })
-            .collect::<Result<_, _>>()?;
-        let mut table = ShapeTable::empty(Form::Axisymmetric);
-        table.append(0, &rows);
-        Ok(table)
+        let rows: Vec<Vec<Row>> = self.rows().into_iter().collect::<Result<_, _>>()?;
+        Ok(assemble(Form::Axisymmetric, rows))
+    }
+
+    /// The shape table after bad supports were enlarged, so that there is a field at `also` as well.
+    ///
+    /// # Errors
+    /// [`ApproximationError`] where no support determines the fit.
+    pub fn repaired_table(&mut self, also: &[[f64; 3]]) -> Result<ShapeTable, ApproximationError> {
+        let rows = repair::repaired(self, also)?;
+        Ok(assemble(Form::Axisymmetric, rows))
+    }
+
+    /// Number of nodes whose support was enlarged.
+    #[must_use]
+    pub fn repaired_supports(&self) -> usize {
+        self.supports.supports.radii().iter().zip(&self.first).filter(|(now, first)| now > first).count()
     }
 
     /// The field at points (r, 0, z) of the half plane; with linear triangles the one that holds the point decides.
     ///
     /// # Errors
-    /// [`ApproximationError::Singular`] as above.
+    /// [`ApproximationError`] as above.
     pub fn field(&self, at: &[[f64; 3]]) -> Result<MeridianField, ApproximationError> {
         let rows: Vec<Vec<Entry>> = at.par_iter().map(|&x| self.entries(x, None)).collect::<Result<_, _>>()?;
         let mut field = MeridianField { start: vec![0], ..MeridianField::default() };
@@ -179,7 +195,7 @@ impl AxisymmetricApproximation {
         t.map(|n| self.points[n as usize])
     }
 
-    fn rows(&self, t: &[u32; 3], rule: &[Gauss]) -> Result<Vec<Row>, ApproximationError> {
+    fn triangle(&self, t: &[u32; 3], rule: &[Gauss]) -> Result<Vec<Row>, ApproximationError> {
         let x = self.corners(t);
         let (area, _) = triangle(&x);
         rule.iter()
@@ -187,7 +203,10 @@ impl AxisymmetricApproximation {
                 let at: [f64; 3] = std::array::from_fn(|k| (0..3).map(|a| bary[a] * x[a][k]).sum());
                 let entries = self.entries(at, Some(t))?;
                 let slot = |e: &Entry| if e.image { e.node + self.points.len() as u32 } else { e.node };
+                let squares = if self.settings.basis.is_some() { self.squares(&entries) } else { 0.0 };
                 Ok(Row {
+                    at,
+                    squares,
                     volume: 2.0 * PI * at[0] * weight * area,
                     nodes: entries.iter().map(slot).collect(),
                     gradient: entries.iter().map(|e| [e.slope[0], e.value / at[0], e.slope[2]]).collect(),
@@ -201,8 +220,7 @@ impl AxisymmetricApproximation {
         let Some(basis) = self.settings.basis else { return Ok(self.linear(x, within)) };
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
-            fit.evaluate_in_plane(neighbours, basis, true)
-                .map_err(|_| ApproximationError::Singular { at: x, neighbours: neighbours.len() })?;
+            fit.evaluate_in_plane(neighbours, basis, true).map_err(|_| repair::refusal(x, neighbours, 2))?;
             let mut entries = Vec::with_capacity(neighbours.len());
             for (i, n) in neighbours.iter().enumerate() {
                 let (node, image) = self.supports.node(n.node);
@@ -220,6 +238,14 @@ impl AxisymmetricApproximation {
         } else {
             entries.push(e);
         }
+    }
+
+    /// sum_j |grad phi_j|^2 in the half plane, 1/m^2; the two halves of a node on the axis have half the square of the whole.
+    fn squares(&self, entries: &[Entry]) -> f64 {
+        let of = |e: &Entry| {
+            (e.slope[0].powi(2) + e.slope[2].powi(2)) * if self.supports.on_axis[e.node as usize] { 2.0 } else { 1.0 }
+        };
+        entries.iter().map(of).sum()
     }
 
     fn linear(&self, x: [f64; 3], within: Option<&[u32; 3]>) -> Vec<Entry> {
@@ -240,6 +266,32 @@ impl AxisymmetricApproximation {
             }
         }
         best.1
+    }
+}
+
+impl Supported for AxisymmetricApproximation {
+    fn rows(&self) -> Vec<Result<Vec<Row>, ApproximationError>> {
+        let rule = gauss_points(self.settings.points_per_cell);
+        let at_axis = gauss_points(self.settings.points_per_cell.max(4));
+        let on_axis = |t: &[u32; 3]| t.iter().any(|&n| self.points[n as usize][0] == 0.0);
+        let of = |(t, plain): (&[u32; 3], &bool)| match (plain, on_axis(t)) {
+            (true, _) => self.triangle(t, &CENTRE),
+            (false, true) => self.triangle(t, &at_axis),
+            (false, false) => self.triangle(t, &rule),
+        };
+        self.triangles.par_iter().zip(&self.plain).map(of).collect()
+    }
+
+    fn edge(&self, cell: usize) -> f64 {
+        repair::mean_edge(&self.corners(&self.triangles[cell]))
+    }
+
+    fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {
+        self.settings.basis.map_or(Ok(()), |_| self.entries(x, None).map(|_| ()))
+    }
+
+    fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {
+        self.supports = self.supports.enlarged(&self.first, factor, at);
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub mod axisymmetric;
 pub mod mls;
+mod repair;
 pub mod support;
 pub mod table;
 pub mod weight;

@@ -145,6 +145,20 @@ impl Supports {
         }
     }
 
+    /// The same nodes, those with `factor` times the `first` radius that then reach a point of `at`.
+    #[must_use]
+    pub fn enlarged(&self, first: &[f64], factor: f64, at: &[[f64; 3]]) -> Self {
+        let wide: Vec<f64> = self.radii.iter().zip(first).map(|(now, r)| now.max(factor * r)).collect();
+        let reaching = Self::new(&self.points, wide.clone(), self.interpolating.clone());
+        let mut radii = self.radii.clone();
+        let mut neighbours = Vec::new();
+        for &x in at {
+            reaching.at(x, &mut neighbours);
+            neighbours.iter().for_each(|n| radii[n.node as usize] = wide[n.node as usize]);
+        }
+        Self::new(&self.points, radii, self.interpolating.clone())
+    }
+
     /// Support radii, m.
     #[must_use]
     pub fn radii(&self) -> &[f64] {
@@ -155,5 +169,11 @@ impl Supports {
     #[must_use]
     pub fn points(&self) -> &[[f64; 3]] {
         &self.points
+    }
+
+    /// Which nodes have the almost singular weight.
+    #[must_use]
+    pub fn interpolating(&self) -> &[bool] {
+        &self.interpolating
     }
 }

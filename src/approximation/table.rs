@@ -6,27 +6,58 @@ use std::cell::RefCell;
 use rayon::prelude::*;
 
 use super::mls::{Basis, Fit, Neighbour};
+use super::repair::{self, Supported};
 use super::support::{Supports, radii};
 
 /// Why a shape table can't be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ApproximationError {
-    /// The moment matrix is singular.
+    /// No node's support reaches the point, however much it is enlarged.
     #[error(
-        "singular moment matrix at point ({:.6}, {:.6}, {:.6}) m with {neighbours} support nodes: \
-         raise discretisation.support_factor or refine the cloud there", at[0], at[1], at[2]
+        "the point ({:.6}, {:.6}, {:.6}) m lies outside the support of every node: raise discretisation.support_factor or \
+         refine the cloud there", at[0], at[1], at[2]
+    )]
+    Uncovered {
+        /// Where, m.
+        at: [f64; 3],
+    },
+    /// The support nodes do not span the space.
+    #[error(
+        "singular moment matrix at point ({:.6}, {:.6}, {:.6}) m: its {nodes} support nodes lie in one {shape}, even with \
+         larger supports: add nodes outside of it", at[0], at[1], at[2]
+    )]
+    Coplanar {
+        /// Where, m.
+        at: [f64; 3],
+        /// How many nodes reach the point.
+        nodes: usize,
+        /// `plane` or, in a half plane, `line`.
+        shape: &'static str,
+    },
+    /// The moment matrix is singular although the support nodes span the space: the basis asks for more of them.
+    #[error(
+        "singular moment matrix at point ({:.6}, {:.6}, {:.6}) m: its {nodes} support nodes do not determine the basis, even \
+         with larger supports: refine the cloud there, take discretisation.penalty > 0, or discretisation.method = \
+         \"mls\"", at[0], at[1], at[2]
     )]
     Singular {
         /// Where, m.
         at: [f64; 3],
         /// How many nodes reach the point.
-        neighbours: usize,
+        nodes: usize,
     },
 }
 
-/// Cells whose rows are computed at a time: rows and table side by side would double the memory.
-const CELLS_PER_CHUNK: usize = 4096;
+impl ApproximationError {
+    /// Where, m.
+    #[must_use]
+    pub const fn at(&self) -> [f64; 3] {
+        match self {
+            Self::Uncovered { at } | Self::Coplanar { at, .. } | Self::Singular { at, .. } => *at,
+        }
+    }
+}
 
 /// Shape functions: basis, support and integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,6 +153,8 @@ pub struct Approximation {
     cells: Vec<[u32; 4]>,
     settings: Settings,
     supports: Supports,
+    /// Radii before any repair, m.
+    first: Vec<f64>,
 }
 
 thread_local! {
@@ -132,8 +165,15 @@ impl Approximation {
     /// Indexes a cloud; `interpolating` marks nodes whose nodal value must be the field's value.
     #[must_use]
     pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], interpolating: Vec<bool>, settings: Settings) -> Self {
-        let supports = Supports::new(points, radii(points, cells, settings.support_factor), interpolating);
-        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports }
+        let first = radii(points, cells, settings.support_factor);
+        let supports = Supports::new(points, first.clone(), interpolating);
+        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first }
+    }
+
+    /// Number of nodes whose support was enlarged.
+    #[must_use]
+    pub fn repaired_supports(&self) -> usize {
+        self.supports.radii().iter().zip(&self.first).filter(|(now, first)| now > first).count()
     }
 
     /// Runs `f` with phi (and gradients) at x.
@@ -146,32 +186,33 @@ impl Approximation {
     ) -> Result<R, ApproximationError> {
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
-            fit.evaluate(neighbours, basis, gradient)
-                .map_err(|_| ApproximationError::Singular { at: x, neighbours: neighbours.len() })?;
+            fit.evaluate(neighbours, basis, gradient).map_err(|_| repair::refusal(x, neighbours, 3))?;
             Ok(f(neighbours, fit))
         })
     }
 
-    /// The shape table of the cloud's cells.
+    /// The shape table of the cloud's cells, with the supports as they are.
     ///
     /// # Errors
-    /// [`ApproximationError::Singular`] where the support does not determine the fit.
+    /// [`ApproximationError`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let mut table = ShapeTable::empty(Form::Full);
-        for (chunk, cells) in self.cells.chunks(CELLS_PER_CHUNK).enumerate() {
-            let rows: Vec<Vec<Row>> = match self.settings.basis {
-                None => cells.par_iter().map(|c| vec![self.linear(c)]).collect(),
-                Some(basis) => cells.par_iter().map(|c| self.gauss(c, basis)).collect::<Result<_, _>>()?,
-            };
-            table.append(chunk * CELLS_PER_CHUNK, &rows);
-        }
-        Ok(table)
+        let rows: Vec<Vec<Row>> = self.cells.par_iter().map(|c| self.cell(c)).collect::<Result<_, _>>()?;
+        Ok(assemble(Form::Full, rows))
+    }
+
+    /// The shape table after bad supports were enlarged, so that there is a field at `also` as well.
+    ///
+    /// # Errors
+    /// [`ApproximationError`] where no support determines the fit.
+    pub fn repaired_table(&mut self, also: &[[f64; 3]]) -> Result<ShapeTable, ApproximationError> {
+        let rows = repair::repaired(self, also)?;
+        Ok(assemble(Form::Full, rows))
     }
 
     /// phi at arbitrary points of the body; with linear tetrahedra the cell that holds the point decides.
     ///
     /// # Errors
-    /// [`ApproximationError::Singular`] as above.
+    /// [`ApproximationError`] as above.
     pub fn field(&self, at: &[[f64; 3]]) -> Result<Field, ApproximationError> {
         let rows: Vec<Vec<(u32, f64)>> = match self.settings.basis {
             Some(basis) => at
@@ -199,10 +240,15 @@ impl Approximation {
         c.map(|n| self.points[n as usize])
     }
 
+    fn cell(&self, c: &[u32; 4]) -> Result<Vec<Row>, ApproximationError> {
+        self.settings.basis.map_or_else(|| Ok(vec![self.linear(c)]), |basis| self.gauss(c, basis))
+    }
+
     fn linear(&self, c: &[u32; 4]) -> Row {
         let x = self.corners(c);
         let (volume, gradient) = tetrahedron(&x);
-        Row { volume, nodes: c.to_vec(), gradient: gradient.to_vec() }
+        let at = std::array::from_fn(|k| x.iter().map(|p| p[k]).sum::<f64>() / 4.0);
+        Row { at, volume, nodes: c.to_vec(), gradient: gradient.to_vec(), squares: 0.0 }
     }
 
     fn gauss(&self, c: &[u32; 4], basis: Basis) -> Result<Vec<Row>, ApproximationError> {
@@ -213,9 +259,11 @@ impl Approximation {
             .map(|(bary, weight)| {
                 let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
                 self.with_fit(at, basis, true, |neighbours, fit| Row {
+                    at,
                     volume: weight * volume,
                     nodes: neighbours.iter().map(|n| n.node).collect(),
                     gradient: fit.gradient.clone(),
+                    squares: squares(&fit.gradient),
                 })
             })
             .collect()
@@ -238,30 +286,60 @@ impl Approximation {
     }
 }
 
+impl Supported for Approximation {
+    fn rows(&self) -> Vec<Result<Vec<Row>, ApproximationError>> {
+        self.cells.par_iter().map(|c| self.cell(c)).collect()
+    }
+
+    fn edge(&self, cell: usize) -> f64 {
+        repair::mean_edge(&self.corners(&self.cells[cell]))
+    }
+
+    fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {
+        self.settings.basis.map_or(Ok(()), |basis| self.with_fit(x, basis, false, |_, _| ()))
+    }
+
+    fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {
+        self.supports = self.supports.enlarged(&self.first, factor, at);
+    }
+}
+
 /// One integration point of a table.
 pub(super) struct Row {
+    /// Where, m.
+    pub at: [f64; 3],
     pub volume: f64,
     pub nodes: Vec<u32>,
     pub gradient: Vec<[f64; 3]>,
+    /// sum_j |grad phi_j|^2, 1/m^2; 0 for a finite element, which has no support.
+    pub squares: f64,
 }
 
-impl ShapeTable {
-    pub(super) fn empty(form: Form) -> Self {
-        Self { start: vec![0], form, ..Self::default() }
-    }
+/// sum_j |grad phi_j|^2, 1/m^2.
+pub(super) fn squares(gradient: &[[f64; 3]]) -> f64 {
+    gradient.iter().flatten().map(|g| g * g).sum()
+}
 
-    /// Adds the rows of the cells from `first` on.
-    pub(super) fn append(&mut self, first: usize, rows: &[Vec<Row>]) {
-        for (cell, rows) in rows.iter().enumerate() {
-            for row in rows {
-                self.nodes.extend_from_slice(&row.nodes);
-                self.gradient.extend_from_slice(&row.gradient);
-                self.volume.push(row.volume);
-                self.cell.push((first + cell) as u32);
-                self.start.push(self.nodes.len() as u32);
-            }
+/// The rows of all cells, in order. Each is freed as soon as it is in the table, which would double the memory.
+pub(super) fn assemble(form: Form, rows: Vec<Vec<Row>>) -> ShapeTable {
+    let entries = rows.iter().flatten().map(|row| row.nodes.len()).sum();
+    let mut table = ShapeTable {
+        start: vec![0],
+        nodes: Vec::with_capacity(entries),
+        gradient: Vec::with_capacity(entries),
+        form,
+        ..ShapeTable::default()
+    };
+    for (cell, rows) in rows.into_iter().enumerate() {
+        for row in rows {
+            table.nodes.extend_from_slice(&row.nodes);
+            table.gradient.extend_from_slice(&row.gradient);
+            table.volume.push(row.volume);
+            table.cell.push(cell as u32);
+            table.start.push(table.nodes.len() as u32);
         }
     }
+    table
 }
 
 /// Volume and gradients of the four barycentric coordinates of a tetrahedron.

@@ -149,7 +149,10 @@ fn keys_json() -> String {
 }
 
 fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliError> {
-    let sized = |scene: Scene| size(&scene).map(|size| (scene, size));
+    let sized = |scene: Scene| {
+        scene.advice().iter().for_each(|advice| super::warn(advice));
+        size(&scene).map(|size| (scene, size))
+    };
     let checked: Vec<_> =
         scenes.iter().map(|name| scene_file::load(name).and_then(|s| set.apply(&s, [])).and_then(sized)).collect();
     if as_json {

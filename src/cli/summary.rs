@@ -89,8 +89,12 @@ fn speed(run: &Run) -> String {
 
 fn health(run: &Run) -> String {
     let verdict = if run.diverged.is_some() { "DIVERGED, " } else { "" };
+    let repaired = match run.repaired_supports {
+        0 => String::new(),
+        n => format!(", {n} supports enlarged"),
+    };
     format!(
-        "{verdict}smallest J {:.3}, kinetic/strain energy {:.1e}, force imbalance {:.1}%",
+        "{verdict}smallest J {:.3}, kinetic/strain energy {:.1e}, force imbalance {:.1}%{repaired}",
         run.min_jacobian,
         run.max_kinetic_to_strain_energy,
         1e2 * run.force_imbalance

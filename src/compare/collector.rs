@@ -200,6 +200,7 @@ impl Collector {
                 .push(format!("{} of the poses refused and left out; the first {}", self.refused, self.first_refusal));
         }
         self.run.recoveries = twin.recoveries();
+        self.run.repaired_supports = twin.repaired_supports();
         self.finish_health();
         let mut displacement = Vec::new();
         twin.displacements(&mut displacement);

@@ -132,6 +132,8 @@ pub struct Run {
     pub constraint_error_m: f64,
     /// Times that the twin went back to the last good state and tried again with smaller steps.
     pub recoveries: u64,
+    /// Nodes whose support was enlarged, since it did not determine the fit, or only just.
+    pub repaired_supports: usize,
     /// Radius that the cloud gives a needle, m.
     pub effective_radius_m: Option<f64>,
     /// Hex of the hash over every predicted force and the final displacement field.

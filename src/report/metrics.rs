@@ -92,6 +92,7 @@ impl Nulls<'_> {
             "diverged": run.diverged.is_some(),
             "divergence": run.diverged,
             "recoveries": run.recoveries,
+            "repaired_supports": run.repaired_supports,
             "min_jacobian": self.number("stability.min_jacobian", Some(run.min_jacobian), ""),
             "max_kinetic_to_strain_energy":
                 self.number("stability.max_kinetic_to_strain_energy", Some(run.max_kinetic_to_strain_energy), ""),

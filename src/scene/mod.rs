@@ -8,6 +8,7 @@
 
 use crate::material::{Distortional, Law, Ogden, Prony, Volumetric};
 
+mod advice;
 mod check;
 mod convert;
 mod edit;

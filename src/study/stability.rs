@@ -60,7 +60,7 @@ const fn change(group: &'static str, label: &'static str, key: &'static str, val
 /// What every run starts from, beside the preset: Poisson's ratio 0.49, support factor 1.8, step factor 0.9.
 const BASE: [(&str, &str); 3] = [SPACE, (SPACING, "0.00304"), (SPEED, "0.004")];
 /// The same for the quick form.
-const QUICK_BASE: [(&str, &str); 3] = [SPACE, (SPACING, "0.0042"), (SPEED, "0.004")];
+const QUICK_BASE: [(&str, &str); 3] = [SPACE, (SPACING, "0.0055"), (SPEED, "0.008")];
 /// The study is of methods in three dimensions.
 const SPACE: (&str, &str) = ("discretisation.dimension", "full");
 const NU: &str = "material.poisson_ratio";

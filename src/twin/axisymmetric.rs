@@ -31,8 +31,9 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
         .instrument
         .as_ref()
         .map_or_else(Vec::new, |i| Contact::nodes(&plane.points, &plane.faces, height.get(), i));
-    let approximation = approximation(scene, &plane, &held);
-    let table = approximation.table()?;
+    let mut approximation = approximation(scene, &plane, &held);
+    let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| in_half_plane(t.position)).collect();
+    let table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
     let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
     let contact = scene.instrument.as_ref().map(|i| contact(i, &plane, height.get(), &held, &layout, &table));
     let roles = roles(scene, &plane.faces, &held);
@@ -43,14 +44,21 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
         height: height.get(),
         reach: layout.reach,
         warnings: Vec::new(),
+        repaired_supports: approximation.repaired_supports(),
         tissue: tissue(
             scene,
             &plane,
             &approximation,
             table,
+            &targets,
             revolve::sectors(0.5 * diameter.get(), layout.spacing.far),
         )?,
     })
+}
+
+/// Where a point is at azimuth zero.
+fn in_half_plane([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [x.hypot(y), 0.0, z]
 }
 
 fn cloud_error(e: cloud::CloudError) -> BuildError {
@@ -100,12 +108,11 @@ fn tissue(
     plane: &Meridian,
     approximation: &AxisymmetricApproximation,
     table: ShapeTable,
+    targets: &[[f64; 3]],
     sectors: usize,
 ) -> Result<Tissue, BuildError> {
     let Revolved { points, cells, surface, first, azimuths } = Revolved::new(plane, sectors).map_err(cloud_error)?;
-    let radius = |[x, y, _]: [f64; 3]| x.hypot(y);
-    let places: Vec<[f64; 3]> = scene.targets.iter().map(|t| [radius(t.position), 0.0, t.position[2]]).collect();
-    let azimuth = |p: [f64; 3]| match radius(p) {
+    let azimuth = |p: [f64; 3]| match p[0].hypot(p[1]) {
         0.0 => [1.0, 0.0],
         r => [p[0] / r, p[1] / r],
     };
@@ -116,7 +123,7 @@ fn tissue(
         model: Cells { nodes: plane.points.len(), triangles: Some(plane.triangles.clone()), of_point: table.cell },
         fields: Fields::Revolved {
             nodes: approximation.field(&plane.points)?,
-            targets: approximation.field(&places)?,
+            targets: approximation.field(targets)?,
             first,
             azimuths,
             target_azimuths: scene.targets.iter().map(|t| azimuth(t.position)).collect(),

@@ -23,6 +23,8 @@ pub(super) struct Built {
     /// Deepest pose that the cloud can take, m.
     pub reach: f64,
     pub warnings: Vec<String>,
+    /// Nodes whose support was enlarged.
+    pub repaired_supports: usize,
 }
 
 impl Twin {
@@ -32,10 +34,12 @@ impl Twin {
     /// [`BuildError`] if the scene can't be discretised.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
         let dimension = scene.dimension();
-        let Built { solver, contact, tissue, top, height, reach, warnings } = match dimension.dimension {
-            Dimension::Axisymmetric => axisymmetric::build(scene)?,
-            Dimension::Full | Dimension::Auto => full(scene)?,
-        };
+        let Built { solver, contact, tissue, top, height, reach, mut warnings, repaired_supports } =
+            match dimension.dimension {
+                Dimension::Axisymmetric => axisymmetric::build(scene)?,
+                Dimension::Full | Dimension::Auto => full(scene)?,
+            };
+        warnings.extend(scene.advice());
         Ok(Self {
             scene: scene.clone(),
             dimension,
@@ -46,6 +50,7 @@ impl Twin {
             height,
             reach,
             warnings,
+            repaired_supports,
             pace: Pace::new(scene, height),
             steps_since_save: 0,
             steps: 0,
@@ -63,9 +68,9 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let (cloud, held) = (&body.cloud, &body.held);
     let mut interpolating: Vec<bool> = cloud.faces.iter().map(|f| f & BASE != 0).collect();
     held.iter().for_each(|&n| interpolating[n as usize] = true);
-    let approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
-    let table = approximation.table()?;
+    let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
+    let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
@@ -79,6 +84,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
         height: body.height,
         reach: body.reach,
         warnings: body.warnings,
+        repaired_supports: approximation.repaired_supports(),
     })
 }
 

@@ -211,6 +211,8 @@ pub struct Twin {
     /// Deepest pose that the cloud can take, m.
     reach: f64,
     warnings: Vec<String>,
+    /// Nodes whose support was enlarged.
+    repaired_supports: usize,
     pace: Pace,
     steps_since_save: u32,
     steps: u64,
@@ -236,7 +238,13 @@ impl Twin {
         self.recoveries
     }
 
-    /// What is worth knowing about the scene's mesh and is no error.
+    /// Number of nodes whose support was enlarged, since it did not determine the fit, or only just.
+    #[must_use]
+    pub fn repaired_supports(&self) -> usize {
+        self.repaired_supports
+    }
+
+    /// What is worth knowing about the scene and its mesh and is no error.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings

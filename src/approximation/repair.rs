@@ -1,0 +1,111 @@
+//! Bad supports: those that do not determine the fit, or only just, are enlarged; what no support can help is refused.
+//!
+//! A fit is judged by its gradients over the size of its cell, L being the mean length of the cell's edges:
+//!
+//! ```text
+//! g = L (sum_j |grad phi_j|^2)^(1/2)
+//! ```
+//!
+//! A linear tetrahedron with equal edges has g = sqrt 6 = 2.4. As the support nodes come to lie in one plane the moment
+//! matrix tends to a singular one and g to infinity, and with it the stiffness of the point: the largest stable step
+//! falls as 1/g (Joldes, Wittek, Miller 2012). Clouds of this crate have g below 2.9 with a support factor of 1.6 or more.
+
+use rayon::prelude::*;
+
+use super::mls::Neighbour;
+use super::table::{ApproximationError, Row};
+
+/// g beyond which a support is enlarged.
+pub const WORST: f64 = 3.0;
+/// Growth of a support from one try to the next.
+const GROWTH: f64 = 1.2;
+/// Tries for a point without a fit, whose support grows 4.3 times at most.
+const TRIES: i32 = 8;
+/// Tries for an ill-conditioned fit, 1.7 times at most: what is left then comes from the shape of the cell.
+const ILL_TRIES: i32 = 3;
+/// Height of a set of nodes over its length below which it counts as flat.
+const FLAT: f64 = 1e-6;
+
+/// A place, m.
+type Point = [f64; 3];
+
+/// An approximation whose supports can grow.
+pub(super) trait Supported: Sync {
+    /// Rows of each cell.
+    fn rows(&self) -> Vec<Result<Vec<Row>, ApproximationError>>;
+    /// Mean length of a cell's edges, m.
+    fn edge(&self, cell: usize) -> f64;
+    /// Whether the field has a value there.
+    fn determined(&self, x: Point) -> Result<(), ApproximationError>;
+    /// Gives `factor` times their first support to the nodes that then reach one of the points.
+    fn enlarge(&mut self, factor: f64, at: &[Point]);
+}
+
+/// Rows of each cell, after supports were enlarged until every row is well determined and there is a field at `also`.
+/// Rows that stay ill-conditioned are kept: they are right, if stiff.
+pub(super) fn repaired(body: &mut dyn Supported, also: &[Point]) -> Result<Vec<Vec<Row>>, ApproximationError> {
+    let mut rows = body.rows();
+    let undetermined = |body: &dyn Supported| -> Vec<Point> {
+        also.par_iter().copied().filter(|&x| body.determined(x).is_err()).collect()
+    };
+    for round in 1..=TRIES {
+        let worst = if round > ILL_TRIES { f64::INFINITY } else { WORST };
+        let of = |(cell, r)| bad(r, worst / body.edge(cell));
+        let mut bad: Vec<Point> = rows.iter().enumerate().filter_map(of).collect();
+        bad.extend(undetermined(body));
+        if bad.is_empty() {
+            return rows.into_iter().collect();
+        }
+        body.enlarge(GROWTH.powi(round), &bad);
+        rows = body.rows();
+    }
+    also.iter().try_for_each(|&x| body.determined(x))?;
+    rows.into_iter().collect()
+}
+
+/// Where a cell has no fit, or one with steeper gradients than allowed.
+fn bad(rows: &Result<Vec<Row>, ApproximationError>, steepest: f64) -> Option<Point> {
+    match rows {
+        Err(refusal) => Some(refusal.at()),
+        Ok(rows) => rows.iter().find(|r| r.squares.sqrt() > steepest).map(|r| r.at),
+    }
+}
+
+/// Mean length of the edges of a cell, m.
+pub(super) fn mean_edge<const K: usize>(corners: &[Point; K]) -> f64 {
+    let pairs = (0..K).flat_map(|a| (a + 1..K).map(move |b| (a, b)));
+    let sum: f64 = pairs.map(|(a, b)| super::support::distance(corners[a], corners[b])).sum();
+    2.0 * sum / (K * (K - 1)) as f64
+}
+
+/// The reason why these support nodes give no fit at x, in as many dimensions.
+pub(super) fn refusal(at: Point, neighbours: &[Neighbour], dimensions: usize) -> ApproximationError {
+    let nodes = neighbours.len();
+    if nodes == 0 {
+        return ApproximationError::Uncovered { at };
+    }
+    if rank(neighbours) < dimensions {
+        let shape = if dimensions == 3 { "plane" } else { "line" };
+        return ApproximationError::Coplanar { at, nodes, shape };
+    }
+    ApproximationError::Singular { at, nodes }
+}
+
+/// Dimensions that a set of nodes spans: a pivoted Gram-Schmidt process on their distances from the first one.
+fn rank(neighbours: &[Neighbour]) -> usize {
+    let length = |v: &Point| v.iter().map(|c| c * c).sum::<f64>();
+    let origin = neighbours[0].offset;
+    let mut rest: Vec<Point> = neighbours.iter().map(|n| std::array::from_fn(|k| n.offset[k] - origin[k])).collect();
+    let longest = rest.iter().map(length).fold(0.0, f64::max);
+    (0..3)
+        .find(|_| {
+            let Some(axis) = rest.iter().copied().max_by(|a, b| length(a).total_cmp(&length(b))) else { return true };
+            let square = length(&axis);
+            for v in &mut rest {
+                let along = (0..3).map(|k| v[k] * axis[k]).sum::<f64>() / square;
+                *v = std::array::from_fn(|k| v[k] - along * axis[k]);
+            }
+            square <= FLAT * FLAT * longest || square == 0.0
+        })
+        .unwrap_or(3)
+}

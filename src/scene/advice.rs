@@ -1,0 +1,76 @@
+//! What a scene may ask for and is unlikely to get: said when it is checked or built, and no error.
+
+use super::{DeformationRule, InstrumentKind, Scene, VolumeRatio};
+
+/// Way that captured tissue can be pushed ahead of the tip before cells turn inside out there, m: runs ended at 1.6 to 2.1 mm,
+/// whatever the capture radius (`docs/stability.md`).
+const FURTHEST_PUSH: f64 = 1.5e-3;
+/// Depth over the sample's height to which every volume ratio goes on; the shallowest run without the projected one ended
+/// at 0.29 (`docs/stability.md`).
+const ANY_VOLUME_RATIO: f64 = 0.28;
+
+impl Scene {
+    /// Advice, one sentence each.
+    #[must_use]
+    pub fn advice(&self) -> Vec<String> {
+        let (Some(instrument), Some(motion)) = (&self.instrument, &self.motion) else { return Vec::new() };
+        let depth = motion.depth.get();
+        match &instrument.kind {
+            InstrumentKind::Needle(needle) if needle.deformation_rule == DeformationRule::Absolute => {
+                pushed_ahead(needle.deformation_coefficient * depth)
+            }
+            InstrumentKind::Needle(_) => Vec::new(),
+            InstrumentKind::Plate | InstrumentKind::Indenter { .. } => {
+                let height = self.sample.shape.height().map_or(f64::INFINITY, |h| h.get());
+                crushed(self.discretisation.volume_ratio, depth / height)
+            }
+        }
+    }
+}
+
+fn pushed_ahead(push: f64) -> Vec<String> {
+    if push <= FURTHEST_PUSH {
+        return Vec::new();
+    }
+    vec![format!(
+        "instrument.deformation_rule = \"absolute\" pushes the tissue at the tip {:.1} mm ahead (instrument.deformation_coefficient \
+         times motion.depth_m); past {:.1} mm cells turn inside out there and the run ends: take \"incremental\"",
+        1e3 * push,
+        1e3 * FURTHEST_PUSH
+    )]
+}
+
+fn crushed(ratio: VolumeRatio, depth: f64) -> Vec<String> {
+    if ratio == VolumeRatio::Projected || depth <= ANY_VOLUME_RATIO {
+        return Vec::new();
+    }
+    vec![format!(
+        "discretisation.volume_ratio = \"{}\" lets cells at the edge of contact turn inside out: such runs ended at 0.29 to 0.7 of \
+         the sample's height; this one is to reach {depth:.2} (motion.depth_m): \"projected\" goes on",
+        ratio.as_str()
+    )]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use crate::scene::{Override, PRESETS, Scene};
+
+    fn advice(preset: &str, keys: &[(&str, &str)]) -> String {
+        let keys: Vec<_> = keys.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
+        Scene::preset(preset).unwrap().with(&keys).unwrap().advice().join("; ")
+    }
+
+    #[test]
+    fn is_given_where_runs_are_known_to_end() {
+        for preset in PRESETS {
+            assert!(preset.scene().unwrap().advice().is_empty(), "{:?}", preset.scene().unwrap().advice());
+        }
+        let absolute = ("instrument.deformation_rule", "absolute");
+        assert!(advice("needle_insertion", &[absolute]).contains("take \"incremental\""));
+        assert_eq!(advice("needle_insertion", &[absolute, ("motion.depth_m", "0.003")]), "");
+        let pointwise = ("discretisation.volume_ratio", "pointwise");
+        assert!(advice("indentation", &[pointwise]).contains("\"projected\" goes on"));
+        assert_eq!(advice("indentation", &[pointwise, ("motion.depth_m", "0.004")]), "");
+    }
+}
