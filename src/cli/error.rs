@@ -8,6 +8,7 @@ use crate::report::ReportError;
 use crate::ros::start::NodeError;
 use crate::scene::SceneError;
 use crate::study::accuracy::StudyError;
+use crate::study::speed::SpeedError;
 use crate::twin::BuildError;
 
 /// Why a command failed: what, where, what to do. Printed once, at the edge.
@@ -45,6 +46,9 @@ pub enum CliError {
     /// A study can't be run.
     #[error("study: {0}")]
     Study(#[from] StudyError),
+    /// A model can't be timed.
+    #[error("study speed: {0}")]
+    Speed(#[from] SpeedError),
     /// The output can't be written.
     #[error(transparent)]
     Report(#[from] ReportError),

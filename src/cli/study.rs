@@ -1,5 +1,7 @@
 //! `needle_twin study`: what a discretisation costs and how near it comes to independent solutions.
 
+mod speed;
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -32,6 +34,7 @@ enum Study {
     Accuracy(Accuracy),
     Verification(Verify),
     Stability(Stability),
+    Speed(speed::Speed),
 }
 
 /// Drive the indentation on until each method ends, and map how deep it came and why it ended
@@ -132,6 +135,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         Study::Accuracy(accuracy) => accuracy.run(),
         Study::Verification(verify) => verify.run(),
         Study::Stability(stability) => stability.run(),
+        Study::Speed(speed) => speed.run(),
     }
 }
 

@@ -18,6 +18,7 @@ mod plot;
 mod raster;
 mod section;
 mod settings;
+mod speed_plot;
 mod stability_map;
 mod svg;
 mod tables;
@@ -35,8 +36,9 @@ pub use vtu::{final_vtu, write_series};
 
 use crate::compare::Run;
 use crate::study::accuracy::{self, Row};
-use crate::study::stability;
+use crate::study::bounds::Bounds;
 use crate::study::verification::{self, Verification};
+use crate::study::{speed, stability};
 use files::Rendered;
 use std::path::{Path, PathBuf};
 
@@ -118,5 +120,24 @@ pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBu
         rendered.push(Rendered::new(format!("verification_{preset}.svg"), picture.to_svg()));
         rendered.push(Rendered::new(format!("verification_{preset}.png"), png));
     }
+    files::write(out, &rendered)
+}
+
+/// Writes `speed.csv`, `speed.svg` and `speed.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_speed(
+    out: &Path,
+    processor: &str,
+    bounds: Bounds,
+    rows: &[speed::Row],
+) -> Result<Vec<PathBuf>, ReportError> {
+    let picture = speed_plot::speed_plot(processor, bounds, rows);
+    let rendered = [
+        Rendered::new("speed.csv", speed::csv(rows)),
+        Rendered::new("speed.svg", picture.to_svg()),
+        Rendered::new("speed.png", picture.to_png("speed.png", PNG_SCALE)?),
+    ];
     files::write(out, &rendered)
 }

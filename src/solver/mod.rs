@@ -14,6 +14,8 @@ mod relax;
 mod rows;
 mod state;
 mod step;
+mod work;
 
 pub use state::{Role, Solver, SolverSettings};
 pub use step::{Advance, Balance};
+pub use work::StepWork;

@@ -13,7 +13,7 @@ mod tissue;
 use crate::cloud::Axis;
 use crate::instrument::Contact;
 use crate::scene::{Dimension, Instrument, Resolved, Scene};
-use crate::solver::Solver;
+use crate::solver::{Solver, StepWork};
 
 pub use body::{Body, PATH_SPACING};
 
@@ -279,6 +279,12 @@ impl Twin {
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.steps
+    }
+
+    /// What one evaluation of the internal force has to move and to compute.
+    #[must_use]
+    pub fn step_work(&self) -> StepWork {
+        self.solver.work()
     }
 
     /// Threads that a step uses. Their number never changes a result.

@@ -1,0 +1,80 @@
+//! `needle_twin study speed`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::cli::options::ThreadOptions;
+use crate::cli::output::OutputFolder;
+use crate::cli::progress::Progress;
+use crate::cli::{CliError, Outcome, print};
+use crate::compare::Watch as _;
+use crate::report;
+use crate::study::bounds::Bounds;
+use crate::study::speed;
+
+/// Time the step: presets, support, size of the model, threads; and how fast a needle may go in three dimensions
+#[derive(Debug, Args)]
+pub(super) struct Speed {
+    /// Smaller models, no motions: about half a minute
+    #[arg(long)]
+    quick: bool,
+
+    /// Write speed.csv and a picture into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    #[command(flatten)]
+    threads: ThreadOptions,
+}
+
+impl Speed {
+    pub(super) fn run(&self) -> Result<Outcome, CliError> {
+        let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
+        let most = self.threads.install(rayon::current_num_threads)?;
+        let bounds = Bounds::measure();
+        print(&format!(
+            "{}, {most} threads at most; one thread reads {:.1} GB/s and computes {:.1} Gflop/s in single precision\n",
+            processor(),
+            1e-9 * bounds.bytes_per_s,
+            1e-9 * bounds.flops
+        ))?;
+        let progress = Progress::silent();
+        print(&speed::heading())?;
+        let mut rows = Vec::new();
+        for case in speed::cases(most, self.quick) {
+            if progress.stop() {
+                break;
+            }
+            let threads = ThreadOptions { threads: u16::try_from(case.threads).ok() };
+            let row = threads.install(|| case.run())??;
+            print(&row.line())?;
+            rows.push(row);
+        }
+        if !self.quick && !progress.stop() {
+            print(&speed::motion_heading())?;
+            let mut said = Ok(());
+            self.threads.install(|| {
+                speed::motions(&progress, |motion| {
+                    if said.is_ok() {
+                        said = print(&motion.line());
+                    }
+                })
+            })??;
+            said?;
+        }
+        if let Some(folder) = folder {
+            for path in report::write_speed(&folder.path, &processor(), bounds, &rows)? {
+                print(&format!("{}\n", path.display()))?;
+            }
+        }
+        Ok(if progress.stop() { Outcome::Lossy } else { Outcome::Complete })
+    }
+}
+
+/// Name of the processor, as far as the system says.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
+}
