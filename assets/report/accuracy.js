@@ -133,7 +133,9 @@ function draw() {
   const rows = shown().filter(drawable);
   const height = Math.max(380, Math.min(620, 0.62 * width)), left = 52, right = width - 12, top = 30, bottom = height - 44;
   const frame = [left, top, right, bottom];
-  const X = decades(rows.map((row) => row[kx]), [-1, 1]), Y = decades(rows.map((row) => row[ky]), [-0.5, 1]);
+  const levels = ky === 'moved' ? [] : scene().levels;
+  const X = decades(rows.map((row) => row[kx]), [-1, 1]);
+  const Y = decades(rows.map((row) => row[ky]).concat(levels.map((level) => level.error)), [-0.5, 1]);
   const px = (v) => left + (Math.log10(v) - X[0]) / (X[1] - X[0]) * (right - left);
   const py = (v) => bottom - (Math.log10(v) - Y[0]) / (Y[1] - Y[0]) * (bottom - top);
   const svg = node('svg', { viewBox: `0 0 ${width} ${height}`, height, role: 'img', 'aria-label': `${AXES[ky]} over ${AXES[kx]}` });
@@ -156,8 +158,7 @@ function draw() {
     svg.append(node('text', { class: 'over', x: px(at) + (flip ? 5 : -5), y: top + 13, 'text-anchor': flip ? 'start' : 'end' }, text));
     taken.push(flip ? [px(at), top, px(at) + 7 * text.length, top + 18] : [px(at) - 7 * text.length, top, px(at), top + 18]);
   }
-  for (const { error, text } of ky === 'moved' ? [] : scene().levels) {
-    if (py(error) < top || py(error) > bottom) continue;
+  for (const { error, text } of levels) {
     svg.append(node('line', { class: 'level', x1: left, x2: right, y1: py(error), y2: py(error) }));
     svg.append(node('text', { class: 'over', x: right - 4, y: py(error) - 4, 'text-anchor': 'end' }, text));
     taken.push([right - 6.8 * text.length, py(error) - 17, right, py(error)]);

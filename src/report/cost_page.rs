@@ -64,13 +64,22 @@ fn body(scenes: &[(&str, Vec<&Row>)]) -> String {
         scenes.iter().enumerate().map(|(i, (scene, _))| (i.to_string(), (*scene).to_owned())).collect();
     let options: Vec<(&str, &str)> = names.iter().map(|(i, name)| (i.as_str(), name.as_str())).collect();
     select("scene", "Scene", &options);
-    select("y", "Error", &[("max", "largest error of the force"), ("rms", "RMS error of the force"), ("moved", "error of the displacement")]);
+    select(
+        "y",
+        "Error",
+        &[
+            ("max", "largest error of the force"),
+            ("rms", "RMS error of the force"),
+            ("moved", "error of the displacement"),
+        ],
+    );
     select("x", "Cost", &[("pose", "cost of a pose"), ("second", "cost of a simulated second")]);
     html.push_str(
         "</div>\n<div class=\"filters\"></div>\n<p class=\"readout\" aria-live=\"polite\"></p>\n<div class=\"chart\"></div>\n\
          <p class=\"note\"></p>\n</section>\n<section id=\"best\">\n<h2>The best</h2>\n<p>Of the marks shown, those that no \
          other of the same rate of poses beats in both error and cost.</p>\n<div class=\"wide\"></div>\n</section>\n",
     );
-    let _ = writeln!(html, "<footer>needle_twin {}. Beside this page: accuracy.csv.</footer>", env!("CARGO_PKG_VERSION"));
+    let _ =
+        writeln!(html, "<footer>needle_twin {}. Beside this page: accuracy.csv.</footer>", env!("CARGO_PKG_VERSION"));
     html
 }

@@ -7,7 +7,7 @@ use super::{
     raster::text_width,
 };
 use crate::scene::Scene;
-use crate::study::accuracy::{Case, Row, Steps, front, source_paper};
+use crate::study::accuracy::{Case, Row, Steps, front, named};
 use crate::study::reference::{self, ElementStability};
 
 const WIDTH: u32 = 1160;
@@ -22,6 +22,10 @@ const RATES: [(f64, &str); 2] = [(100.0, "100 Hz"), (1000.0, "1 kHz")];
 const TYPE: f32 = 12.0;
 /// Size of the finite elements whose errors are drawn, mm.
 const ELEMENT_SIZE_MM: f64 = 0.5;
+/// Which of them, by the start of their names in the reference, and their names in the picture.
+const ELEMENTS: [(&str, &str); 2] = [("P1_", "linear triangles"), ("Q1P0", "hybrid quadrilaterals")];
+/// Share of the error by which a row of a front has to be better than the last named one to get a name as well.
+const BETTER: f64 = 0.05;
 
 /// Colour of a method.
 fn colour(case: &Case) -> Colour {
@@ -45,14 +49,14 @@ struct Axes {
 }
 
 impl Axes {
-    /// Axes that hold all places and a little more.
-    fn holding(places: &[[f64; 2]]) -> Self {
-        let range = |k: usize, least: [f64; 2]| {
-            let logs = places.iter().map(|p| p[k].log10());
-            let (min, max) = logs.fold((least[0], least[1]), |(a, b), v| (a.min(v), b.max(v)));
+    /// Axes that hold all places and levels, and a little more.
+    fn holding(places: &[[f64; 2]], levels: &[Level]) -> Self {
+        let range = |values: &mut dyn Iterator<Item = f64>, least: [f64; 2]| {
+            let (min, max) = values.map(f64::log10).fold((least[0], least[1]), |(a, b), v| (a.min(v), b.max(v)));
             [min - 0.06 * (max - min), max + 0.06 * (max - min)]
         };
-        Self { x: range(0, [-1.0, 1.2]), y: range(1, [-0.5, 1.0]) }
+        let errors = places.iter().map(|p| p[1]).chain(levels.iter().map(|l| l.error));
+        Self { x: range(&mut places.iter().map(|p| p[0]), [-1.0, 1.2]), y: range(&mut errors.into_iter(), [-0.5, 1.0]) }
     }
 
     fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
@@ -74,23 +78,24 @@ pub(super) fn cost_plot(scene: &str, rows: &[&Row]) -> Picture {
     let mut picture = Picture::new(WIDTH, HEIGHT);
     let shown: Vec<&Row> = rows.iter().copied().filter(|r| place_of(r).is_some()).collect();
     let places: Vec<[f64; 2]> = shown.iter().filter_map(|r| place_of(r)).collect();
-    let axes = Axes::holding(&places);
+    let levels = levels_of(scene, &shown);
+    let axes = Axes::holding(&places, &levels);
+    let points: Vec<[f64; 2]> = places.iter().map(|p| axes.at(*p)).collect();
     heading(&mut picture, scene, rows.len() - shown.len());
     legend(&mut picture);
     grid(&mut picture, &axes);
     let mut taken = real_time(&mut picture, &axes);
-    taken.extend(levels(&mut picture, &axes, scene, &shown));
+    taken.extend(draw_levels(&mut picture, &axes, &levels, &points));
     let fronts = RATES.map(|(hz, _)| front(&shown, hz));
     for ((hz, _), front) in RATES.iter().zip(&fronts) {
         let pen = Pen::new(INK, 1.4);
         let pen = if *hz < 1000.0 { pen.dashed([6.0, 4.0]) } else { pen };
         picture.line(front.iter().map(|&i| axes.at(places[i])), pen);
     }
-    let points: Vec<[f64; 2]> = places.iter().map(|p| axes.at(*p)).collect();
     shown.iter().zip(&points).for_each(|(row, at)| mark(&mut picture, *at, &row.case));
     let labels: Vec<([f64; 2], String)> =
         labelled(scene, &shown, &fronts).into_iter().map(|(i, text)| (points[i], text)).collect();
-    named(&mut picture, &labels, &points, &taken);
+    write_labels(&mut picture, &labels, &points, &taken);
     picture
 }
 
@@ -113,9 +118,11 @@ fn legend(picture: &mut Picture) {
         *x += text_width(words, 13.0, false) + 22.0;
     };
     let mut x = AREA[0];
-    for (word, name) in
-        [("mmls", "modified moving least squares"), ("mls", "linear moving least squares"), ("tet4", "linear finite elements")]
-    {
+    for (word, name) in [
+        ("mmls", "modified moving least squares"),
+        ("mls", "linear moving least squares"),
+        ("tet4", "linear finite elements"),
+    ] {
         let case = sample(word, "projected", "axisymmetric", 1000.0);
         picture.rectangle([x, 95.0], [x + 12.0, 107.0], colour(&case));
         x += 18.0;
@@ -128,7 +135,10 @@ fn legend(picture: &mut Picture) {
             (sample("", "pointwise", "full", 1000.0), "locking not cured"),
             (sample("", "averaged", "full", 1000.0), "locking half cured (averaged)"),
         ],
-        &[(sample("", "projected", "axisymmetric", 1000.0), "filled: 1000 poses per second"), (sample("", "projected", "axisymmetric", 100.0), "hollow: 100")],
+        &[
+            (sample("", "projected", "axisymmetric", 1000.0), "filled: 1000 poses per second"),
+            (sample("", "projected", "axisymmetric", 100.0), "hollow: 100"),
+        ],
     ];
     for (k, row) in rows.into_iter().enumerate() {
         let (mut x, y) = (AREA[0] + 6.0, 128.0 + 22.0 * k as f64);
@@ -188,7 +198,10 @@ fn shape(picture: &mut Picture, [x, y]: [f64; 2], case: &Case, colour: Colour) {
         _ => {}
     }
     let outline: Vec<[f64; 2]> = if case.is_half_plane() {
-        (0..=20).map(|i| (f64::from(i) * std::f64::consts::TAU / 20.0).sin_cos()).map(|(s, c)| [x + m * c, y + m * s]).collect()
+        (0..=20)
+            .map(|i| (f64::from(i) * std::f64::consts::TAU / 20.0).sin_cos())
+            .map(|(s, c)| [x + m * c, y + m * s])
+            .collect()
     } else {
         [[-m, -m], [m, -m], [m, m], [-m, m], [-m, -m]].map(|[a, b]| [x + a, y + b]).to_vec()
     };
@@ -248,47 +261,46 @@ pub(super) fn levels_of(scene: &str, rows: &[&Row]) -> Vec<Level> {
     let own = |u: f64| Level { error: 100.0 * u, text: "the reference's own uncertainty".to_owned() };
     let mut levels: Vec<Level> = reference::uncertainty(scene, depth).map(own).into_iter().collect();
     if scene == "indentation" {
-        let of_size = |e: &ElementStability| (e.size_mm - ELEMENT_SIZE_MM).abs() < 1e-9;
-        let drawn = |e: &ElementStability| e.element.starts_with("P1_") || e.element.starts_with("Q1P0");
-        levels.extend(reference::element_stability().iter().filter(|e| of_size(e) && drawn(e)).filter_map(|e| {
-            let text = format!("finite elements {}, {ELEMENT_SIZE_MM} mm, at 4 mm", e.element.replace('_', " "));
-            Some(Level { error: 100.0 * e.force_error?.abs(), text })
-        }));
+        let level = |e: &ElementStability| {
+            let (_, name) = ELEMENTS.iter().find(|(start, _)| e.element.starts_with(start))?;
+            let text = format!("{name} of {ELEMENT_SIZE_MM} mm, implicit, at 4 mm");
+            let of_size = (e.size_mm - ELEMENT_SIZE_MM).abs() < 1e-9;
+            Some(Level { error: 100.0 * e.force_error?.abs(), text }).filter(|_| of_size)
+        };
+        levels.extend(reference::element_stability().iter().filter_map(level));
     }
     levels
 }
 
-/// Draws the levels; gives the room that their names take.
-fn levels(picture: &mut Picture, axes: &Axes, scene: &str, rows: &[&Row]) -> Vec<Box4> {
+/// Draws the levels, their names as far right as no point is in the way; gives the room that the names take.
+fn draw_levels(picture: &mut Picture, axes: &Axes, levels: &[Level], points: &[[f64; 2]]) -> Vec<Box4> {
     let mut taken = Vec::new();
-    for Level { error, text } in levels_of(scene, rows) {
-        let [_, y] = axes.at([1.0, error]);
-        if !(AREA[1]..AREA[3]).contains(&y) {
-            continue;
-        }
+    for Level { error, text } in levels {
+        let [_, y] = axes.at([1.0, *error]);
         picture.line([[AREA[0], y], [AREA[2], y]], Pen::new(MUTED, 1.4).dashed([2.0, 3.0]));
-        let width = text_width(&text, TYPE, false);
-        let outline = [AREA[2] - width - 10.0, y - 17.0, AREA[2] - 2.0, y - 1.0];
-        picture.rectangle([outline[0], outline[1]], [outline[2], outline[3]], Colour(255, 255, 255, 0.9));
-        picture.text([AREA[2] - 6.0, y - 5.0], text, Type { size: TYPE, ..label(Anchor::End) });
-        taken.push(outline);
+        let width = text_width(text, TYPE, false);
+        let outline = |right: f64| [right - width - 8.0, y - 17.0, right, y - 1.0];
+        let rights = (0..40).map(|i| AREA[2] - 2.0 - 20.0 * f64::from(i));
+        let mut free = rights.filter(|r| !points.iter().any(|p| near(&outline(*r), *p)));
+        let right = free.next().unwrap_or(AREA[2] - 2.0);
+        let room = outline(right);
+        picture.rectangle([room[0], room[1]], [room[2], room[3]], Colour(255, 255, 255, 0.9));
+        picture.text([right - 4.0, y - 5.0], text.as_str(), Type { size: TYPE, ..label(Anchor::End) });
+        taken.push(room);
     }
     taken
 }
 
+/// Whether a point's mark lies in a rectangle or at its edge.
+fn near(outline: &Box4, [x, y]: [f64; 2]) -> bool {
+    let m = MARK + 2.0;
+    (outline[0] - m..outline[2] + m).contains(&x) && (outline[1] - m..outline[3] + m).contains(&y)
+}
+
 /// Rows with a name of their own: as shipped, and the source paper's setting.
 pub(super) fn special(scene: &str, rows: &[&Row]) -> Vec<(usize, &'static str)> {
-    let Ok(scene) = Scene::preset(scene) else { return Vec::new() };
-    let own = Case::of(&scene).ok();
-    let in_space = own.clone().map(|own| Case { dimension: "full".to_owned(), ..own });
-    let named = [
-        (own, "as shipped"),
-        (in_space, "as shipped, in three dimensions"),
-        (source_paper(&scene).ok(), "the source paper's setting: MMLS, 1 point, no cure"),
-    ];
-    let found = |(case, name): (Option<Case>, _)| {
-        Some((rows.iter().position(|row| Some(&row.case) == case.as_ref())?, name))
-    };
+    let named = Scene::preset(scene).ok().and_then(|scene| named(&scene).ok()).unwrap_or_default();
+    let found = |(case, name): (Case, _)| Some((rows.iter().position(|row| row.case == case)?, name));
     named.into_iter().filter_map(found).collect()
 }
 
@@ -296,9 +308,16 @@ pub(super) fn special(scene: &str, rows: &[&Row]) -> Vec<(usize, &'static str)> 
 fn labelled(scene: &str, rows: &[&Row], fronts: &[Vec<usize>; 2]) -> Vec<(usize, String)> {
     let mut labels: Vec<(usize, String)> =
         special(scene, rows).into_iter().map(|(i, name)| (i, name.to_owned())).collect();
-    for &i in fronts.iter().rev().flatten() {
-        if labels.iter().all(|(known, _)| *known != i) {
-            labels.push((i, short(rows[i])));
+    for front in fronts.iter().rev() {
+        let mut last = f64::INFINITY;
+        for &i in front {
+            let error = rows[i].max_force_error().unwrap_or(f64::INFINITY);
+            if error < (1.0 - BETTER) * last {
+                last = error;
+                if labels.iter().all(|(known, _)| *known != i) {
+                    labels.push((i, short(rows[i])));
+                }
+            }
         }
     }
     labels
@@ -320,7 +339,7 @@ fn short(row: &Row) -> String {
     }
 }
 
-fn named(picture: &mut Picture, labels: &[([f64; 2], String)], points: &[[f64; 2]], taken: &[Box4]) {
+fn write_labels(picture: &mut Picture, labels: &[([f64; 2], String)], points: &[[f64; 2]], taken: &[Box4]) {
     for placed in place(labels, TYPE, &AREA, points, taken) {
         let (point, text) = &labels[placed.index];
         let [left, top, right, bottom] = placed.outline;

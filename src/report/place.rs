@@ -62,7 +62,8 @@ pub(super) fn place(
             ([left, top + ascent], [left - CLEAR, top - CLEAR, left + width + CLEAR, top + height + CLEAR])
         };
         let free = |outline: &Box4| {
-            let inside = outline[0] > frame[0] && outline[1] > frame[1] && outline[2] < frame[2] && outline[3] < frame[3];
+            let inside =
+                outline[0] > frame[0] && outline[1] > frame[1] && outline[2] < frame[2] && outline[3] < frame[3];
             let covers = |p: &[f64; 2]| overlap(outline, &[p[0] - POINT, p[1] - POINT, p[0] + POINT, p[1] + POINT]);
             inside
                 && !points.iter().any(covers)

@@ -131,8 +131,7 @@ pub fn displaced(height: f64) -> Vec<[f64; 3]> {
 /// that depth.
 #[must_use]
 pub fn displacement_error(positions: &[[f64; 3]], height: f64) -> f64 {
-    let distance =
-        |(now, then): (&[f64; 3], [f64; 3])| (0..3).map(|k| (now[k] - then[k]).powi(2)).sum::<f64>().sqrt();
+    let distance = |(now, then): (&[f64; 3], [f64; 3])| (0..3).map(|k| (now[k] - then[k]).powi(2)).sum::<f64>().sqrt();
     positions.iter().zip(displaced(height)).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
 }
 

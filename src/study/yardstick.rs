@@ -17,7 +17,7 @@ const DEPTHS: u32 = 20;
 const NEEDLE_DEPTH_M: f64 = 0.005;
 
 /// What predictions are held against.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Yardstick {
     /// Where the forces come from, in a few words.
     pub source: String,
@@ -102,18 +102,6 @@ impl Yardstick {
         };
         let comparable = !places.is_empty() && places.len() == self.displaced.len();
         comparable.then(|| places.iter().zip(&self.displaced).map(distance).fold(0.0, f64::max) / self.depth_m())
-    }
-}
-
-impl Default for Yardstick {
-    fn default() -> Self {
-        Self {
-            source: String::new(),
-            force: Vec::new(),
-            uncertainty: None,
-            displaced: Vec::new(),
-            displacement_source: String::new(),
-        }
     }
 }
 

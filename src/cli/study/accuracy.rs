@@ -120,6 +120,8 @@ struct Task<'a> {
     subject: &'a Subject,
     case: Case,
     work: u64,
+    /// It has a name of its own in the picture.
+    named: bool,
 }
 
 impl Accuracy {
@@ -165,21 +167,23 @@ impl Accuracy {
         Ok(subjects)
     }
 
-    /// The runs that are this part's and not known yet, cheapest first.
+    /// The runs that are this part's and not known yet: those with a name first, then the cheapest.
     fn tasks<'a>(&self, subjects: &'a [Subject], known: &[Row]) -> Result<Vec<Task<'a>>, StudyError> {
         let mut tasks = Vec::new();
         for subject in subjects {
             let scene = &subject.scene;
+            let named = accuracy::named(scene)?;
             for case in accuracy::plan(scene, extent(self.quick, self.at_rest))? {
                 let travel = subject.yardstick.depth_m() / scene.motion.map_or(1e-3, |m| m.speed.get());
                 let work = (travel * accuracy::work(scene, &case) / 1e4) as u64 + 1;
-                tasks.push(Task { subject, case, work });
+                let named = named.iter().any(|(known, _)| *known == case);
+                tasks.push(Task { subject, case, work, named });
             }
         }
-        tasks.sort_by_key(|task| task.work);
+        tasks.sort_by_key(|task| (!task.named, task.work));
         let Shard { index, of } = self.shard.unwrap_or(Shard { index: 1, of: 1 });
         let asked = |case: &Case| self.methods.is_empty() || self.methods.contains(&case.method);
-        let mine = tasks.into_iter().skip(index - 1).step_by(of).filter(|task| asked(&task.case));
+        let mine = tasks.into_iter().filter(|task| asked(&task.case)).skip(index - 1).step_by(of);
         Ok(mine.filter(|task| !known.iter().any(|row| row.is_of(&task.subject.scene.name, &task.case))).collect())
     }
 }

@@ -16,7 +16,7 @@ mod table;
 pub use case::{Case, Steps};
 pub use order::{observed_order, orders, refined};
 pub use pareto::front;
-pub use plan::{Extent, plan, source_paper, work};
+pub use plan::{Extent, named, plan, source_paper, work};
 pub use row::{Row, csv, heading, largest_error};
 pub use table::{Table, merge, read};
 

@@ -30,7 +30,8 @@ mod tests {
     #[test]
     fn a_row_on_the_front_is_beaten_by_none() {
         let made = |cost_s: f64, error: f64| Row { cost_s, ..row(100, error) };
-        let mut rows = [made(1.0, 0.1), made(2.0, 0.2), made(3.0, 0.05), made(0.5, 0.4), made(3.0, 0.04), made(9.0, 0.01)];
+        let mut rows =
+            [made(1.0, 0.1), made(2.0, 0.2), made(3.0, 0.05), made(0.5, 0.4), made(3.0, 0.04), made(9.0, 0.01)];
         rows[5].ended = Some("early".to_owned());
         let rows: Vec<&Row> = rows.iter().collect();
         assert_eq!(front(&rows, 1000.0), [3, 0, 4]);

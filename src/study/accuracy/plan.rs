@@ -105,6 +105,21 @@ pub fn plan(scene: &Scene, extent: Extent) -> Result<Vec<Case>, StudyError> {
     Ok(cases)
 }
 
+/// Cases with a name of their own, which a reader looks for first: the scene as it is, the same in three dimensions, and
+/// [`source_paper`].
+///
+/// # Errors
+/// As [`plan`].
+pub fn named(scene: &Scene) -> Result<Vec<(Case, &'static str)>, StudyError> {
+    let own = Case::of(scene)?;
+    let in_space = Case { dimension: Dimension::Full.as_str().to_owned(), ..own.clone() };
+    Ok(vec![
+        (own, "as shipped"),
+        (in_space, "as shipped, in three dimensions"),
+        (source_paper(scene)?, "the source paper's setting: MMLS, 1 point, no cure"),
+    ])
+}
+
 /// The source paper's own setting on the scene's cloud: modified moving least squares in three dimensions, one point per
 /// tetrahedron, no cure of volumetric locking, an explicit step per pose.
 ///
