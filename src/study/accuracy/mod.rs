@@ -107,3 +107,39 @@ impl Case {
         }))
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn coarse() -> (Scene, Yardstick, Case) {
+        let scene = Scene::preset("compression").unwrap();
+        let yardstick = Yardstick { displaced: Vec::new(), ..Yardstick::of(&scene, 0.001).unwrap() };
+        let case = Case { pose_hz: 100.0, ..Case::of(&scene).unwrap().spaced(&scene, 2.0) };
+        (scene, yardstick, case)
+    }
+
+    #[test]
+    fn at_rest_no_inertia_is_left() {
+        let (scene, yardstick, case) = coarse();
+        let error = |steps| {
+            let row = Case { steps, ..case.clone() }.run(&scene, &yardstick, &|| false).unwrap().unwrap();
+            assert_eq!((row.force_error.len(), row.displacement_error, row.ended), (4, None, None), "{steps}");
+            row.force_error.iter().map(|p| p.1).collect::<Vec<_>>()
+        };
+        let (rest, many, few) = (error(Steps::Rest), error(Steps::Fixed(100)), error(Steps::Fixed(1)));
+        let gap = |a: &[f64]| a.iter().zip(&rest).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(gap(&many) < 0.005, "many steps come near to rest: {many:?} {rest:?}");
+        assert!(gap(&few) > 0.05, "one step does not: {few:?} {rest:?}");
+    }
+
+    #[test]
+    fn a_case_that_is_stopped_has_no_row() {
+        let (scene, yardstick, case) = coarse();
+        let left = std::cell::Cell::new(20);
+        let stop = || left.replace(left.get() - 1) == 0;
+        assert_eq!(case.run(&scene, &yardstick, &stop).unwrap(), None);
+        assert_eq!(left.get(), -1, "asked before every pose");
+    }
+}
