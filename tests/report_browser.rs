@@ -1,10 +1,12 @@
-//! `report.html` in a browser: it draws without an error, and its controls do what they say.
+//! `report.html` and `accuracy.html` in a browser: they draw without an error, and their controls do what they say.
 //!
 //! Needs Chromium or Chrome; where there is none, the test says so and passes.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod synthetic_run;
 
+use needle_twin::scene::Scene;
+use needle_twin::study::accuracy::{Case, Extent, Row, plan};
 use needle_twin::{compare::Run, report};
 use serde_json::Value;
 use std::{fs, path::PathBuf, process::Command};
@@ -92,11 +94,15 @@ fn browser() -> Option<PathBuf> {
 
 /// What the browser saw of a run's page at a window width.
 fn seen(browser: &PathBuf, run: &Run, width: u32) -> Value {
+    used(browser, &report::report_html(run).unwrap(), AFTER, width)
+}
+
+/// What a script that uses a page's controls saw at a window width.
+fn used(browser: &PathBuf, html: &str, after: &str, width: u32) -> Value {
     let folder = tempfile::tempdir().unwrap();
-    let page = folder.path().join("report.html");
-    let html = report::report_html(run).unwrap();
+    let page = folder.path().join("page.html");
     let html =
-        html.replacen("<style>", &format!("{BEFORE}<style>"), 1).replacen("</body>", &format!("{AFTER}</body>"), 1);
+        html.replacen("<style>", &format!("{BEFORE}<style>"), 1).replacen("</body>", &format!("{after}</body>"), 1);
     fs::write(&page, html).unwrap();
     let output = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
@@ -165,5 +171,115 @@ fn a_page_of_little_or_broken_data_draws_too() {
         let seen = seen(&browser, &run, 1280);
         assert_eq!(seen["errors"], serde_json::json!([]), "{name}");
         assert_eq!(seen["broken"], 0, "{name}: {seen:#}");
+    }
+}
+
+/// Uses the page of a study: hovers, clicks, filters, and goes to another scene.
+const STUDY: &str = r#"<script>(async () => {
+  const seen = { errors };
+  const paint = () => new Promise((done) => setTimeout(done, 120));
+  const marks = () => document.querySelectorAll('#cost .point').length;
+  const text = () => document.querySelector('#cost .readout').textContent;
+  const at = (type, mark, dx) => {
+    const box = mark.getBoundingClientRect();
+    const place = { clientX: box.left + box.width / 2 + dx, clientY: box.top + box.height / 2, bubbles: true };
+    document.querySelector('#cost svg').dispatchEvent(new PointerEvent(type, place));
+  };
+  const choose = async (name, value) => {
+    const control = document.querySelector(`[data-control=${name}]`);
+    control.value = value;
+    control.dispatchEvent(new Event('change', { bubbles: true }));
+    await paint();
+  };
+  await paint();
+  seen.marks = marks();
+  seen.idle = text();
+  const first = document.querySelector('#cost .point');
+  at('pointermove', first, 2);
+  seen.hovered = text();
+  seen.on = document.querySelectorAll('#cost .point.on').length;
+  at('pointermove', first, -5000);
+  seen.left = text();
+  at('pointerdown', first, 1); at('pointermove', first, -5000);
+  seen.pinned = text();
+  document.querySelector('[data-filter="method=tet4"]').click(); await paint();
+  seen.without = marks();
+  seen.pressed = document.querySelector('[data-filter="method=tet4"]').getAttribute('aria-pressed');
+  document.querySelector('[data-filter="method=tet4"]').click(); await paint();
+  seen.again = marks();
+  const names = [...document.querySelectorAll('#cost text.name')].map((e) => e.getBoundingClientRect());
+  const points = [...document.querySelectorAll('#cost .point')].map((e) => e.getBoundingClientRect());
+  const over = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+  seen.names = names.length;
+  seen.collisions = names.filter((a, i) => names.slice(0, i).some((b) => over(a, b)) || points.some((b) => over(a, b))).length;
+  seen.limits = [...document.querySelectorAll('#cost text')].filter((e) => /^real time/.test(e.textContent)).map((e) => e.textContent);
+  seen.fronts = document.querySelectorAll('#cost .front').length;
+  seen.best = document.querySelectorAll('#best tbody tr').length;
+  seen.broken = [...document.querySelectorAll('svg *')].filter((e) => /NaN|Infinity|undefined/.test(e.outerHTML)).length;
+  seen.overflow = document.documentElement.scrollWidth - innerWidth;
+  await choose('x', 'second');
+  seen.second = document.querySelector('#cost svg').getAttribute('aria-label');
+  await choose('y', 'moved');
+  seen.moved = marks();
+  await choose('scene', '1');
+  seen.other = marks();
+  const result = document.createElement('pre');
+  result.id = 'seen';
+  result.textContent = JSON.stringify(seen);
+  document.body.append(result);
+})();</script>"#;
+
+/// Rows of a preset as a study might find them; one run ended early, and every third says nothing of displacements.
+fn rows(preset: &str) -> Vec<Row> {
+    let scene = Scene::preset(preset).unwrap();
+    let row = |(i, case): (usize, Case)| {
+        let error = 0.3 / (1.0 + i as f64).powf(0.8) * (1.0 + 0.5 * (i as f64).sin());
+        Row {
+            scene: scene.name.clone(),
+            nodes: 100 + i,
+            integration_points: 500 + i,
+            simulated_s: 2.5,
+            poses: 250,
+            steps: 1000,
+            cost_s: 0.002 * 1.08_f64.powi(i as i32),
+            force_error: vec![(0.0005, 0.5 * error), (0.0025, error)],
+            displacement_error: (i % 3 > 0).then_some(0.1 * error),
+            min_jacobian: 0.6,
+            recoveries: 0,
+            ended: (i == 5).then(|| "at 2 mm: diverged".to_owned()),
+            case,
+        }
+    };
+    plan(&scene, Extent::Full).unwrap().into_iter().enumerate().map(row).collect()
+}
+
+#[test]
+fn the_page_of_a_study_draws_and_its_controls_work() {
+    let Some(browser) = browser() else { return };
+    let (first, second) = (rows("compression"), rows("indentation"));
+    let folder = tempfile::tempdir().unwrap();
+    report::write_accuracy(folder.path(), &[first.clone(), second.clone()].concat()).unwrap();
+    let html = fs::read_to_string(folder.path().join("accuracy.html")).unwrap();
+    assert!(!html.contains("src=\"http") && !html.contains("@import"), "nothing is loaded");
+    for width in [1280, 500] {
+        let seen = used(&browser, &html, STUDY, width);
+        let count = |name: &str| seen[name].as_u64().unwrap() as usize;
+        let text = |name: &str| seen[name].as_str().unwrap().to_owned();
+        assert_eq!(seen["errors"], serde_json::json!([]), "width {width}");
+        assert_eq!((count("marks"), count("again")), (first.len() - 1, first.len() - 1), "{seen:#}");
+        assert!(text("idle").contains("Hover") && text("left") == text("idle"), "{seen:#}");
+        assert!(text("hovered").contains("nodes") && text("hovered").contains("ms per pose"), "{seen:#}");
+        assert_eq!((count("on"), text("pinned")), (1, text("hovered")), "a click keeps the row: {seen:#}");
+        let tetrahedra = first.iter().filter(|r| r.case.method == "tet4" && r.ended.is_none()).count();
+        assert_eq!((count("without"), text("pressed")), (first.len() - 1 - tetrahedra, "false".to_owned()), "{seen:#}");
+        assert_eq!(seen["limits"], serde_json::json!(["real time at 100 Hz", "real time at 1 kHz"]));
+        assert!(count("names") >= 2 && seen["collisions"] == 0, "{seen:#}");
+        assert_eq!((count("fronts"), count("broken")), (2, 0), "{seen:#}");
+        assert!(count("best") > 5 && text("second").contains("simulated second"), "{seen:#}");
+        let moved = first.iter().filter(|r| r.displacement_error.is_some()).count();
+        assert!(count("moved") <= moved && count("moved") + 1 >= moved, "{seen:#}");
+        let others = second.iter().filter(|r| r.displacement_error.is_some()).count();
+        assert!(count("other") <= others && count("other") + 1 >= others, "{seen:#}");
+        assert!(seen["overflow"].as_i64().unwrap() <= 0, "the page is wider than the window: {seen:#}");
     }
 }

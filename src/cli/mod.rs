@@ -15,6 +15,7 @@ pub mod scene_file;
 mod solve;
 mod study;
 mod summary;
+mod tune;
 
 use std::ffi::OsString;
 use std::io::{self, Write as _};
@@ -45,6 +46,7 @@ enum Command {
     Replay(replay::Arguments),
     Solve(solve::Arguments),
     Study(study::Arguments),
+    Tune(tune::Arguments),
     Scene(scene::Arguments),
     Bag(bag::Arguments),
     /// The program `twin_node`, for `demo`
@@ -91,6 +93,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Study(arguments)) => study::run(&arguments),
+        Some(Command::Tune(arguments)) => tune::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
         Some(Command::Bag(arguments)) => bag::run(arguments),
         // What a newcomer types first shows what the program is.

@@ -1,5 +1,6 @@
 //! `needle_twin study`: what a discretisation costs and how near it comes to independent solutions.
 
+mod accuracy;
 mod speed;
 
 use std::path::PathBuf;
@@ -7,7 +8,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::interrupt::Interrupt;
+use self::accuracy::{Accuracy, Merge};
 use super::options::{SetOptions, ThreadOptions};
 use super::output::OutputFolder;
 use super::progress::Progress;
@@ -15,7 +16,7 @@ use super::{CliError, Outcome, print, warn};
 use crate::compare::Watch as _;
 use crate::report;
 use crate::scene::Override;
-use crate::study::accuracy::{self, StudyError};
+use crate::study::accuracy::StudyError;
 use crate::study::stability;
 use crate::study::verification::{self, Verification};
 
@@ -32,6 +33,7 @@ pub(super) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Study {
     Accuracy(Accuracy),
+    Merge(Merge),
     Verification(Verify),
     Stability(Stability),
     Speed(speed::Speed),
@@ -62,10 +64,7 @@ impl Stability {
         if !rows.is_empty() {
             warn(&format!("{} runs are known, {} are left", rows.len(), cases.len()));
         }
-        let bar = ProgressBar::new(cases.len() as u64);
-        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {elapsed}, {eta} left  {msg}");
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.enable_steady_tick(std::time::Duration::from_millis(500));
+        let bar = bar(cases.len() as u64, "{pos}/{len} runs");
         let progress = Progress::silent();
         print(&stability::heading())?;
         for case in cases {
@@ -89,29 +88,6 @@ impl Stability {
     }
 }
 
-/// Refine the clouds of the presets and compare force and displacement, at rest, with independent finite elements
-#[derive(Debug, Args)]
-struct Accuracy {
-    /// Preset to study (may be repeated) [default: all three]
-    #[arg(long = "scene", value_name = "NAME")]
-    scenes: Vec<String>,
-
-    /// Method to study, as the table names it, such as "mmls, averaged" (may be repeated) [default: all six]
-    #[arg(long = "method", value_name = "NAME", value_parser = accuracy::VARIANTS.map(|v| v.name))]
-    methods: Vec<String>,
-
-    /// Coarser clouds, fewer methods, half the depth: about two minutes
-    #[arg(long)]
-    quick: bool,
-
-    /// Write accuracy.csv and a picture per scene into this folder
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-
-    #[command(flatten)]
-    threads: ThreadOptions,
-}
-
 /// Run the presets as they ship, at their own speed, and hold them against independent finite elements
 #[derive(Debug, Args)]
 struct Verify {
@@ -133,10 +109,20 @@ struct Verify {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     match &arguments.study {
         Study::Accuracy(accuracy) => accuracy.run(),
+        Study::Merge(merge) => merge.run(),
         Study::Verification(verify) => verify.run(),
         Study::Stability(stability) => stability.run(),
         Study::Speed(speed) => speed.run(),
     }
+}
+
+/// A bar of so much work, with the time left; `done` is the template of how much is done.
+fn bar(work: u64, done: &str) -> ProgressBar {
+    let bar = ProgressBar::new(work);
+    let style = ProgressStyle::with_template(&format!("{{bar:40}} {done}, {{elapsed}}, {{eta}} left  {{msg}}"));
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.enable_steady_tick(std::time::Duration::from_millis(500));
+    bar
 }
 
 /// The presets of these names; all of them if there is none.
@@ -170,51 +156,6 @@ impl Verify {
             }
         }
         let complete = all.iter().all(|one| one.run.losses.is_empty());
-        Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
-    }
-}
-
-impl Accuracy {
-    /// The methods that were named; the first few for the quick form, otherwise all.
-    fn variants(&self) -> Vec<accuracy::Variant> {
-        let all = accuracy::VARIANTS;
-        match (self.methods.is_empty(), self.quick) {
-            (true, true) => all[..accuracy::QUICK].to_vec(),
-            (true, false) => all.to_vec(),
-            (false, _) => all.into_iter().filter(|v| self.methods.iter().any(|m| m == v.name)).collect(),
-        }
-    }
-
-    fn run(&self) -> Result<Outcome, CliError> {
-        let presets = presets(&self.scenes)?;
-        let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
-        let cases = accuracy::cases(&presets, &self.variants(), self.quick);
-        let bar = ProgressBar::new(cases.len() as u64);
-        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {elapsed}  {msg}");
-        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        let interrupt = Interrupt::listen();
-        print(&accuracy::heading())?;
-        let mut rows = Vec::new();
-        let mut complete = true;
-        for case in cases {
-            if interrupt.pressed() {
-                warn(&format!("interrupted after {} runs", rows.len()));
-                complete = false;
-                break;
-            }
-            bar.set_message(format!("{}, {}, spacing x {}", case.preset, case.variant.name, case.spacing));
-            let row = self.threads.install(|| case.run())??;
-            bar.suspend(|| print(&row.line()))?;
-            rows.push(row);
-            bar.inc(1);
-        }
-        bar.finish_and_clear();
-        print(&accuracy::orders(&rows))?;
-        if let Some(folder) = folder {
-            for path in report::write_accuracy(&folder.path, &rows)? {
-                print(&format!("{}\n", path.display()))?;
-            }
-        }
         Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
     }
 }

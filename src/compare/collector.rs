@@ -140,7 +140,7 @@ impl Collector {
     fn snapshot(&mut self, twin: &Twin, time_s: f64, depth_m: f64) {
         let mut snapshot = Snapshot { time_s, depth_m, ..Snapshot::default() };
         twin.displacements(&mut snapshot.displacement);
-        twin.jacobian_and_stress(&mut snapshot.jacobian, &mut Vec::new());
+        twin.jacobian(&mut snapshot.jacobian);
         self.run.snapshots.push(snapshot);
         if self.run.snapshots.len() > MOST_SNAPSHOTS {
             let mut index = 0;

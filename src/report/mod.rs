@@ -4,18 +4,21 @@
 //! before the first file is touched, and files appear under their names only when they are complete. Nothing here
 //! computes mechanics, and no file holds a number that is not finite.
 
+mod cost_page;
+mod cost_plot;
 mod csv;
 mod embed;
 mod error;
-mod error_plot;
 mod files;
 mod force_plot;
 mod metrics;
 mod page;
 mod phases;
 mod picture;
+mod place;
 mod plot;
 mod raster;
+mod rest_plot;
 mod section;
 mod settings;
 mod speed_plot;
@@ -35,11 +38,12 @@ pub use page::report_html;
 pub use vtu::{final_vtu, write_series};
 
 use crate::compare::Run;
-use crate::study::accuracy::{self, Row};
+use crate::study::accuracy::{Row, Steps};
 use crate::study::bounds::Bounds;
 use crate::study::verification::{self, Verification};
 use crate::study::{speed, stability};
 use files::Rendered;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Pixels of `force.png` per px of the picture: 1920 pixels wide.
@@ -77,21 +81,46 @@ pub fn force_png(run: &Run) -> Result<Vec<u8>, ReportError> {
     force_plot::force_plot(run).to_png("force.png", PNG_SCALE)
 }
 
-/// Writes `accuracy.csv` and, for each scene of the rows, `accuracy_SCENE.svg` and `.png`; returns their paths.
+/// Draws the rows of a study of accuracy and returns the files' paths: for each scene `accuracy_SCENE.svg` and `.png`, error
+/// against cost, with all of them in `accuracy.html`; and of the rows at rest `at_rest_SCENE.svg` and `.png`.
 ///
 /// # Errors
 /// As [`write_all`].
 pub fn write_accuracy(out: &Path, rows: &[Row]) -> Result<Vec<PathBuf>, ReportError> {
-    let mut rendered = vec![Rendered::new("accuracy.csv", accuracy::csv(rows))];
-    let mut scenes: Vec<&str> = rows.iter().map(|r| r.case.preset).collect();
-    scenes.dedup();
+    let mut rendered = Vec::new();
+    let mut charted = Vec::new();
+    let scenes: BTreeSet<&str> = rows.iter().map(|r| r.scene.as_str()).collect();
     for scene in scenes {
-        let of: Vec<&Row> = rows.iter().filter(|r| r.case.preset == scene).collect();
-        let picture = error_plot::error_plot(scene, &of);
-        rendered.push(Rendered::new(format!("accuracy_{scene}.svg"), picture.to_svg()));
-        rendered.push(Rendered::new(format!("accuracy_{scene}.png"), picture.to_png("accuracy_SCENE.png", PNG_SCALE)?));
+        let (at_rest, moving): (Vec<&Row>, Vec<&Row>) =
+            rows.iter().filter(|r| r.scene == scene).partition(|r| r.case.steps == Steps::Rest);
+        if !at_rest.is_empty() {
+            push_picture(&mut rendered, &format!("at_rest_{scene}"), &rest_plot::rest_plot(scene, &at_rest))?;
+        }
+        if !moving.is_empty() {
+            push_picture(&mut rendered, &format!("accuracy_{scene}"), &cost_plot::cost_plot(scene, &moving))?;
+            charted.push((scene, moving));
+        }
+    }
+    if !charted.is_empty() {
+        rendered.push(Rendered::new("accuracy.html", cost_page::cost_page(&charted)));
     }
     files::write(out, &rendered)
+}
+
+fn push_picture(rendered: &mut Vec<Rendered>, name: &str, picture: &picture::Picture) -> Result<(), ReportError> {
+    rendered.push(Rendered::new(format!("{name}.svg"), picture.to_svg()));
+    rendered.push(Rendered::new(format!("{name}.png"), picture.to_png("the PNG", PNG_SCALE)?));
+    Ok(())
+}
+
+/// Writes one file so that no half-written one is ever seen under its name.
+///
+/// # Errors
+/// [`ReportError`] naming the file and the reason.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), ReportError> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    files::write(folder, &[Rendered::new(name, content)]).map(drop)
 }
 
 /// Writes `stability.csv` and `stability.svg` and `.png`; returns their paths.

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 /// Name of the page, for errors.
 pub(super) const FILE: &str = "report.html";
 
-const PAGE: &str = include_str!("../../assets/report/page.html");
+pub(super) const PAGE: &str = include_str!("../../assets/report/page.html");
 const STYLE: &str = include_str!("../../assets/report/style.css");
 const SCRIPTS: [&str; 4] = [
     include_str!("../../assets/report/charts.js"),
@@ -41,7 +41,7 @@ pub fn report_html(run: &Run) -> Result<String, ReportError> {
 }
 
 /// The template with each placeholder replaced once, in order, so that no content is taken for a placeholder.
-fn filled(template: &str, parts: &[(&str, String)]) -> String {
+pub(super) fn filled(template: &str, parts: &[(&str, String)]) -> String {
     let mut page = String::new();
     let mut rest = template;
     for (placeholder, content) in parts {

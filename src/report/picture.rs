@@ -83,6 +83,11 @@ impl Picture {
         self.marks.push(Mark::Area { points: vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]], colour });
     }
 
+    /// A filled polygon.
+    pub fn area(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: Colour) {
+        self.marks.push(Mark::Area { points: points.into_iter().collect(), colour });
+    }
+
     /// A filled circle.
     pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
         let corner = |i: i32| {

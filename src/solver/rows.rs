@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn products_are_those_of_the_matrix() {
         let value = |r: usize, c: u32| (r as f64 - 3.5) * (f64::from(c) + 0.5);
-        let row = |r: usize| (0..9).filter(|c| (r as u32 + c) % 3 != 0).map(|c| (c, value(r, c))).collect();
+        let row = |r: usize| (0..9).filter(|c| !(r as u32 + c).is_multiple_of(3)).map(|c| (c, value(r, c))).collect();
         let rows: Rows<f64> = Rows::new(13, row);
         let x: Vec<f64> = (0..9).map(|c| f64::from(c * c)).collect();
         assert_eq!(rows.groups(), 2);

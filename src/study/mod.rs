@@ -1,13 +1,16 @@
 //! Studies of the method itself: what a discretisation costs and how near it comes to independent solutions.
 //!
-//! [`accuracy`] refines the clouds of the presets and compares forces and displacements, at rest, with the finite
-//! elements of [`mod@reference`]. [`stability`] drives the indentation
-//! on until each method ends. [`verification`] holds the presets, as they ship, to their targets. [`speed`]
-//! times the step, beside the [`mod@bounds`] of the machine.
+//! [`accuracy`] holds many discretisations of a scene against a [`yardstick`], which is the finite elements of
+//! [`mod@reference`] where there are any; [`tune`] picks one of them for a tolerance and a rate of poses. [`stability`]
+//! drives the indentation on until each method ends. [`verification`] holds the presets, as they ship, to their targets.
+//! [`speed`] times the step, beside the [`mod@bounds`] of the machine.
 
 pub mod accuracy;
 pub mod bounds;
+mod clock;
 pub mod reference;
 pub mod speed;
 pub mod stability;
+pub mod tune;
 pub mod verification;
+pub mod yardstick;

@@ -28,13 +28,24 @@ const OUTERMOST_M: f64 = 0.0145;
 /// (depth in m, force in N) of a preset, by rising depth; `None` for a scene without a reference.
 #[must_use]
 pub fn force(preset: &str) -> Option<Vec<(f64, f64)>> {
-    let table = match preset {
-        "compression" => include_str!("../../bags/reference/compression_force.csv"),
-        "indentation" => include_str!("../../bags/reference/indentation_force.csv"),
-        "needle_insertion" => include_str!("../../bags/reference/needle_force_capture_radius_0.50mm.csv"),
-        _ => return None,
-    };
-    Some(rows::<2>(table).map(|[depth, force]| (depth, force)).collect())
+    Some(rows::<2>(force_table(preset)?).map(|[depth, force]| (depth, force)).collect())
+}
+
+fn force_table(preset: &str) -> Option<&'static str> {
+    match preset {
+        "compression" => Some(include_str!("../../bags/reference/compression_force.csv")),
+        "indentation" => Some(include_str!("../../bags/reference/indentation_force.csv")),
+        "needle_insertion" => Some(include_str!("../../bags/reference/needle_force_capture_radius_0.50mm.csv")),
+        _ => None,
+    }
+}
+
+/// Largest relative uncertainty that the reference itself states for its forces, from a fifth of a depth (m) to it.
+#[must_use]
+pub fn uncertainty(preset: &str, depth_m: f64) -> Option<f64> {
+    let compared = (0.2 * depth_m * (1.0 - 1e-9))..=depth_m * (1.0 + 1e-9);
+    let deep = rows::<3>(force_table(preset)?).filter(|[depth, ..]| compared.contains(depth));
+    deep.map(|[_, force, uncertainty]| uncertainty / force).reduce(f64::max)
 }
 
 /// Displacements of the indentation: on the axis, and of the top surface beyond 6 mm radius.
@@ -106,16 +117,22 @@ pub fn targets(height: f64) -> Vec<Target> {
     compared().enumerate().map(target).collect()
 }
 
+/// Where [`targets`] are at [`DISPLACEMENT_DEPTH_M`], m.
+#[must_use]
+pub fn displaced(height: f64) -> Vec<[f64; 3]> {
+    let place = |(p, a): (PointDisplacement, f64)| {
+        let r = p.radius_m + p.radial_m;
+        [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m]
+    };
+    compared().map(place).collect()
+}
+
 /// Largest distance between the present positions of [`targets`], m, and the reference at [`DISPLACEMENT_DEPTH_M`], over
 /// that depth.
 #[must_use]
 pub fn displacement_error(positions: &[[f64; 3]], height: f64) -> f64 {
-    let distance = |(now, (p, a)): (&[f64; 3], (PointDisplacement, f64))| {
-        let r = p.radius_m + p.radial_m;
-        let expected = [r * a.cos(), r * a.sin(), height - p.below_top_m + p.vertical_m];
-        (0..3).map(|k| (now[k] - expected[k]).powi(2)).sum::<f64>().sqrt()
-    };
-    positions.iter().zip(compared()).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
+    let distance = |(now, then): (&[f64; 3], [f64; 3])| (0..3).map(|k| (now[k] - then[k]).powi(2)).sum::<f64>().sqrt();
+    positions.iter().zip(displaced(height)).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
 }
 
 /// The first N columns of the lines of a table that holds numbers there.

@@ -227,13 +227,21 @@ pub const MOTIONS: [(f64, f64); 6] =
 /// Least steps per pose of the quasi-static run at 5 mm/s and 1 kHz.
 const QUASI_STATIC_STEPS: &str = "8";
 
-/// Force over depth of one insertion to 10 mm, N over m; real-time factor; steps per pose.
+/// One insertion.
+struct Insertion {
+    /// m, N.
+    force: Vec<[f64; 2]>,
+    real_time_factor: f64,
+    steps_per_pose: f64,
+}
+
+/// Drives the needle of the preset to the end of its path; `None` if `watch` ended it.
 fn insertion(
     speed: f64,
     pose_hz: f64,
     keys: &[(&'static str, String)],
     watch: &dyn Fn() -> bool,
-) -> Result<Option<(Vec<[f64; 2]>, f64, f64)>, SpeedError> {
+) -> Result<Option<Insertion>, SpeedError> {
     let scene = scene("needle_insertion", keys)?;
     let depth = scene.motion.map_or(0.0, |m| m.depth.get());
     let mut twin = Twin::new(&scene)?;
@@ -249,7 +257,11 @@ fn insertion(
         force.push([at, twin.step(pose)?.force_n[2]]);
     }
     let simulated = depth / speed;
-    Ok(Some((force, simulated / start.elapsed().as_secs_f64(), twin.steps() as f64 / f64::from(count + 1))))
+    Ok(Some(Insertion {
+        force,
+        real_time_factor: simulated / start.elapsed().as_secs_f64(),
+        steps_per_pose: twin.steps() as f64 / f64::from(count + 1),
+    }))
 }
 
 /// Runs [`MOTIONS`] and hands each to `row`; ends early when `progress` says so.
@@ -260,7 +272,7 @@ pub fn motions(progress: &dyn Watch, mut row: impl FnMut(&Motion)) -> Result<(),
     let stop = || progress.stop();
     let full = ("discretisation.dimension", "full".to_owned());
     let patient = [full.clone(), ("stepping.min_steps_per_pose", QUASI_STATIC_STEPS.to_owned())];
-    let Some((reference, ..)) = insertion(5e-3, 1000.0, &patient, &stop)? else { return Ok(()) };
+    let Some(Insertion { force: reference, .. }) = insertion(5e-3, 1000.0, &patient, &stop)? else { return Ok(()) };
     let peak = reference.iter().fold(0.0_f64, |peak, p| peak.max(p[1]));
     let at = |depth: f64| {
         let i = reference.partition_point(|p| p[0] < depth).clamp(1, reference.len() - 1);
@@ -269,8 +281,9 @@ pub fn motions(progress: &dyn Watch, mut row: impl FnMut(&Motion)) -> Result<(),
     };
     for (speed, pose_hz) in MOTIONS {
         let keys = std::slice::from_ref(&full);
-        let Some((force, real_time_factor, steps_per_pose)) = insertion(speed, pose_hz, keys, &stop)? else { break };
-        let error = force.iter().map(|p| (p[1] - at(p[0])).abs()).fold(0.0, f64::max) / peak;
+        let Some(run) = insertion(speed, pose_hz, keys, &stop)? else { break };
+        let Insertion { real_time_factor, steps_per_pose, .. } = run;
+        let error = run.force.iter().map(|p| (p[1] - at(p[0])).abs()).fold(0.0, f64::max) / peak;
         row(&Motion { speed, pose_hz, real_time_factor, steps_per_pose, error });
     }
     Ok(())

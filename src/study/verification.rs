@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use super::accuracy::StudyError;
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
+use super::yardstick::force_at;
 use crate::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};
 use crate::scene::{Override, Scene};
 
@@ -110,8 +111,9 @@ impl Verification {
             scene.targets = reference::targets(height);
         }
         let run = drive(&scene, watch)?;
+        let path: Vec<(f64, f64)> = run.answers.iter().map(|a| (a.depth_m, a.predicted_n)).collect();
         let compared = table.iter().filter_map(|&(depth_m, reference_n)| {
-            Some(Compared { depth_m, predicted_n: force_at(&run.answers, depth_m)?, reference_n })
+            Some(Compared { depth_m, predicted_n: force_at(&path, depth_m)?, reference_n })
         });
         Ok(Self {
             preset,
@@ -163,15 +165,6 @@ fn drive(scene: &Scene, watch: &mut dyn Watch) -> Result<Run, StudyError> {
     let collector = Collector::new(&twin, "study verification", build_s, Keep::ANSWERS);
     let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
     Ok(compare::drive(&mut twin, readings, None, collector, watch))
-}
-
-/// Force at a depth on the way in, between the two poses next to it, N; `None` if it was not reached.
-fn force_at(answers: &[Answer], depth_m: f64) -> Option<f64> {
-    let reached = |a: &Answer| a.depth_m >= depth_m * (1.0 - 1e-9);
-    let next = answers.iter().position(reached)?;
-    let (a, b) = (&answers[next.saturating_sub(1)], &answers[next]);
-    let share = if b.depth_m > a.depth_m { (depth_m - a.depth_m) / (b.depth_m - a.depth_m) } else { 1.0 };
-    Some(a.predicted_n + share.min(1.0) * (b.predicted_n - a.predicted_n))
 }
 
 /// Largest distance between the force and a smooth curve, over the force. The curve at a depth is the parabola that
@@ -279,12 +272,5 @@ mod tests {
         let found = saw_tooth(&answers(|d| smooth(d) * wave(d)));
         // the parabola takes a little of the wave with it, so the figure is rather too large
         assert!((0.019..0.026).contains(&found), "{found}");
-    }
-
-    #[test]
-    fn a_depth_that_was_not_reached_has_no_force() {
-        let answers = answers(|d| d);
-        assert!((force_at(&answers, 1.234e-3).unwrap() - 1.234e-3).abs() < 1e-12);
-        assert_eq!(force_at(&answers, 6e-3), None);
     }
 }

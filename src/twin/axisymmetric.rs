@@ -120,7 +120,12 @@ fn tissue(
         points,
         cells,
         surface,
-        model: Cells { nodes: plane.points.len(), triangles: Some(plane.triangles.clone()), of_point: table.cell },
+        model: Cells {
+            nodes: plane.points.len(),
+            triangles: Some(plane.triangles.clone()),
+            of_point: table.cell,
+            volume: table.volume,
+        },
         fields: Fields::Revolved {
             nodes: approximation.field(&plane.points)?,
             targets: approximation.field(targets)?,

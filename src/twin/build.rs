@@ -9,6 +9,7 @@ use crate::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
 use super::tissue::{Cells, Fields, Tissue};
+use super::work::Counters;
 use super::{Body, BuildError, Phase, Twin, axisymmetric};
 
 /// What a model brings to the twin.
@@ -58,6 +59,7 @@ impl Twin {
             tip: [0.0; 3],
             shaft: [0.0; 2],
             phase: Phase::Approach,
+            counters: Counters::default(),
         })
     }
 }
@@ -74,7 +76,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
-    let model = Cells { nodes: cloud.points.len(), triangles: None, of_point: table.cell };
+    let model = Cells { nodes: cloud.points.len(), triangles: None, of_point: table.cell, volume: table.volume };
     let Cloud { points, cells, surface, .. } = body.cloud;
     Ok(Built {
         solver,

@@ -9,6 +9,7 @@ mod observe;
 mod pace;
 mod step;
 mod tissue;
+mod work;
 
 use crate::cloud::Axis;
 use crate::instrument::Contact;
@@ -16,9 +17,11 @@ use crate::scene::{Dimension, Instrument, Resolved, Scene};
 use crate::solver::{Solver, StepWork};
 
 pub use body::{Body, PATH_SPACING};
+pub use work::Work;
 
 use pace::Pace;
 use tissue::Tissue;
+use work::Counters;
 
 /// Position and direction of the instrument in frame `sample`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -223,6 +226,8 @@ pub struct Twin {
     /// Where the instrument's axis met the undeformed top at the last pose, relative to the entry point, m.
     shaft: [f64; 2],
     phase: Phase,
+    /// What was computed beside the force.
+    counters: Counters,
 }
 
 impl Twin {

@@ -3,22 +3,38 @@
 use crate::instrument::Contact;
 use crate::scene::InstrumentKind;
 
-use super::{Phase, Twin};
+use super::{Phase, Twin, Work};
 
 impl Twin {
     /// Displacement of the field at every reference point, m. Overwrites `out`.
     pub fn displacements(&self, out: &mut Vec<[f64; 3]>) {
         self.tissue.displacements(self.solver.parameters(), out);
+        self.counters.displacements.add(out.len());
     }
 
     /// Volume ratio J and von Mises (Cauchy) stress in Pa, averaged to the reference points. Overwrites both.
     pub fn jacobian_and_stress(&self, jacobian: &mut Vec<f64>, von_mises_pa: &mut Vec<f64>) {
         self.tissue.jacobian_and_stress(&self.solver, jacobian, von_mises_pa);
+        self.counters.volume_ratios.add(jacobian.len());
+        self.counters.stresses.add(von_mises_pa.len());
+    }
+
+    /// Volume ratio J alone, averaged to the reference points. Overwrites `out`.
+    pub fn jacobian(&self, out: &mut Vec<f64>) {
+        self.tissue.jacobian(&self.solver, out);
+        self.counters.volume_ratios.add(out.len());
+    }
+
+    /// What has been computed beside the force since the twin was built.
+    #[must_use]
+    pub fn work(&self) -> Work {
+        self.counters.work()
     }
 
     /// Present positions of the scene's targets, m, in the scene's order. Overwrites `out`.
     pub fn target_positions(&self, out: &mut Vec<[f64; 3]>) {
         self.tissue.target_positions(&self.scene.targets, self.solver.parameters(), out);
+        self.counters.targets.add(out.len());
     }
 
     /// Largest distance between the field and its prescribed value at a held node, m.

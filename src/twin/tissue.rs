@@ -26,6 +26,8 @@ pub(super) struct Cells {
     /// `None`: as shown.
     pub triangles: Option<Vec<[u32; 3]>>,
     pub of_point: Vec<u32>,
+    /// Volume of each integration point, m^3.
+    pub volume: Vec<f64>,
 }
 
 /// The field at the model's nodes and at the targets.
@@ -117,6 +119,27 @@ impl Tissue {
         }
         if let Fields::Revolved { first, .. } = &self.fields {
             [jacobian, von_mises_pa].into_iter().for_each(|v| spread(v, first));
+        }
+    }
+
+    /// Volume ratio J averaged to the shown points. Overwrites it.
+    pub fn jacobian(&self, solver: &Solver, jacobian: &mut Vec<f64>) {
+        jacobian.clear();
+        jacobian.resize(self.model.nodes, 0.0);
+        let mut weight = vec![0.0; self.model.nodes];
+        for (point, &volume) in self.model.volume.iter().enumerate() {
+            let f = solver.deformation(point);
+            let j = determinant(&f, &cofactor(&f));
+            for &n in self.model.corners(point, &self.cells) {
+                weight[n as usize] += volume;
+                jacobian[n as usize] += volume * j;
+            }
+        }
+        for (j, w) in jacobian.iter_mut().zip(&weight).filter(|(_, w)| **w != 0.0) {
+            *j /= w;
+        }
+        if let Fields::Revolved { first, .. } = &self.fields {
+            spread(jacobian, first);
         }
     }
 

@@ -77,3 +77,49 @@ fn poses_move_the_tissue_that_viewers_see_and_the_targets_in_it() {
     assert_eq!(code, Some(0));
     assert!(log.contains("measured_cp is in frame `world`"), "{log}");
 }
+
+/// Values of the diagnostics by their keys, after some poses.
+fn diagnosed(peer: &mut Peer, from: i64) -> std::collections::BTreeMap<String, String> {
+    for i in from..from + 30 {
+        let value = crate::ros::joint_state(1_700_000_000 + i / 50, 20_000_000 * (i % 50), 1e-5 * i as f64);
+        peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": value}));
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let last = peer.ask(json!({"op": "last", "topic": "/diagnostics", "seconds": 1.5}))["message"].clone();
+    let status = last["status"].as_array().unwrap().iter();
+    let values = status.flat_map(|s| s["values"].as_array().unwrap().clone());
+    let text = |v: &Value| v.as_str().unwrap().to_owned();
+    values.map(|v| (text(&v["key"]), text(&v["value"]))).collect()
+}
+
+#[test]
+fn what_nobody_subscribes_to_is_not_computed() {
+    let domain = free_domain();
+    let node = crate::ros::coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    for (topic, kind, qos) in [
+        ("/tissue_model", "needle_twin/msg/TissueModel", "latched"),
+        ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "reliable"),
+    ] {
+        peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": qos}));
+    }
+    peer.ask(json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState"}));
+    peer.ask(json!({"op": "take", "topic": "/tissue_model", "timeout": 60.0}));
+    assert_eq!(
+        peer.ask(json!({"op": "wait_matched", "topics": ["/measured_js", "/diagnostics"]}))["missing"],
+        json!([])
+    );
+    let counters = ["displacements computed", "targets computed", "volume ratios computed", "stresses computed"];
+    let counts = |values: &std::collections::BTreeMap<String, String>| {
+        counters.map(|name| values.get(name).unwrap_or_else(|| panic!("{name}: {values:?}")).parse::<u64>().unwrap())
+    };
+    let values = diagnosed(&mut peer, 1);
+    assert!(values["answered"].parse::<u64>().unwrap() > 20, "{values:?}");
+    assert_eq!(counts(&values), [0; 4]);
+    peer.ask(json!({"op": "subscribe", "topic": "/tissue_surface", "type": "visualization_msgs/msg/Marker", "qos": "best_effort"}));
+    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/tissue_surface"]}))["missing"], json!([]));
+    let [displacements, targets, ratios, stresses] = counts(&diagnosed(&mut peer, 31));
+    assert!(displacements > 0, "a surface needs displacements");
+    assert_eq!([targets, ratios, stresses], [0; 3], "and nothing else");
+    assert_eq!(node.stop("INT").0, Some(0));
+}

@@ -221,7 +221,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::ros::messages::builtin_interfaces::Time;
-    use crate::twin::{Health, Phase, Prediction};
+    use crate::twin::{Health, Phase, Prediction, Work};
 
     fn answer(nanos: i64, force: f64) -> Answer {
         let now = Instant::now();
@@ -241,6 +241,7 @@ mod tests {
                 steps: 1,
                 health: Health::default(),
             },
+            work: Work::default(),
         }
     }
 

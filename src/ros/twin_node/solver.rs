@@ -9,7 +9,7 @@ use super::inbox::{Inbox, PoseInput, Where, Work};
 use super::tissue::{Model, Snapshot};
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::scene::Scene;
-use crate::twin::{Halt, Prediction, StampedPose, Twin};
+use crate::twin::{Halt, Prediction, StampedPose, Twin, Work as WorkDone};
 
 /// An answered pose.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +21,8 @@ pub(super) struct Answer {
     /// Axis of the instrument into the sample.
     pub axis: [f64; 3],
     pub prediction: Prediction,
+    /// What the twin has computed beside forces so far.
+    pub work: WorkDone,
 }
 
 /// What the force thread hears: from the solver, and from the input thread.
@@ -172,6 +174,7 @@ impl Solver {
                     done,
                     axis: pose.axis,
                     prediction,
+                    work: self.twin.work(),
                 })
             }
             Err(Halt::Pose { reason }) => Event::Refused { depth_m: self.depth(input), reason },

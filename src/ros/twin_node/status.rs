@@ -250,6 +250,12 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
         milliseconds("stepping p50 (ms)", live.stepping.quantile(0.5)),
         milliseconds("stepping p99 (ms)", live.stepping.quantile(0.99)),
     ];
+    if let Some(answer) = &live.last {
+        values.push(value("displacements computed", answer.work.displacements));
+        values.push(value("targets computed", answer.work.targets));
+        values.push(value("volume ratios computed", answer.work.volume_ratios));
+        values.push(value("stresses computed", answer.work.stresses));
+    }
     if let Some(model) = model {
         values.push(value("scene", &model.scene));
         values.push(value("nodes", model.nodes));

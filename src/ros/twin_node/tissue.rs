@@ -89,8 +89,23 @@ pub(super) struct Snapshot {
     pub jacobian: Vec<f64>,
     pub von_mises_pa: Vec<f64>,
     pub targets: Vec<[f64; 3]>,
-    /// Whether Jacobian and stress are wanted: they cost more than the displacement.
-    pub with_stress: bool,
+    /// What is wanted of all this.
+    pub wants: Wants,
+}
+
+/// What of the deformation somebody subscribes to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Wants {
+    pub displacements: bool,
+    /// Volume ratio and stress: they cost more than the displacement.
+    pub stress: bool,
+    pub targets: bool,
+}
+
+impl Wants {
+    fn any(self) -> bool {
+        self.displacements || self.stress || self.targets
+    }
 }
 
 impl Snapshot {
@@ -98,9 +113,13 @@ impl Snapshot {
     pub fn take(&mut self, twin: &Twin, stamp: Time, depth_m: f64) {
         self.stamp = stamp;
         self.depth_m = depth_m;
-        twin.displacements(&mut self.displacements);
-        twin.target_positions(&mut self.targets);
-        if self.with_stress {
+        if self.wants.displacements {
+            twin.displacements(&mut self.displacements);
+        }
+        if self.wants.targets {
+            twin.target_positions(&mut self.targets);
+        }
+        if self.wants.stress {
             twin.jacobian_and_stress(&mut self.jacobian, &mut self.von_mises_pa);
         }
     }
@@ -135,13 +154,21 @@ impl TissueOutputs {
         self.state.failed() + self.points.failed() + self.surface.failed() + self.targets.failed()
     }
 
-    fn wanted(&self) -> bool {
-        self.state.is_wanted() || self.points.is_wanted() || self.surface.is_wanted() || self.targets.is_wanted()
+    /// What has a subscriber; a scene without targets has none to publish.
+    fn wants(&self, model: &Model) -> Wants {
+        let cloud = self.points.is_wanted();
+        Wants {
+            displacements: cloud || self.state.is_wanted() || self.surface.is_wanted(),
+            stress: cloud,
+            targets: self.targets.is_wanted() && !model.target_names.is_empty(),
+        }
     }
 
     fn publish(&self, model: &Model, snapshot: &Snapshot, frame_id: &str) {
         let header = Header { stamp: snapshot.stamp, frame_id: frame_id.to_owned() };
-        if self.state.is_wanted() {
+        // what came to be wanted since the snapshot was asked for is in the next one
+        let Wants { displacements, stress, targets } = snapshot.wants;
+        if displacements && self.state.is_wanted() {
             self.state.send(TissueState {
                 header: header.clone(),
                 model_id: model.id,
@@ -149,13 +176,13 @@ impl TissueOutputs {
                 displacements: snapshot.displacements.iter().map(|u| (*u).into()).collect(),
             });
         }
-        if self.points.is_wanted() {
+        if stress && self.points.is_wanted() {
             self.points.send(cloud(header.clone(), model, snapshot));
         }
-        if self.surface.is_wanted() {
+        if displacements && self.surface.is_wanted() {
             self.surface.send(marker(header.clone(), model, snapshot));
         }
-        if self.targets.is_wanted() && !model.target_names.is_empty() {
+        if targets && self.targets.is_wanted() {
             let pose = |p: &[f64; 3]| geometry_msgs::Pose { position: (*p).into(), ..Default::default() };
             self.targets.send(PoseArray { header, poses: snapshot.targets.iter().map(pose).collect() });
         }
@@ -182,10 +209,10 @@ pub(super) fn run(
             due = if now - due > period { now + period } else { due + period };
             if rate > 0.0
                 && shared.is_active()
-                && outputs.wanted()
+                && outputs.wants(model).any()
                 && let Some(mut snapshot) = spare.take()
             {
-                snapshot.with_stress = outputs.points.is_wanted() || outputs.surface.is_wanted();
+                snapshot.wants = outputs.wants(model);
                 inbox.put_snapshot(snapshot);
             }
         }

@@ -1,10 +1,10 @@
-//! `accuracy_SCENE.png`: relative error of the force over depth, a line per discretisation.
+//! `at_rest_SCENE.png`: relative error of the force over depth, at rest, a line per discretisation.
 
 use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, INK, Panel, VERMILION, label},
 };
-use crate::study::accuracy::Row;
+use crate::study::accuracy::{Row, refined};
 
 const WIDTH: u32 = 960;
 const SIDES: [f64; 2] = [84.0, 932.0];
@@ -15,17 +15,16 @@ const LINE: f64 = 20.0;
 
 /// Colour by method; width and dash by cloud, the finest widest.
 fn pen(row: &Row, rows: &[&Row]) -> Pen {
-    let colour = match row.case.variant.name {
+    let colour = match refined(&row.case).as_str() {
         "mmls" => BLUE,
         "mls" => VERMILION,
         "tet4" => INK,
         "mmls, averaged" => Colour(0x1b, 0x8a, 0x5a, 1.0),
-        "mmls, pointwise" => Colour(0x8a, 0x4f, 0xc7, 1.0),
+        "mmls, no cure" => Colour(0x8a, 0x4f, 0xc7, 1.0),
         _ => Colour(0x9a, 0x7b, 0x00, 1.0),
     };
-    let mut finer: Vec<f64> = rows.iter().map(|r| r.case.spacing).filter(|s| *s < row.case.spacing).collect();
-    finer.dedup();
-    match finer.len() {
+    let same = rows.iter().filter(|r| refined(&r.case) == refined(&row.case));
+    match same.filter(|r| r.nodes > row.nodes).count() {
         0 => Pen::new(colour, 2.4),
         1 => Pen::new(colour, 1.6).dashed([8.0, 5.0]),
         _ => Pen::new(colour, 1.2).dashed([2.0, 3.0]),
@@ -33,7 +32,7 @@ fn pen(row: &Row, rows: &[&Row]) -> Pen {
 }
 
 /// The picture of the rows of one scene.
-pub(super) fn error_plot(scene: &str, rows: &[&Row]) -> Picture {
+pub(super) fn rest_plot(scene: &str, rows: &[&Row]) -> Picture {
     let lines = rows.len().div_ceil(3);
     let top = LEGEND_TOP + LINE * lines as f64 + 34.0;
     let bottom = top + 380.0;
@@ -48,7 +47,7 @@ pub(super) fn error_plot(scene: &str, rows: &[&Row]) -> Picture {
     for (i, row) in rows.iter().enumerate() {
         let (x, y) = (SIDES[0] + 285.0 * (i % 3) as f64, LEGEND_TOP + LINE * (i / 3) as f64);
         picture.line([[x, y - 4.5], [x + 26.0, y - 4.5]], pen(row, rows));
-        let text = format!("{}, {} nodes", row.case.variant.name, row.nodes);
+        let text = format!("{}, {} nodes", refined(&row.case), row.nodes);
         picture.text([x + 33.0, y], text, Type { colour: INK, ..label(Anchor::Start) });
     }
     let points = |row: &Row| -> Vec<[f64; 2]> {

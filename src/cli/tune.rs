@@ -1,0 +1,169 @@
+//! `needle_twin tune`: a scene file that is as coarse as a tolerance allows and as fast as a stream of poses asks.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::interrupt::Interrupt;
+use super::options::{SetOptions, ThreadOptions};
+use super::progress::Progress;
+use super::{CliError, Outcome, print, scene_file, warn};
+use crate::compare::{self, At, Collector, Keep, Reading, Run};
+use crate::report;
+use crate::scene::{Motion, Scene, Seconds};
+use crate::study::accuracy::{self, Row, StudyError, largest_error};
+use crate::study::tune::{self, Goal, Tuned};
+use crate::study::yardstick::Yardstick;
+
+/// Find the coarsest cloud and the fewest steps that meet a tolerance and a rate of poses on this machine, and write
+/// them as a scene file
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Preset or scene file
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
+    scene: String,
+
+    #[command(flatten)]
+    set: SetOptions,
+
+    /// Largest relative error of the force, from a fifth of the scene's path on
+    #[arg(long, value_name = "E", default_value_t = 0.02, value_parser = share, help_heading = "Goal")]
+    tolerance: f64,
+
+    /// Poses per second that have to be answered
+    #[arg(long, value_name = "R", default_value_t = 1000.0, value_parser = rate, help_heading = "Goal")]
+    pose_hz: f64,
+
+    #[command(flatten)]
+    threads: ThreadOptions,
+
+    /// Write the scene into this file [default: to stdout]
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    out: Option<PathBuf>,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|x| (0.0..1.0).contains(x) && *x > 0.0);
+    number.ok_or_else(|| "a number between 0 and 1, as 0.02 for 2 %".to_owned())
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|x| (0.1..=1e6).contains(x));
+    number.ok_or_else(|| "a number of Hz from 0.1 to 1000000".to_owned())
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
+    let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, [])?;
+    let depth = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?.depth.get();
+    let goal = Goal { tolerance: arguments.tolerance, pose_hz: arguments.pose_hz };
+    let found = arguments.threads.install(|| search(&scene, depth, goal))??;
+    let Some((yardstick, tuned)) = found else {
+        warn("interrupted: nothing is written");
+        return Ok(Outcome::Lossy);
+    };
+    let text = written(&tuned, &yardstick, goal, rayon_threads(arguments));
+    // what is shown is what the file says
+    let scene = scene_file::from_text(&text, &tuned.scene.name)?;
+    let run = arguments.threads.install(|| shown(&scene))??;
+    let proof = proof(&run, &yardstick, goal);
+    match &arguments.out {
+        Some(path) => {
+            report::write_file(path, text.as_bytes())?;
+            print(&format!("{}\n{}", path.display(), proof.text))?;
+        }
+        None => {
+            eprint(&proof.text);
+            print(&text)?;
+        }
+    }
+    Ok(if proof.met { Outcome::Complete } else { Outcome::Lossy })
+}
+
+fn rayon_threads(arguments: &Arguments) -> usize {
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    arguments.threads.threads.map_or_else(cores, usize::from)
+}
+
+fn eprint(text: &str) {
+    use std::io::Write as _;
+    let _ = write!(std::io::stderr(), "{text}"); // nowhere left to say that it can't be said
+}
+
+fn search(scene: &Scene, depth: f64, goal: Goal) -> Result<Option<(Yardstick, Tuned)>, CliError> {
+    let interrupt = Interrupt::listen();
+    let yardstick = Yardstick::of(scene, depth)?;
+    eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
+    let mut seen = |row: &Row| eprint(&row.line());
+    let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &|| interrupt.pressed())?;
+    Ok(tuned.map(|tuned| (yardstick, tuned)))
+}
+
+/// The scene file, with what was measured above it.
+fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, threads: usize) -> String {
+    let row = &tuned.row;
+    let mut text = String::new();
+    // Writing to a String can't fail.
+    let _ = writeln!(
+        text,
+        "# Written by `needle_twin tune`: force within {} % of {} at {} poses per second.\n\
+         # Measured on {threads} thread{}: largest error {:.2} %, {:.4} ms of processor time per pose, {} nodes, {} points.\n\
+         # Another machine has other costs: run it there.\n",
+        accuracy_percent(goal.tolerance),
+        yardstick.source,
+        goal.pose_hz,
+        if threads == 1 { "" } else { "s" },
+        100.0 * row.max_force_error().unwrap_or(f64::NAN),
+        1e3 * row.cost_per_pose_s(),
+        row.nodes,
+        row.integration_points,
+    );
+    text + &tuned.scene.to_toml()
+}
+
+fn accuracy_percent(share: f64) -> String {
+    format!("{:.4}", 100.0 * share).trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Runs the scene's insertion as `solve` does.
+fn shown(scene: &Scene) -> Result<Run, CliError> {
+    let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
+    let motion = Motion { hold: Seconds(0.0), retract: false, ..motion };
+    let (mut twin, build_s) =
+        compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
+    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+    let mut watch = Progress::silent();
+    Ok(compare::drive(&mut twin, readings, None, collector, &mut watch))
+}
+
+struct Proof {
+    text: String,
+    met: bool,
+}
+
+/// What the run of the written scene shows.
+fn proof(run: &Run, yardstick: &Yardstick, goal: Goal) -> Proof {
+    let path: Vec<(f64, f64)> = run.answers.iter().map(|a| (a.depth_m, a.predicted_n)).collect();
+    let errors = yardstick.force_errors(&path);
+    let whole = errors.len() == yardstick.force.len() && run.diverged.is_none();
+    let error = largest_error(&errors).filter(|_| whole);
+    let factor = run.real_time_factor().unwrap_or(0.0);
+    let latency = run.latency_ms().map_or_else(String::new, |l| {
+        format!("; a pose is answered in {:.3} ms (median), {:.3} ms (99 of 100)", l.p50, l.p99)
+    });
+    let right = error.is_some_and(|e| e <= goal.tolerance);
+    let word = |met: bool| if met { "met" } else { "NOT met" };
+    let told = error.map_or_else(|| "ended early".to_owned(), |e| format!("{:.2} %", 100.0 * e));
+    Proof {
+        text: format!(
+            "run of the written scene: largest error of the force {told} of {} %: {}; {factor:.1} times real time at {} Hz: \
+             {}{latency}\n",
+            accuracy_percent(goal.tolerance),
+            word(right),
+            goal.pose_hz,
+            word(factor >= 1.0),
+        ),
+        met: right && factor >= 1.0,
+    }
+}

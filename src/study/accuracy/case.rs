@@ -1,0 +1,198 @@
+//! One way to discretise and step a scene: what a row of the study is the result of.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::StudyError;
+use crate::scene::{Dimension, InstrumentKind, Override, Scene};
+use crate::twin::PATH_SPACING;
+
+/// Inertial error that is tolerated where the tissue is waited for, small against the errors under study.
+const TOLERANCE_AT_REST: &str = "0.003";
+/// Digits of a spacing that count.
+const DIGITS: i32 = 4;
+
+/// Explicit steps of one pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Steps {
+    /// As many as the scene's `stepping` keys give.
+    Auto,
+    /// So many for every pose that moves.
+    Fixed(u32),
+    /// The instrument stays at each depth that is compared until the tissue is at rest: no inertia is left.
+    Rest,
+}
+
+impl fmt::Display for Steps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(steps) => write!(f, "{steps}"),
+            Self::Rest => f.write_str("rest"),
+        }
+    }
+}
+
+impl FromStr for Steps {
+    type Err = std::num::ParseIntError;
+
+    fn from_str(word: &str) -> Result<Self, Self::Err> {
+        Ok(match word {
+            "auto" => Self::Auto,
+            "rest" => Self::Rest,
+            number => Self::Fixed(number.parse()?),
+        })
+    }
+}
+
+/// One way to discretise and step a scene, in the words of its keys.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// `discretisation.method`.
+    pub method: String,
+    /// `discretisation.volume_ratio`: the cure of volumetric locking.
+    pub volume_ratio: String,
+    /// `discretisation.dimension`: `axisymmetric` or `full`.
+    pub dimension: String,
+    /// Spacing far from every edge, m.
+    pub spacing_m: f64,
+    /// Spacing at the instrument's edge of contact or along its path, m.
+    pub edge_spacing_m: f64,
+    /// `discretisation.support_factor`; linear tetrahedra have no support, and the scene's value here.
+    pub support_factor: f64,
+    /// `discretisation.points_per_cell`.
+    pub points_per_cell: u32,
+    /// `discretisation.precision`.
+    pub precision: String,
+    /// Poses per second.
+    pub pose_hz: f64,
+    /// Steps of one pose.
+    pub steps: Steps,
+}
+
+impl Case {
+    /// The scene's own choices.
+    ///
+    /// # Errors
+    /// [`StudyError::NoCloud`] for a scene whose cloud is read from a file, [`StudyError::NoMotion`] for one that
+    /// doesn't move.
+    pub fn of(scene: &Scene) -> Result<Self, StudyError> {
+        let d = &scene.discretisation;
+        let grading = d.grading.ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
+        let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
+        let spacing_m = grading.spacing.get();
+        Ok(Self {
+            method: d.method.as_str().to_owned(),
+            volume_ratio: d.volume_ratio.as_str().to_owned(),
+            dimension: scene.dimension().dimension.as_str().to_owned(),
+            spacing_m,
+            edge_spacing_m: rounded(spacing_m * grading.edge_refinement),
+            support_factor: d.support_factor,
+            points_per_cell: d.points_per_cell,
+            precision: d.precision.as_str().to_owned(),
+            pose_hz: motion.pose_rate.get(),
+            steps: Steps::Auto,
+        })
+    }
+
+    /// The same with all spacings times a factor. A needle's path is never coarser than the needle takes.
+    #[must_use]
+    pub fn spaced(&self, scene: &Scene, factor: f64) -> Self {
+        let edge = (factor * self.edge_spacing_m).min(coarsest_edge(scene));
+        Self { spacing_m: rounded(factor * self.spacing_m), edge_spacing_m: rounded(edge), ..self.clone() }
+    }
+
+    /// The same with the spacing at the edge or along the path alone times a factor.
+    #[must_use]
+    pub fn spaced_at_edge(&self, scene: &Scene, factor: f64) -> Self {
+        let edge = factor * self.edge_spacing_m.min(coarsest_edge(scene));
+        Self { edge_spacing_m: rounded(edge), ..self.clone() }
+    }
+
+    /// The keys of a scene that make the case.
+    #[must_use]
+    pub fn keys(&self) -> Vec<(&'static str, String)> {
+        let refinement = (self.edge_spacing_m / self.spacing_m).clamp(0.01, 1.0);
+        let mut keys = vec![
+            ("discretisation.method", self.method.clone()),
+            ("discretisation.volume_ratio", self.volume_ratio.clone()),
+            ("discretisation.dimension", self.dimension.clone()),
+            ("discretisation.spacing_m", self.spacing_m.to_string()),
+            ("discretisation.edge_refinement", refinement.to_string()),
+            ("discretisation.support_factor", self.support_factor.to_string()),
+            ("discretisation.points_per_cell", self.points_per_cell.to_string()),
+            ("discretisation.precision", self.precision.clone()),
+            ("motion.pose_hz", self.pose_hz.to_string()),
+        ];
+        match self.steps {
+            Steps::Auto => {}
+            Steps::Fixed(steps) => {
+                keys.push(("stepping.min_steps_per_pose", steps.to_string()));
+                keys.push(("stepping.max_steps_per_pose", steps.to_string()));
+            }
+            Steps::Rest => keys.push(("stepping.tolerance", TOLERANCE_AT_REST.to_owned())),
+        }
+        keys
+    }
+
+    /// The scene with the case's keys.
+    ///
+    /// # Errors
+    /// [`StudyError::Scene`] if the scene does not take them.
+    pub fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
+        let keys: Vec<_> = self.keys().iter().map(|(path, value)| Override::text(path, value, "study")).collect();
+        Ok(scene.with(&keys)?)
+    }
+
+    /// Whether it is the model of a half plane.
+    #[must_use]
+    pub fn is_half_plane(&self) -> bool {
+        self.dimension == Dimension::Axisymmetric.as_str()
+    }
+
+    /// The method with its cure of locking in a few words: `mmls`, `tet4, no cure`.
+    #[must_use]
+    pub fn method_name(&self) -> String {
+        match self.volume_ratio.as_str() {
+            "projected" => self.method.clone(),
+            "pointwise" => format!("{}, no cure", self.method),
+            other => format!("{}, {other}", self.method),
+        }
+    }
+
+    /// Everything that makes the case, in one line.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!(
+            "{}, {}, spacing {} mm ({} mm at the edge), support {}, {} points per cell, {}, {} Hz, steps {}",
+            self.method_name(),
+            self.dimension,
+            millimetres(self.spacing_m),
+            millimetres(self.edge_spacing_m),
+            self.support_factor,
+            self.points_per_cell,
+            self.precision,
+            self.pose_hz,
+            self.steps
+        )
+    }
+}
+
+/// A length in mm to four digits, without trailing zeros.
+pub(super) fn millimetres(length_m: f64) -> String {
+    rounded(1e3 * length_m).to_string()
+}
+
+/// Spacing along a needle's path above which the needle is not resolved, m.
+fn coarsest_edge(scene: &Scene) -> f64 {
+    match scene.instrument.map(|i| i.kind) {
+        Some(InstrumentKind::Needle(needle)) => PATH_SPACING * needle.capture_radius.get(),
+        _ => f64::INFINITY,
+    }
+}
+
+/// A positive number to [`DIGITS`] digits.
+pub(super) fn rounded(x: f64) -> f64 {
+    // through text, so that 0.00275 is not 0.0027500000000000003
+    format!("{x:.*e}", DIGITS as usize - 1).parse().unwrap_or(x)
+}

@@ -1,0 +1,157 @@
+//! `accuracy.csv` on disk: rows are appended as they finish, a study goes on where it was, and parts are joined.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use super::row::{COLUMNS, csv_line, parse_line};
+use super::{Case, Row, StudyError};
+
+/// A table that rows are appended to.
+#[derive(Debug)]
+pub struct Table {
+    file: File,
+    path: PathBuf,
+    /// Rows that were there and those that have come.
+    pub rows: Vec<Row>,
+}
+
+impl Table {
+    /// Opens a table, or begins one. What an interrupted run left of its last line is taken away.
+    ///
+    /// # Errors
+    /// [`StudyError::Table`] if the file can't be read or written, or is no such table.
+    pub fn open(path: &Path) -> Result<Self, StudyError> {
+        let rows = if path.exists() { read(path)? } else { Vec::new() };
+        let text = super::csv(&rows);
+        // whole lines only, and under its name only when it is complete
+        let partial = path.with_extension("csv.partial");
+        let write = || -> std::io::Result<File> {
+            let mut file = File::create(&partial)?;
+            file.write_all(text.as_bytes())?;
+            file.sync_data()?;
+            std::fs::rename(&partial, path)?;
+            OpenOptions::new().append(true).open(path)
+        };
+        let file = write().map_err(|e| unwritable(path, &e))?;
+        Ok(Self { file, path: path.to_owned(), rows })
+    }
+
+    /// Whether the row of a case is there.
+    #[must_use]
+    pub fn has(&self, scene: &str, case: &Case) -> bool {
+        self.rows.iter().any(|row| row.is_of(scene, case))
+    }
+
+    /// Appends a row.
+    ///
+    /// # Errors
+    /// [`StudyError::Table`] if it can't be written.
+    pub fn append(&mut self, row: Row) -> Result<(), StudyError> {
+        let line = format!("{}\n", csv_line(&row));
+        let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
+        written.map_err(|e| unwritable(&self.path, &e))?;
+        self.rows.push(row);
+        Ok(())
+    }
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> StudyError {
+    let reason = format!("can't be written ({error}); check permissions and free space, or give another --out");
+    StudyError::Table { path: path.to_owned(), reason }
+}
+
+/// The rows of a table. A last line without an end, as an interrupted run may leave it, is left out.
+///
+/// # Errors
+/// [`StudyError::Table`] if it can't be read, or a line that has an end is no row: nothing is lost silently.
+pub fn read(path: &Path) -> Result<Vec<Row>, StudyError> {
+    let refuse = |reason: String| StudyError::Table { path: path.to_owned(), reason };
+    let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("can't be read ({e})")))?;
+    let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
+    let mut lines = whole.lines().enumerate();
+    match lines.next() {
+        None => return Ok(Vec::new()),
+        Some((_, COLUMNS)) => {}
+        Some(_) => {
+            return Err(refuse("not a table of this study (its first line differs); give another --out".to_owned()));
+        }
+    }
+    let row = |(i, line): (usize, &str)| parse_line(line).ok_or_else(|| refuse(format!("line {} is no row", i + 1)));
+    lines.map(row).collect()
+}
+
+/// Joins parts: every row once. Where a case was run more than once, the cheapest run counts, as within a run; the
+/// second value says how many were left out for that.
+#[must_use]
+pub fn merge(parts: impl IntoIterator<Item = Row>) -> (Vec<Row>, usize) {
+    let mut rows: Vec<Row> = Vec::new();
+    let mut again = 0;
+    for row in parts {
+        match rows.iter_mut().find(|known| known.is_of(&row.scene, &row.case)) {
+            None => rows.push(row),
+            Some(known) => {
+                again += 1;
+                if row.cost_s < known.cost_s {
+                    *known = row;
+                }
+            }
+        }
+    }
+    (rows, again)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::Steps;
+    use super::super::row::tests::row;
+    use super::*;
+
+    fn rows() -> [Row; 3] {
+        [1, 2, 3].map(|steps| {
+            let mut row = row(100, 0.01);
+            row.case.steps = Steps::Fixed(steps);
+            row
+        })
+    }
+
+    #[test]
+    fn a_table_goes_on_where_it_was_cut() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("accuracy.csv");
+        let mut table = Table::open(&path).unwrap();
+        rows().into_iter().for_each(|row| table.append(row).unwrap());
+        drop(table);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let second = text.lines().take(2).map(|l| l.len() + 1).sum::<usize>();
+        for cut in second..text.len() {
+            std::fs::write(&path, &text[..cut]).unwrap();
+            let mut table = Table::open(&path).unwrap();
+            let kept = text[..cut].matches('\n').count() - 1;
+            assert_eq!(table.rows, rows()[..kept], "cut at byte {cut}");
+            rows()[kept..].iter().for_each(|row| table.append(row.clone()).unwrap());
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text, "cut at byte {cut}");
+        }
+    }
+
+    #[test]
+    fn another_file_is_refused_and_a_broken_line_is_not_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("accuracy.csv");
+        std::fs::write(&path, "a,b\n1,2\n").unwrap();
+        assert!(Table::open(&path).unwrap_err().to_string().contains("first line differs"));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "a,b\n1,2\n", "left as it was");
+        std::fs::write(&path, format!("{COLUMNS}\n1,2\n")).unwrap();
+        assert!(Table::open(&path).unwrap_err().to_string().contains("line 2 is no row"));
+    }
+
+    #[test]
+    fn merged_rows_are_there_once_and_the_cheapest() {
+        let [a, b, c] = rows();
+        let cheaper = Row { cost_s: 0.5 * a.cost_s, ..a.clone() };
+        let dearer = Row { cost_s: 2.0 * b.cost_s, ..b.clone() };
+        let (rows, again) = merge([a, b.clone(), cheaper.clone(), c.clone(), dearer]);
+        assert_eq!((rows, again), (vec![cheaper, b, c], 2));
+    }
+}

@@ -1,0 +1,199 @@
+//! As coarse as allowed: the cheapest discretisation and the fewest steps per pose that keep a scene's force within a
+//! tolerance, found by running them on this machine.
+//!
+//! The way: coarse clouds first, with the scene's own pace, until one is within the tolerance; there and on the next
+//! coarser one other supports, more points and linear moving least squares; then, for the cheapest that are near enough, one,
+//! two, four steps per pose until the force is right; last, the other precision. The half plane comes before space,
+//! where the scene's `discretisation.dimension` leaves the choice. What counts is measured, nothing is estimated.
+
+use super::accuracy::{Case, Row, Steps, StudyError};
+use super::yardstick::Yardstick;
+use crate::scene::{Dimension, Override, Scene};
+
+/// Factors on the scene's spacing in a half plane, coarse first.
+const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
+/// The same in space.
+const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
+/// Steps per pose that are tried, few first.
+const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
+/// Discretisations whose steps per pose are tried.
+const FINALISTS: usize = 4;
+/// Share of the time between two poses that the mean pose may take: the rest is for what else the machine does.
+const HEADROOM: f64 = 0.7;
+/// Share of the tolerance that a measured error may take.
+const MARGIN: f64 = 0.95;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// Largest relative error of the force, from a fifth of the path on.
+    pub tolerance: f64,
+    /// Poses per second that have to be answered in time.
+    pub pose_hz: f64,
+}
+
+impl Goal {
+    fn near(&self, row: &Row) -> bool {
+        row.max_force_error().is_some_and(|error| error <= MARGIN * self.tolerance)
+    }
+
+    fn in_time(&self, row: &Row) -> bool {
+        row.cost_per_pose_s() <= HEADROOM / self.pose_hz
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tuned {
+    /// The scene with the keys of the row.
+    pub scene: Scene,
+    /// The row that meets both.
+    pub row: Row,
+}
+
+/// Runs a scene in ever other ways until the cheapest within the goal is known; `seen` hears of every row.
+///
+/// # Errors
+/// [`StudyError::Untuned`] if no way meets both, naming the nearest; otherwise as [`Case::run`].
+pub fn tune(
+    scene: &Scene,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let scene = scene.with(&[Override::text("motion.pose_hz", &goal.pose_hz.to_string(), "tune")])?;
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), seen, stop };
+    let own = Case::of(&scene)?;
+    let mut dimensions = vec![own.dimension.clone()];
+    if scene.discretisation.dimension == Dimension::Auto && own.is_half_plane() {
+        dimensions.push(Dimension::Full.as_str().to_owned());
+    }
+    for dimension in dimensions {
+        if search.dimension(&Case { dimension, ..own.clone() })?.is_none() {
+            return Ok(None);
+        }
+        if let Some(row) = search.best() {
+            let mut tuned = row.case.scene(&scene)?;
+            tuned.name = format!("{}_tuned", scene.name);
+            return Ok(Some(Tuned { scene: tuned, row: row.clone() }));
+        }
+    }
+    Err(StudyError::Untuned(search.nearest()))
+}
+
+struct Search<'a> {
+    scene: &'a Scene,
+    yardstick: &'a Yardstick,
+    goal: Goal,
+    rows: Vec<Row>,
+    seen: &'a mut dyn FnMut(&Row),
+    stop: &'a dyn Fn() -> bool,
+}
+
+impl Search<'_> {
+    /// Runs a case that has not been run yet; `None` if it was stopped.
+    fn run(&mut self, case: &Case) -> Result<Option<Row>, StudyError> {
+        if let Some(known) = self.rows.iter().find(|row| row.case == *case) {
+            return Ok(Some(known.clone()));
+        }
+        let Some(row) = case.run(self.scene, self.yardstick, self.stop)? else { return Ok(None) };
+        (self.seen)(&row);
+        self.rows.push(row.clone());
+        Ok(Some(row))
+    }
+
+    /// Everything in one dimension; `None` if it was stopped.
+    fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
+        let factors: &[f64] = if own.is_half_plane() { &SPACINGS } else { &SPACINGS_IN_SPACE };
+        for (i, &factor) in factors.iter().enumerate() {
+            let Some(row) = self.run(&own.spaced(self.scene, factor))? else { return Ok(None) };
+            if self.goal.near(&row) {
+                let coarser = factors[i.saturating_sub(1)];
+                for case in [coarser, factor].into_iter().flat_map(|f| variants(&own.spaced(self.scene, f))) {
+                    if self.run(&case)?.is_none() {
+                        return Ok(None);
+                    }
+                }
+                break;
+            }
+        }
+        for case in self.finalists(&own.dimension) {
+            if self.fewest_steps(&case)?.is_none() {
+                return Ok(None);
+            }
+        }
+        if let Some(best) = self.best().map(|row| row.case.clone()) {
+            let other = if best.precision == "f32" { "f64" } else { "f32" };
+            if self.run(&Case { precision: other.to_owned(), ..best })?.is_none() {
+                return Ok(None);
+            }
+        }
+        Ok(Some(()))
+    }
+
+    /// The cheapest per step of those that are near enough at the scene's own pace.
+    fn finalists(&self, dimension: &str) -> Vec<Case> {
+        let mut near: Vec<&Row> =
+            self.rows.iter().filter(|row| row.case.dimension == dimension && self.goal.near(row)).collect();
+        let per_step = |row: &Row| row.cost_s / row.steps.max(1) as f64;
+        near.sort_by(|a, b| per_step(a).total_cmp(&per_step(b)));
+        near.into_iter().take(FINALISTS).map(|row| row.case.clone()).collect()
+    }
+
+    /// Tries few steps per pose first, until the force is right or the pose too late.
+    fn fewest_steps(&mut self, case: &Case) -> Result<Option<()>, StudyError> {
+        for steps in STEPS {
+            let Some(row) = self.run(&Case { steps: Steps::Fixed(steps), ..case.clone() })? else { return Ok(None) };
+            if self.goal.near(&row) || !self.goal.in_time(&row) {
+                break;
+            }
+        }
+        Ok(Some(()))
+    }
+
+    /// The cheapest row that meets both.
+    fn best(&self) -> Option<&Row> {
+        let fixed = self.rows.iter().filter(|row| matches!(row.case.steps, Steps::Fixed(_)));
+        let meeting = fixed.filter(|row| self.goal.near(row) && self.goal.in_time(row));
+        meeting.min_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()))
+    }
+
+    /// What to say where nothing meets both.
+    fn nearest(&self) -> String {
+        let told = |row: &Row| {
+            format!(
+                "{} (error {:.2} %, {:.3} ms per pose)",
+                row.case.name(),
+                100.0 * row.max_force_error().unwrap_or(f64::NAN),
+                1e3 * row.cost_per_pose_s()
+            )
+        };
+        let by = |key: &dyn Fn(&Row) -> f64, rows: Vec<&Row>| {
+            rows.into_iter().min_by(|a, b| key(a).total_cmp(&key(b))).map_or_else(|| "none".to_owned(), told)
+        };
+        let whole = || self.rows.iter().filter(|row| row.max_force_error().is_some());
+        let error = |row: &Row| row.max_force_error().unwrap_or(f64::INFINITY);
+        format!(
+            "nothing that was run has both an error of {:.3} % and {:.3} ms per pose ({:.0} % of the time between two). \
+             Nearest to the reference: {}. Nearest in time: {}. Ask for a wider --tolerance or a lower --pose-hz",
+            100.0 * self.goal.tolerance,
+            1e3 * HEADROOM / self.goal.pose_hz,
+            100.0 * HEADROOM,
+            by(&error, whole().collect()),
+            by(&error, whole().filter(|row| self.goal.in_time(row)).collect()),
+        )
+    }
+}
+
+/// Other ways to discretise on the same cloud.
+fn variants(case: &Case) -> Vec<Case> {
+    let mut cases = vec![case.clone(), Case { points_per_cell: 4, ..case.clone() }];
+    if case.method != "tet4" {
+        cases.extend([1.4, 1.6, 2.2].map(|support_factor| Case { support_factor, ..case.clone() }));
+    }
+    if case.method == "mmls" {
+        cases.push(Case { method: "mls".to_owned(), ..case.clone() });
+    }
+    cases
+}

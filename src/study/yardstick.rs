@@ -1,0 +1,209 @@
+//! What predictions of a scene are held against: independent finite elements where there are any, and the scene's own
+//! model on a much finer cloud where there are none.
+
+use super::accuracy::{Case, Steps, StudyError};
+use super::reference::{self, DISPLACEMENT_DEPTH_M};
+use crate::scene::{Motion, PRESETS, Scene, Target};
+
+/// Spacing of the own fine cloud over the scene's, in a half plane.
+const FINE: f64 = 0.5;
+/// The same in space, where half the spacing costs ten times as much.
+const FINE_IN_SPACE: f64 = 0.7;
+/// Steps of each pose on the own fine cloud.
+const FINE_STEPS: u32 = 4;
+/// Depths at which forces are compared where the scene's own model is the reference.
+const DEPTHS: u32 = 20;
+/// Depth of the needle in the accuracy study, m: to the preset's whole depth a run in space takes minutes.
+const NEEDLE_DEPTH_M: f64 = 0.005;
+
+/// What predictions are held against.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Yardstick {
+    /// Where the forces come from, in a few words.
+    pub source: String,
+    /// (depth in m, force in N) by rising depth.
+    pub force: Vec<(f64, f64)>,
+    /// Relative uncertainty of these forces, where it is known.
+    pub uncertainty: Option<f64>,
+    /// Points in the tissue that are compared at the last depth, and where they should be then, m.
+    pub displaced: Vec<(Target, [f64; 3])>,
+    /// Where the displacements come from, in a few words.
+    pub displacement_source: String,
+}
+
+impl Yardstick {
+    /// The yardstick of a scene to a depth, m; runs the scene's own model where finite elements don't say all of it.
+    ///
+    /// # Errors
+    /// [`StudyError`] if the scene has no motion, or can't be built and driven.
+    pub fn of(scene: &Scene, depth_m: f64) -> Result<Self, StudyError> {
+        let published = preset_of(scene).and_then(reference::force).and_then(|table| within(table, depth_m));
+        let indented = is_indentation_at_4mm(scene, depth_m);
+        let mut yardstick = match (published, indented) {
+            (Some(force), true) => Self { force, ..Self::default() },
+            (Some(force), false) => Self { force, ..Self::own(scene, depth_m)? },
+            (None, _) => return Self::own(scene, depth_m),
+        };
+        yardstick.source = "independent finite elements".to_owned();
+        yardstick.uncertainty = preset_of(scene).and_then(|preset| reference::uncertainty(preset, depth_m));
+        if indented && let Some(height) = scene.sample.shape.height() {
+            yardstick.displaced =
+                reference::targets(height.get()).into_iter().zip(reference::displaced(height.get())).collect();
+            yardstick.displacement_source = yardstick.source.clone();
+        }
+        Ok(yardstick)
+    }
+
+    /// The scene's own model: half of the spacing, double precision, four steps per pose.
+    fn own(scene: &Scene, depth_m: f64) -> Result<Self, StudyError> {
+        let own = Case::of(scene)?;
+        let mut case = own.spaced(scene, if own.is_half_plane() { FINE } else { FINE_IN_SPACE });
+        "f64".clone_into(&mut case.precision);
+        case.steps = Steps::Fixed(FINE_STEPS);
+        let mut scene = case.scene(scene)?;
+        if scene.targets.is_empty() {
+            scene.targets = probes(&scene);
+        }
+        let depths: Vec<f64> = (1..=DEPTHS).map(|k| depth_m * f64::from(k) / f64::from(DEPTHS)).collect();
+        let driven = super::accuracy::drive(&scene, &case, &depths, &|| false)?;
+        let lost = || StudyError::NoYardstick(scene.name.clone());
+        if let Some(why) = driven.ended {
+            return Err(StudyError::Lost { scene: scene.name.clone(), why });
+        }
+        let force = depths.iter().map(|d| Some((*d, force_at(&driven.path, *d)?))).collect::<Option<Vec<_>>>();
+        let source = format!("the own model, {} nodes, double precision", driven.nodes);
+        Ok(Self {
+            force: force.ok_or_else(lost)?,
+            uncertainty: None,
+            displaced: scene.targets.iter().cloned().zip(driven.targets).collect(),
+            displacement_source: source.clone(),
+            source,
+        })
+    }
+
+    /// The last depth, m.
+    #[must_use]
+    pub fn depth_m(&self) -> f64 {
+        self.force.last().map_or(0.0, |p| p.0)
+    }
+
+    /// (depth in m, force over that of the yardstick - 1) where a path of (depth, force) reaches.
+    #[must_use]
+    pub fn force_errors(&self, path: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        let error = |&(depth, force): &(f64, f64)| Some((depth, force_at(path, depth)? / force - 1.0));
+        self.force.iter().filter_map(error).collect()
+    }
+
+    /// Largest distance between places and where they should be, over the last depth; `None` if none is compared.
+    #[must_use]
+    pub fn displacement_error(&self, places: &[[f64; 3]]) -> Option<f64> {
+        let distance = |(now, (_, then)): (&[f64; 3], &(Target, [f64; 3]))| {
+            (0..3).map(|k| (now[k] - then[k]).powi(2)).sum::<f64>().sqrt()
+        };
+        let comparable = !places.is_empty() && places.len() == self.displaced.len();
+        comparable.then(|| places.iter().zip(&self.displaced).map(distance).fold(0.0, f64::max) / self.depth_m())
+    }
+}
+
+/// Force at a depth on the way in, between the two answers (depth, force) next to it; `None` if it was not reached.
+pub(super) fn force_at(path: &[(f64, f64)], depth_m: f64) -> Option<f64> {
+    let next = path.iter().position(|(depth, _)| *depth >= depth_m * (1.0 - 1e-9))?;
+    let ((a, fa), (b, fb)) = (path[next.saturating_sub(1)], path[next]);
+    let share = if b > a { ((depth_m - a) / (b - a)).min(1.0) } else { 1.0 };
+    Some(fa + share * (fb - fa))
+}
+
+/// The preset that poses the same problem (sample, material, instrument), whatever its discretisation.
+#[must_use]
+pub fn preset_of(scene: &Scene) -> Option<&'static str> {
+    let same = |preset: &Scene| {
+        preset.sample == scene.sample && preset.material == scene.material && preset.instrument == scene.instrument
+    };
+    PRESETS.iter().find(|p| p.scene().is_ok_and(|preset| same(&preset))).map(|p| p.name)
+}
+
+/// How deep the accuracy study takes a scene, m: the indentation to where displacements are known and the reference's
+/// force is good to 0.45 %, the needle to half of its way, any other as far as it goes.
+///
+/// # Errors
+/// [`StudyError::NoMotion`] if it doesn't move.
+pub fn study_depth(scene: &Scene) -> Result<f64, StudyError> {
+    let Motion { depth, .. } = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
+    let most = match preset_of(scene) {
+        Some("indentation") => DISPLACEMENT_DEPTH_M,
+        Some("needle_insertion") => NEEDLE_DEPTH_M,
+        _ => f64::INFINITY,
+    };
+    Ok(depth.get().min(most))
+}
+
+fn is_indentation_at_4mm(scene: &Scene, depth_m: f64) -> bool {
+    preset_of(scene) == Some("indentation") && (depth_m / DISPLACEMENT_DEPTH_M - 1.0).abs() < 1e-9
+}
+
+/// The part of a table to a depth; `None` where the table ends before.
+fn within(mut table: Vec<(f64, f64)>, depth_m: f64) -> Option<Vec<(f64, f64)>> {
+    let reaches = table.last().is_some_and(|p| p.0 >= depth_m * (1.0 - 1e-9));
+    table.retain(|(depth, _)| *depth <= depth_m * (1.0 + 1e-9));
+    (reaches && !table.is_empty()).then_some(table)
+}
+
+/// Points to compare in a scene that names none: on the axis half-way down, and beside it.
+fn probes(scene: &Scene) -> Vec<Target> {
+    let Some(height) = scene.sample.shape.height() else { return Vec::new() };
+    let h = height.get();
+    let places = [[0.0, 0.0, 0.5 * h], [0.4 * h, 0.0, 0.5 * h], [0.0, 0.4 * h, 0.75 * h]];
+    let target = |(i, position)| Target { name: format!("probe{i}"), position };
+    places.into_iter().enumerate().map(target).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_depth_that_was_not_reached_has_no_force() {
+        let path: Vec<(f64, f64)> = (0..=500).map(|i| (1e-5 * f64::from(i), 2e-5 * f64::from(i))).collect();
+        assert!((force_at(&path, 1.234e-3).unwrap() - 2.468e-3).abs() < 1e-12);
+        assert_eq!(force_at(&path, 6e-3), None);
+    }
+
+    #[test]
+    fn a_preset_is_known_by_its_problem() {
+        let scene = Scene::preset("indentation").unwrap();
+        let mut coarse = scene.clone();
+        coarse.set("discretisation.spacing_m", "0.004").unwrap();
+        "mine".clone_into(&mut coarse.name);
+        assert_eq!(preset_of(&coarse), Some("indentation"));
+        coarse.set("material.poisson_ratio", "0.4").unwrap();
+        assert_eq!(preset_of(&coarse), None);
+        assert_eq!(study_depth(&scene).unwrap(), 0.004);
+    }
+
+    #[test]
+    fn finite_elements_are_taken_where_there_are_any() {
+        let scene = Scene::preset("indentation").unwrap();
+        let yardstick = Yardstick::of(&scene, 0.004).unwrap();
+        assert_eq!((yardstick.force.len(), yardstick.depth_m()), (8, 0.004));
+        assert_eq!(yardstick.source, "independent finite elements");
+        assert!((1e-3..5e-3).contains(&yardstick.uncertainty.unwrap()), "{:?}", yardstick.uncertainty);
+        let places: Vec<[f64; 3]> = yardstick.displaced.iter().map(|(_, then)| *then).collect();
+        assert_eq!(yardstick.displacement_error(&places), Some(0.0));
+        let undeformed: Vec<[f64; 3]> = yardstick.displaced.iter().map(|(target, _)| target.position).collect();
+        assert!((yardstick.displacement_error(&undeformed).unwrap() - 1.0).abs() < 1e-9, "the disc moved by the depth");
+    }
+
+    #[test]
+    fn without_finite_elements_the_own_fine_model_is_taken() {
+        let mut scene = Scene::preset("compression").unwrap();
+        scene.set("material.poisson_ratio", "0.4").unwrap();
+        scene.set("discretisation.spacing_m", "0.004").unwrap();
+        scene.set("motion.pose_hz", "100").unwrap();
+        let yardstick = Yardstick::of(&scene, 0.001).unwrap();
+        assert_eq!(yardstick.force.len(), 20);
+        assert!(yardstick.source.starts_with("the own model") && yardstick.uncertainty.is_none());
+        assert!(yardstick.force.windows(2).all(|w| w[1].1 > w[0].1), "{:?}", yardstick.force);
+        assert_eq!(yardstick.displaced.len(), 3);
+    }
+}

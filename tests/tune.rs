@@ -1,0 +1,74 @@
+//! `tune`: the scene that it writes meets the tolerance and the rate of poses when it is run.
+#![allow(clippy::unwrap_used)]
+
+use assert_cmd::Command;
+use serde_json::Value;
+use std::process::Output;
+
+fn run(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_needle_twin")).args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Force of a scene at a depth, N, and its real-time factor, by a program of its own.
+fn solved(scene: &str, depth_m: &str) -> (f64, f64) {
+    let done = run(&["solve", "--scene", scene, "--threads", "1", "--depth-m", depth_m, "--json"]);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let metrics: Value = serde_json::from_slice(&done.stdout).unwrap();
+    let number = |group: &str, key: &str| metrics[group][key].as_f64().unwrap();
+    (number("force", "peak_predicted_n"), number("timing", "real_time_factor"))
+}
+
+#[test]
+fn the_scene_that_is_written_meets_what_was_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut costs = Vec::new();
+    // (depth, force) of bags/reference/compression_force.csv
+    let reference = [("0.001", 0.312_071), ("0.0025", 0.847_635)];
+    for tolerance in ["0.04", "0.005"] {
+        let scene = folder.path().join(format!("{tolerance}.toml")).display().to_string();
+        let asked = ["tune", "--scene", "compression", "--tolerance", tolerance, "--pose-hz", "1000"];
+        let done = run(&[&asked[..], &["--threads", "1", "--out", &scene]].concat());
+        let (said, seen) = (text(&done.stdout), text(&done.stderr));
+        assert_eq!(done.status.code(), Some(0), "{said}{seen}");
+        assert!(said.contains(": met; ") && !said.contains("NOT met"), "{said}");
+        assert!(seen.contains("independent finite elements") && seen.lines().count() > 8, "rows were measured: {seen}");
+        for (depth, force) in reference {
+            let (predicted, factor) = solved(&scene, depth);
+            let error: f64 = predicted / force - 1.0;
+            println!("{tolerance}: {depth} m {:+.3} %, {factor:.1} times real time", 100.0 * error);
+            assert!(error.abs() <= tolerance.parse::<f64>().unwrap(), "{tolerance} at {depth} m: {error}");
+            assert!(factor > 1.0, "{factor}");
+        }
+        let written = std::fs::read_to_string(&scene).unwrap();
+        let per_pose = written.split(" ms of processor time").next().unwrap().rsplit(' ').next().unwrap();
+        costs.push(per_pose.parse::<f64>().unwrap());
+        assert!(written.starts_with("# Written by `needle_twin tune`"), "{written}");
+        assert!(
+            written.contains("dimension = \"axisymmetric\"") && written.contains("max_steps_per_pose = 1\n"),
+            "{written}"
+        );
+    }
+    assert!(costs[0] < costs[1], "a wide tolerance is cheaper than a narrow one: {costs:?}");
+}
+
+#[test]
+fn what_cannot_be_met_is_said_with_the_nearest() {
+    let impossible = ["--tolerance", "0.0001", "--set", "discretisation.dimension=axisymmetric"];
+    let motion = ["--set", "motion.depth_m=0.0005", "--set", "motion.speed_m_per_s=0.002"];
+    let done = run(&[&["tune", "--scene", "compression", "--threads", "1"], &impossible[..], &motion[..]].concat());
+    assert_eq!(done.status.code(), Some(1));
+    let said = text(&done.stderr);
+    assert!(
+        said.contains("nothing that was run has both") && said.contains("Nearest to the reference: mmls"),
+        "{said}"
+    );
+    assert_eq!(text(&done.stdout), "", "no scene is written");
+    for wrong in [["--tolerance", "0"], ["--tolerance", "2"], ["--pose-hz", "-1"]] {
+        let done = run(&[&["tune", "--scene", "compression"], &wrong[..]].concat());
+        assert_eq!(done.status.code(), Some(2), "{wrong:?}");
+    }
+}
