@@ -68,12 +68,16 @@ fn error(run: &Run) -> Option<String> {
     Some(format!("rmse {:.4} N{relative}, largest {:.4} N", metrics.rmse_n?, metrics.max_abs_error_n?))
 }
 
-/// How far each target moved.
+/// How far each target went from where it was at first: the farthest, since a retracted instrument leaves it there.
 fn targets(run: &Run) -> Option<String> {
-    let (first, last) = (run.targets.first()?, run.targets.last()?);
-    let moved = run.target_names.iter().zip(first.positions.iter().zip(&last.positions)).map(|(name, (from, to))| {
-        let distance = from.iter().zip(to).map(|(a, b)| (b - a) * (b - a)).sum::<f64>().sqrt();
-        format!("{name} moved {:.3} mm", 1e3 * distance)
+    let first = run.targets.first()?;
+    let distance = |from: &[f64; 3], to: &[f64; 3]| -> f64 {
+        from.iter().zip(to).map(|(a, b)| (b - a) * (b - a)).sum::<f64>().sqrt()
+    };
+    let moved = run.target_names.iter().enumerate().map(|(i, name)| {
+        let farthest =
+            run.targets.iter().map(|row| distance(&first.positions[i], &row.positions[i])).fold(0.0, f64::max);
+        format!("{name} moved {:.3} mm", 1e3 * farthest)
     });
     Some(moved.collect::<Vec<_>>().join(", ")).filter(|text| !text.is_empty())
 }

@@ -3,7 +3,7 @@
 //! A block copies the displacement of its own nodes in, works on 16-bit local indices and adds force to its own
 //! buffer; the buffers are then summed node by node in a fixed order. The partition depends on the model alone, so
 //! the result has the same bits for any number of threads, and no atomic is needed. Within a block points stand in
-//! [`groups`] of eight, one to a lane.
+//! groups of eight, one to a lane.
 
 use std::ops::Range;
 
@@ -40,7 +40,7 @@ pub struct Block<T: Real> {
     pub local: Vec<u16>,
     /// d phi_j / d X_k over the point's `scale`; zero in the lanes whose support does not have the node.
     pub gradient: Vec<[[T::Stored; LANES]; 3]>,
-    /// Scale of each point's gradients, 1/m (see [`packed`]).
+    /// Scale of each point's gradients, 1/m (see `packed`).
     pub scale: Vec<Lanes<T>>,
     /// Volume of each point, m^3; zero where a lane holds none.
     pub volume: Vec<Lanes<T>>,

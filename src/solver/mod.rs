@@ -7,6 +7,7 @@ pub mod kernel;
 pub mod lanes;
 mod mass;
 mod memory;
+mod passes;
 mod points;
 pub mod pool;
 pub mod real;
