@@ -18,7 +18,7 @@ use super::memory::Memory;
 use super::real::{Number, Real};
 
 /// Visits per block: 200 kB of gradients stream through, the few hundred nodes stay in cache. Four times as many make a
-/// step 4% cheaper on one thread, and leave too few blocks to share among sixteen.
+/// step 8% cheaper on one thread, and leave too few blocks to share among sixteen.
 const VISITS: usize = 4096;
 
 /// In [`Block::point`]: a lane that holds no point.

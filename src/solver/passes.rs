@@ -212,8 +212,8 @@ fn scatter<T: Real, const AXISYMMETRIC: bool>(
     }
 }
 
-/// Asks for the gradients of a later visit: the processor's own prefetching ends at the next page, and stalls of a
-/// fifth of the step were measured without.
+/// Asks for the gradients of a later visit: the processor's own prefetching ends at the next page, and waits of a
+/// seventh of the step were measured without.
 #[inline(always)]
 fn prefetch<S>(g: &[[S; LANES]; 3]) {
     #[cfg(target_arch = "x86_64")]

@@ -8,11 +8,10 @@ use std::fmt::Write as _;
 use std::time::Instant;
 
 use crate::compare::Watch;
-use crate::scene::{Override, Scene, SceneError};
+use crate::scene::{Override, PRESETS, Preset, Scene, SceneError};
 use crate::solver::StepWork;
 use crate::twin::{BuildError, Halt, StampedPose, Twin};
 
-const PRESETS: [&str; 3] = ["compression", "indentation", "needle_insertion"];
 /// Poses that are timed.
 const POSES: u32 = 120;
 /// Travel per timed pose, m.
@@ -75,10 +74,10 @@ pub fn cases(threads: usize, quick: bool) -> Vec<Case> {
     while counts.last().is_some_and(|&n| 2 * n <= threads) {
         counts.push(2 * counts[counts.len() - 1]);
     }
-    for preset in PRESETS {
+    for Preset { name: preset, .. } in PRESETS {
         cases.push(case("as shipped", preset, &[], 1));
     }
-    for preset in PRESETS {
+    for Preset { name: preset, .. } in PRESETS {
         for &threads in &counts {
             cases.push(case("three dimensions", preset, std::slice::from_ref(&full), threads));
         }

@@ -16,7 +16,7 @@ use crate::study::speed;
 /// Time the step: presets, support, size of the model, threads; and how fast a needle may go in three dimensions
 #[derive(Debug, Args)]
 pub(super) struct Speed {
-    /// Smaller models, no motions: about half a minute
+    /// Smaller models, no motions: one to two minutes
     #[arg(long)]
     quick: bool,
 
