@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 use super::mls::{Fit, Neighbour};
 use super::repair::{self, Supported};
-use super::support::{Supports, radii};
+use super::support::{Supports, radii, within_reach};
 use super::table::{ApproximationError, Form, Row, Settings, ShapeTable, assemble};
 
 /// Nodes with their images beyond the axis, searchable by place.
@@ -220,6 +220,7 @@ impl AxisymmetricApproximation {
         let Some(basis) = self.settings.basis else { return Ok(self.linear(x, within)) };
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
+            within_reach(neighbours);
             fit.evaluate_in_plane(neighbours, basis, true).map_err(|_| repair::refusal(x, neighbours, 2))?;
             let mut entries = Vec::with_capacity(neighbours.len());
             for (i, n) in neighbours.iter().enumerate() {

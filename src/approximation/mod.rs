@@ -2,6 +2,7 @@
 //! One product: the [`ShapeTable`].
 
 pub mod axisymmetric;
+pub mod join;
 pub mod mls;
 mod repair;
 pub mod support;

@@ -5,9 +5,10 @@ use std::cell::RefCell;
 
 use rayon::prelude::*;
 
+use super::join::{self, Share};
 use super::mls::{Basis, Fit, Neighbour};
 use super::repair::{self, Supported};
-use super::support::{Supports, radii};
+use super::support::{Supports, radii, within_reach};
 
 /// Why a shape table can't be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -68,6 +69,8 @@ pub struct Settings {
     pub support_factor: f64,
     /// Gauss points per cell: 1, 4 or 5.
     pub points_per_cell: u32,
+    /// Cells that share a point: 1, or 2 with one point per cell in space.
+    pub cells_per_point: u32,
 }
 
 /// What the rows of a table describe.
@@ -155,6 +158,8 @@ pub struct Approximation {
     supports: Supports,
     /// Radii before any repair, m.
     first: Vec<f64>,
+    /// What each cell is integrated with.
+    share: Vec<Share>,
 }
 
 thread_local! {
@@ -167,7 +172,15 @@ impl Approximation {
     pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], interpolating: Vec<bool>, settings: Settings) -> Self {
         let first = radii(points, cells, settings.support_factor);
         let supports = Supports::new(points, first.clone(), interpolating);
-        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first }
+        let joined = settings.cells_per_point > 1 && settings.points_per_cell == 1 && settings.basis.is_some();
+        let share = if joined {
+            let corners = |c: &[u32; 4]| c.map(|n| points[n as usize]);
+            let volume: Vec<f64> = cells.iter().map(|c| tetrahedron(&corners(c)).0).collect();
+            join::pairs(points, cells, &volume)
+        } else {
+            vec![Share::Own; cells.len()]
+        };
+        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first, share }
     }
 
     /// Number of nodes whose support was enlarged.
@@ -186,6 +199,7 @@ impl Approximation {
     ) -> Result<R, ApproximationError> {
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
+            within_reach(neighbours);
             fit.evaluate(neighbours, basis, gradient).map_err(|_| repair::refusal(x, neighbours, 3))?;
             Ok(f(neighbours, fit))
         })
@@ -196,7 +210,7 @@ impl Approximation {
     /// # Errors
     /// [`ApproximationError`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let rows: Vec<Vec<Row>> = self.cells.par_iter().map(|c| self.cell(c)).collect::<Result<_, _>>()?;
+        let rows: Vec<Vec<Row>> = self.rows().into_iter().collect::<Result<_, _>>()?;
         Ok(assemble(Form::Full, rows))
     }
 
@@ -240,8 +254,14 @@ impl Approximation {
         c.map(|n| self.points[n as usize])
     }
 
-    fn cell(&self, c: &[u32; 4]) -> Result<Vec<Row>, ApproximationError> {
-        self.settings.basis.map_or_else(|| Ok(vec![self.linear(c)]), |basis| self.gauss(c, basis))
+    fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError> {
+        let c = &self.cells[cell];
+        match (self.settings.basis, self.share[cell]) {
+            (None, _) => Ok(vec![self.linear(c)]),
+            (Some(basis), Share::Own) => self.gauss(c, basis),
+            (Some(basis), Share::With(other)) => Ok(vec![self.pair([c, &self.cells[other as usize]], basis)?]),
+            (Some(_), Share::Left) => Ok(Vec::new()),
+        }
     }
 
     fn linear(&self, c: &[u32; 4]) -> Row {
@@ -258,15 +278,30 @@ impl Approximation {
             .iter()
             .map(|(bary, weight)| {
                 let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
-                self.with_fit(at, basis, true, |neighbours, fit| Row {
-                    at,
-                    volume: weight * volume,
-                    nodes: neighbours.iter().map(|n| n.node).collect(),
-                    gradient: fit.gradient.clone(),
-                    squares: squares(&fit.gradient),
-                })
+                self.row(at, weight * volume, basis)
             })
             .collect()
+    }
+
+    /// The point at the centroid of two cells.
+    fn pair(&self, cells: [&[u32; 4]; 2], basis: Basis) -> Result<Row, ApproximationError> {
+        let corners = cells.map(|c| self.corners(c));
+        let volumes = [tetrahedron(&corners[0]).0, tetrahedron(&corners[1]).0];
+        let volume = volumes[0] + volumes[1];
+        let share = [0.25 * volumes[0] / volume, 0.25 * volumes[1] / volume];
+        let at = std::array::from_fn(|k| (0..2).map(|c| share[c] * corners[c].iter().map(|x| x[k]).sum::<f64>()).sum());
+        self.row(at, volume, basis)
+    }
+
+    /// An integration point of a meshless method.
+    fn row(&self, at: [f64; 3], volume: f64, basis: Basis) -> Result<Row, ApproximationError> {
+        self.with_fit(at, basis, true, |neighbours, fit| Row {
+            at,
+            volume,
+            nodes: neighbours.iter().map(|n| n.node).collect(),
+            gradient: fit.gradient.clone(),
+            squares: squares(&fit.gradient),
+        })
     }
 
     fn barycentric(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
@@ -288,7 +323,7 @@ impl Approximation {
 
 impl Supported for Approximation {
     fn rows(&self) -> Vec<Result<Vec<Row>, ApproximationError>> {
-        self.cells.par_iter().map(|c| self.cell(c)).collect()
+        (0..self.cells.len()).into_par_iter().map(|c| self.cell(c)).collect()
     }
 
     fn edge(&self, cell: usize) -> f64 {

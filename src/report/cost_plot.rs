@@ -169,6 +169,7 @@ fn sample(method: &str, volume_ratio: &str, dimension: &str, pose_hz: f64) -> Ca
         edge_spacing_m: 0.0,
         support_factor: 1.8,
         points_per_cell: 1,
+        cells_per_point: 1,
         precision: "f32".to_owned(),
         pose_hz,
         steps: Steps::Auto,
@@ -329,6 +330,9 @@ fn short(row: &Row) -> String {
     let mut text = format!("{}, {} nodes", c.method_name(), row.nodes);
     if c.points_per_cell != 1 {
         text += &format!(", {} points", c.points_per_cell);
+    }
+    if c.joined() != 1 {
+        text += ", pairs";
     }
     if (c.support_factor - 1.8).abs() > 1e-9 && c.method != "tet4" {
         text += &format!(", support {}", c.support_factor);

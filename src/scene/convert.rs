@@ -94,6 +94,7 @@ fn discretisation(v: &Values) -> Result<Discretisation, SceneError> {
         support_factor: real(v, "discretisation.support_factor")?,
         penalty: real(v, "discretisation.penalty")?,
         points_per_cell: whole(v, "discretisation.points_per_cell")?,
+        cells_per_point: whole(v, "discretisation.cells_per_point")?,
         volume_ratio: word(v, "discretisation.volume_ratio", VolumeRatio::from_word)?,
         precision: word(v, "discretisation.precision", Precision::from_word)?,
     })
@@ -285,6 +286,7 @@ fn put_discretisation(v: &mut Values, d: &Discretisation) {
     v.put("discretisation.support_factor", d.support_factor);
     v.put("discretisation.penalty", d.penalty);
     v.put("discretisation.points_per_cell", d.points_per_cell);
+    v.put("discretisation.cells_per_point", d.cells_per_point);
     v.put("discretisation.volume_ratio", d.volume_ratio.as_str());
     v.put("discretisation.precision", d.precision.as_str());
 }

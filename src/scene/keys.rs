@@ -212,6 +212,12 @@ pub static KEYS: &[Key] = &[
         "Integration points per tetrahedral cell; a triangle of the half plane then has 3, 6 or 7.",
     )
     .or("1"),
+    Key::one_of(
+        "discretisation.cells_per_point",
+        &[1, 2],
+        "Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless methods with one point per cell do so, and no half plane.",
+    )
+    .or("1"),
     Key::word(
         "discretisation.volume_ratio",
         VolumeRatio::WORDS,

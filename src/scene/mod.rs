@@ -252,6 +252,8 @@ pub struct Discretisation {
     pub penalty: f64,
     /// Integration points per tetrahedral cell: 1, 4 or 5.
     pub points_per_cell: u32,
+    /// Tetrahedra that share an integration point: 1 or 2.
+    pub cells_per_point: u32,
     /// Cure for volumetric locking.
     pub volume_ratio: VolumeRatio,
     /// Precision of the internal-force kernel.

@@ -56,7 +56,7 @@ impl Scene {
             Precision::F32 => 4.0,
             Precision::F64 => 8.0,
         };
-        let points = cells * f64::from(d.points_per_cell);
+        let points = cells * f64::from(d.points_per_cell) / f64::from(d.cells_per_point);
         // Per point of a relaxing material: H, and twice Pi and every h_i, of six components each.
         let memory = match self.material.prony.len() {
             0 => 0.0,

@@ -190,6 +190,9 @@ impl Search<'_> {
 fn variants(case: &Case) -> Vec<Case> {
     let mut cases = vec![case.clone(), Case { points_per_cell: 4, ..case.clone() }];
     if case.method != "tet4" {
+        if !case.is_half_plane() {
+            cases.push(Case { cells_per_point: 3 - case.cells_per_point, ..case.clone() });
+        }
         cases.extend([1.4, 1.6, 2.2].map(|support_factor| Case { support_factor, ..case.clone() }));
     }
     if case.method == "mmls" {

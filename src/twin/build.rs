@@ -106,6 +106,7 @@ pub(super) fn settings(scene: &Scene) -> Settings {
         },
         support_factor: d.support_factor,
         points_per_cell: d.points_per_cell,
+        cells_per_point: d.cells_per_point,
     }
 }
 

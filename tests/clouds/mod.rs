@@ -25,7 +25,7 @@ pub const METHODS: [(&str, Option<Basis>); 3] = [("mmls", MMLS), ("mls", MLS), (
 
 /// Settings with the presets' support factor.
 pub fn settings(basis: Option<Basis>, points_per_cell: u32) -> Settings {
-    Settings { basis, support_factor: 1.8, points_per_cell }
+    Settings { basis, support_factor: 1.8, points_per_cell, cells_per_point: 1 }
 }
 
 pub const HEIGHT: f64 = 0.017;

@@ -4,7 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::StudyError;
-use crate::scene::{Dimension, InstrumentKind, Override, Scene};
+use crate::scene::{Dimension, InstrumentKind, Method, Override, Scene};
 use crate::twin::PATH_SPACING;
 
 /// Inertial error that is tolerated where the tissue is waited for, small against the errors under study.
@@ -62,6 +62,8 @@ pub struct Case {
     pub support_factor: f64,
     /// `discretisation.points_per_cell`.
     pub points_per_cell: u32,
+    /// `discretisation.cells_per_point`, whether the case can follow it or not.
+    pub cells_per_point: u32,
     /// `discretisation.precision`.
     pub precision: String,
     /// Poses per second.
@@ -89,6 +91,7 @@ impl Case {
             edge_spacing_m: rounded(spacing_m * grading.edge_refinement),
             support_factor: d.support_factor,
             points_per_cell: d.points_per_cell,
+            cells_per_point: d.cells_per_point,
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
             steps: Steps::Auto,
@@ -121,6 +124,7 @@ impl Case {
             ("discretisation.edge_refinement", refinement.to_string()),
             ("discretisation.support_factor", self.support_factor.to_string()),
             ("discretisation.points_per_cell", self.points_per_cell.to_string()),
+            ("discretisation.cells_per_point", self.cells_per_point.to_string()),
             ("discretisation.precision", self.precision.clone()),
             ("motion.pose_hz", self.pose_hz.to_string()),
         ];
@@ -160,17 +164,34 @@ impl Case {
         }
     }
 
+    /// Cells that share an integration point.
+    #[must_use]
+    pub fn joined(&self) -> u32 {
+        let follows = !self.is_half_plane() && self.points_per_cell == 1 && self.method != Method::Tet4.as_str();
+        if follows { self.cells_per_point } else { 1 }
+    }
+
+    /// Integration points in words: `1 point per cell`, `1 point per 2 cells`.
+    #[must_use]
+    pub fn integration(&self) -> String {
+        match (self.points_per_cell, self.joined()) {
+            (1, 1) => "1 point per cell".to_owned(),
+            (points, 1) => format!("{points} points per cell"),
+            (_, cells) => format!("1 point per {cells} cells"),
+        }
+    }
+
     /// Everything that makes the case, in one line.
     #[must_use]
     pub fn name(&self) -> String {
         format!(
-            "{}, {}, spacing {} mm ({} mm at the edge), support {}, {} points per cell, {}, {} Hz, steps {}",
+            "{}, {}, spacing {} mm ({} mm at the edge), support {}, {}, {}, {} Hz, steps {}",
             self.method_name(),
             self.dimension,
             millimetres(self.spacing_m),
             millimetres(self.edge_spacing_m),
             self.support_factor,
-            self.points_per_cell,
+            self.integration(),
             self.precision,
             self.pose_hz,
             self.steps

@@ -131,6 +131,7 @@ pub fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
     "pointwise".clone_into(&mut case.volume_ratio);
     Dimension::Full.as_str().clone_into(&mut case.dimension);
     case.points_per_cell = 1;
+    case.cells_per_point = 1;
     "f32".clone_into(&mut case.precision);
     Ok(at(&case, PACES[2]))
 }
@@ -165,7 +166,7 @@ fn moving(scene: &Scene, own: &Case, extent: Extent) -> Vec<Case> {
     cases
 }
 
-/// Support, points per cell, precision and cure of locking, one at a time.
+/// Support, points per cell, cells per point, precision and cure of locking, one at a time.
 fn one_at_a_time(base: &Case, methods: &[&str]) -> Vec<Case> {
     let mut cases = Vec::new();
     for method in methods {
@@ -174,6 +175,9 @@ fn one_at_a_time(base: &Case, methods: &[&str]) -> Vec<Case> {
         if base.method != Method::Tet4.as_str() {
             cases.extend([1.4, 1.6, 2.2].map(|support_factor| Case { support_factor, ..base.clone() }));
             cases.push(Case { points_per_cell: 4, ..base.clone() });
+            if !base.is_half_plane() {
+                cases.push(Case { cells_per_point: 3 - base.cells_per_point, ..base.clone() });
+            }
         }
         cases.push(Case { volume_ratio: "averaged".to_owned(), ..base.clone() });
         cases.push(Case { volume_ratio: "pointwise".to_owned(), ..base.clone() });
@@ -214,7 +218,9 @@ pub fn work(scene: &Scene, case: &Case) -> f64 {
         // several hundred steps at each depth
         Steps::Rest => 40.0,
     };
-    nodes * per_node * (0.3 + support) * f64::from(case.points_per_cell) * steps * case.pose_hz
+    nodes * per_node * (0.3 + support) * f64::from(case.points_per_cell) / f64::from(case.joined())
+        * steps
+        * case.pose_hz
 }
 
 #[cfg(test)]

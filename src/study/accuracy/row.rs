@@ -102,7 +102,7 @@ impl Row {
             c.dimension,
             self.nodes,
             c.support_factor,
-            c.points_per_cell,
+            c.points_per_cell.to_string() + if c.joined() == 2 { "/2" } else { "" },
             c.precision,
             c.pose_hz,
             c.steps.to_string(),
@@ -140,7 +140,7 @@ pub fn heading() -> String {
 
 /// First line of `accuracy.csv`. Columns of errors are relative; costs are processor time of one thread.
 pub const COLUMNS: &str = "scene,method,volume_ratio,dimension,spacing_m,edge_spacing_m,support_factor,points_per_cell,\
-    precision,pose_hz,steps_per_pose,nodes,integration_points,simulated_s,poses,steps,cost_s,cost_s_per_simulated_s,\
+    cells_per_point,precision,pose_hz,steps_per_pose,nodes,integration_points,simulated_s,poses,steps,cost_s,cost_s_per_simulated_s,\
     cost_s_per_pose,real_time_factor,max_force_error,rms_force_error,displacement_error,min_jacobian,recoveries,ended,\
     force_error_by_depth";
 
@@ -163,6 +163,7 @@ pub fn csv_line(row: &Row) -> String {
         c.edge_spacing_m.to_string(),
         c.support_factor.to_string(),
         c.points_per_cell.to_string(),
+        c.cells_per_point.to_string(),
         c.precision.clone(),
         c.pose_hz.to_string(),
         c.steps.to_string(),
@@ -217,24 +218,25 @@ pub fn parse_line(line: &str) -> Option<Row> {
         edge_spacing_m: number(5)?,
         support_factor: number(6)?,
         points_per_cell: f[7].parse().ok()?,
-        precision: f[8].to_owned(),
-        pose_hz: number(9)?,
-        steps: f[10].parse::<Steps>().ok()?,
+        cells_per_point: f[8].parse().ok()?,
+        precision: f[9].to_owned(),
+        pose_hz: number(10)?,
+        steps: f[11].parse::<Steps>().ok()?,
     };
     Some(Row {
         scene: f[0].to_owned(),
         case,
-        nodes: f[11].parse().ok()?,
-        integration_points: f[12].parse().ok()?,
-        simulated_s: number(13)?,
-        poses: f[14].parse().ok()?,
-        steps: f[15].parse().ok()?,
-        cost_s: number(16)?,
-        displacement_error: if f[22].is_empty() { None } else { Some(number(22)?) },
-        min_jacobian: number(23)?,
-        recoveries: f[24].parse().ok()?,
-        ended: (!f[25].is_empty()).then(|| f[25].to_owned()),
-        force_error: f[26].split_whitespace().map(pair).collect::<Option<_>>()?,
+        nodes: f[12].parse().ok()?,
+        integration_points: f[13].parse().ok()?,
+        simulated_s: number(14)?,
+        poses: f[15].parse().ok()?,
+        steps: f[16].parse().ok()?,
+        cost_s: number(17)?,
+        displacement_error: if f[23].is_empty() { None } else { Some(number(23)?) },
+        min_jacobian: number(24)?,
+        recoveries: f[25].parse().ok()?,
+        ended: (!f[26].is_empty()).then(|| f[26].to_owned()),
+        force_error: f[27].split_whitespace().map(pair).collect::<Option<_>>()?,
     })
 }
 
