@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use super::mls::{Fit, Neighbour};
 use super::repair::{self, Supported};
 use super::support::{Supports, radii, within_reach};
-use super::table::{ApproximationError, Form, Row, Settings, ShapeTable, assemble};
+use super::table::{ApproximationError, Form, Row, Settings, ShapeTable};
 
 /// Nodes with their images beyond the axis, searchable by place.
 #[derive(Clone, Debug)]
@@ -155,8 +155,7 @@ impl AxisymmetricApproximation {
     /// # Errors
     /// [`ApproximationError`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let rows: Vec<Vec<Row>> = self.rows().into_iter().collect::<Result<_, _>>()?;
-        Ok(assemble(Form::Axisymmetric, rows))
+        repair::table(self)
     }
 
     /// The shape table after bad supports were enlarged, so that there is a field at `also` as well.
@@ -164,8 +163,7 @@ impl AxisymmetricApproximation {
     /// # Errors
     /// [`ApproximationError`] where no support determines the fit.
     pub fn repaired_table(&mut self, also: &[[f64; 3]]) -> Result<ShapeTable, ApproximationError> {
-        let rows = repair::repaired(self, also)?;
-        Ok(assemble(Form::Axisymmetric, rows))
+        repair::repaired(self, also)
     }
 
     /// Number of nodes whose support was enlarged.
@@ -271,16 +269,21 @@ impl AxisymmetricApproximation {
 }
 
 impl Supported for AxisymmetricApproximation {
-    fn rows(&self) -> Vec<Result<Vec<Row>, ApproximationError>> {
-        let rule = gauss_points(self.settings.points_per_cell);
-        let at_axis = gauss_points(self.settings.points_per_cell.max(4));
-        let on_axis = |t: &[u32; 3]| t.iter().any(|&n| self.points[n as usize][0] == 0.0);
-        let of = |(t, plain): (&[u32; 3], &bool)| match (plain, on_axis(t)) {
+    const FORM: Form = Form::Axisymmetric;
+
+    fn cells(&self) -> usize {
+        self.triangles.len()
+    }
+
+    fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError> {
+        let t = &self.triangles[cell];
+        let on_axis = t.iter().any(|&n| self.points[n as usize][0] == 0.0);
+        let points = self.settings.points_per_cell;
+        match (self.plain[cell], on_axis) {
             (true, _) => self.triangle(t, &CENTRE),
-            (false, true) => self.triangle(t, &at_axis),
-            (false, false) => self.triangle(t, &rule),
-        };
-        self.triangles.par_iter().zip(&self.plain).map(of).collect()
+            (false, true) => self.triangle(t, &gauss_points(points.max(4))),
+            (false, false) => self.triangle(t, &gauss_points(points)),
+        }
     }
 
     fn edge(&self, cell: usize) -> f64 {

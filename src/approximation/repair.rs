@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::mls::Neighbour;
-use super::table::{ApproximationError, Row};
+use super::table::{ApproximationError, Form, Row, ShapeTable};
 
 /// g beyond which a support is enlarged.
 pub const WORST: f64 = 3.0;
@@ -25,14 +25,20 @@ const TRIES: i32 = 8;
 const ILL_TRIES: i32 = 3;
 /// Height of a set of nodes over its length below which it counts as flat.
 const FLAT: f64 = 1e-6;
+/// Cells whose rows are held at a time: rows take the memory of the table once more.
+const CELLS_AT_A_TIME: usize = 2048;
 
 /// A place, m.
 type Point = [f64; 3];
 
 /// An approximation whose supports can grow.
 pub(super) trait Supported: Sync {
-    /// Rows of each cell.
-    fn rows(&self) -> Vec<Result<Vec<Row>, ApproximationError>>;
+    /// What the rows describe.
+    const FORM: Form;
+    /// Number of cells.
+    fn cells(&self) -> usize;
+    /// Rows of a cell.
+    fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError>;
     /// Mean length of a cell's edges, m.
     fn edge(&self, cell: usize) -> f64;
     /// Whether the field has a value there.
@@ -41,26 +47,44 @@ pub(super) trait Supported: Sync {
     fn enlarge(&mut self, factor: f64, at: &[Point]);
 }
 
-/// Rows of each cell, after supports were enlarged until every row is well determined and there is a field at `also`.
+/// The shape table, after supports were enlarged until every row is well determined and there is a field at `also`.
 /// Rows that stay ill-conditioned are kept: they are right, if stiff.
-pub(super) fn repaired(body: &mut dyn Supported, also: &[Point]) -> Result<Vec<Vec<Row>>, ApproximationError> {
-    let mut rows = body.rows();
-    let undetermined = |body: &dyn Supported| -> Vec<Point> {
-        also.par_iter().copied().filter(|&x| body.determined(x).is_err()).collect()
-    };
+pub(super) fn repaired<B: Supported>(body: &mut B, also: &[Point]) -> Result<ShapeTable, ApproximationError> {
     for round in 1..=TRIES {
-        let worst = if round > ILL_TRIES { f64::INFINITY } else { WORST };
-        let of = |(cell, r)| bad(r, worst / body.edge(cell));
-        let mut bad: Vec<Point> = rows.iter().enumerate().filter_map(of).collect();
-        bad.extend(undetermined(body));
+        let (table, mut bad) = judged(body, if round > ILL_TRIES { f64::INFINITY } else { WORST });
+        let undetermined = also.par_iter().copied().filter(|&x| body.determined(x).is_err());
+        bad.extend(undetermined.collect::<Vec<_>>());
         if bad.is_empty() {
-            return rows.into_iter().collect();
+            return table;
         }
         body.enlarge(GROWTH.powi(round), &bad);
-        rows = body.rows();
     }
     also.iter().try_for_each(|&x| body.determined(x))?;
-    rows.into_iter().collect()
+    table(body)
+}
+
+/// The shape table of the supports as they are.
+pub(super) fn table<B: Supported>(body: &B) -> Result<ShapeTable, ApproximationError> {
+    judged(body, f64::INFINITY).0
+}
+
+/// The shape table, or why there is none, and the places where a cell has no fit or one with g above `worst`.
+fn judged<B: Supported>(body: &B, worst: f64) -> (Result<ShapeTable, ApproximationError>, Vec<Point>) {
+    let mut table = Ok(ShapeTable { start: vec![0], form: B::FORM, ..ShapeTable::default() });
+    let mut bad_at = Vec::new();
+    for first in (0..body.cells()).step_by(CELLS_AT_A_TIME) {
+        let cells = first..(first + CELLS_AT_A_TIME).min(body.cells());
+        let rows: Vec<_> = cells.clone().into_par_iter().map(|cell| body.cell(cell)).collect();
+        for (cell, rows) in cells.zip(rows) {
+            bad_at.extend(bad(&rows, worst / body.edge(cell)));
+            match (&mut table, rows) {
+                (Ok(table), Ok(rows)) => rows.iter().for_each(|row| table.push(cell, row)),
+                (Ok(_), Err(refusal)) => table = Err(refusal),
+                (Err(_), _) => {}
+            }
+        }
+    }
+    (table, bad_at)
 }
 
 /// Where a cell has no fit, or one with steeper gradients than allowed.

@@ -112,6 +112,17 @@ pub struct ShapeTable {
     pub form: Form,
 }
 
+impl ShapeTable {
+    /// Adds an integration point.
+    pub(super) fn push(&mut self, cell: usize, row: &Row) {
+        self.nodes.extend_from_slice(&row.nodes);
+        self.gradient.extend_from_slice(&row.gradient);
+        self.volume.push(row.volume);
+        self.cell.push(cell as u32);
+        self.start.push(self.nodes.len() as u32);
+    }
+}
+
 /// Rows phi_j(x): the field at any set of points.
 #[derive(Clone, Debug, Default)]
 pub struct Field {
@@ -210,8 +221,7 @@ impl Approximation {
     /// # Errors
     /// [`ApproximationError`] where the support does not determine the fit.
     pub fn table(&self) -> Result<ShapeTable, ApproximationError> {
-        let rows: Vec<Vec<Row>> = self.rows().into_iter().collect::<Result<_, _>>()?;
-        Ok(assemble(Form::Full, rows))
+        repair::table(self)
     }
 
     /// The shape table after bad supports were enlarged, so that there is a field at `also` as well.
@@ -219,8 +229,7 @@ impl Approximation {
     /// # Errors
     /// [`ApproximationError`] where no support determines the fit.
     pub fn repaired_table(&mut self, also: &[[f64; 3]]) -> Result<ShapeTable, ApproximationError> {
-        let rows = repair::repaired(self, also)?;
-        Ok(assemble(Form::Full, rows))
+        repair::repaired(self, also)
     }
 
     /// phi at arbitrary points of the body; with linear tetrahedra the cell that holds the point decides.
@@ -252,16 +261,6 @@ impl Approximation {
 
     fn corners(&self, c: &[u32; 4]) -> [[f64; 3]; 4] {
         c.map(|n| self.points[n as usize])
-    }
-
-    fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError> {
-        let c = &self.cells[cell];
-        match (self.settings.basis, self.share[cell]) {
-            (None, _) => Ok(vec![self.linear(c)]),
-            (Some(basis), Share::Own) => self.gauss(c, basis),
-            (Some(basis), Share::With(other)) => Ok(vec![self.pair([c, &self.cells[other as usize]], basis)?]),
-            (Some(_), Share::Left) => Ok(Vec::new()),
-        }
     }
 
     fn linear(&self, c: &[u32; 4]) -> Row {
@@ -322,8 +321,20 @@ impl Approximation {
 }
 
 impl Supported for Approximation {
-    fn rows(&self) -> Vec<Result<Vec<Row>, ApproximationError>> {
-        (0..self.cells.len()).into_par_iter().map(|c| self.cell(c)).collect()
+    const FORM: Form = Form::Full;
+
+    fn cells(&self) -> usize {
+        self.cells.len()
+    }
+
+    fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError> {
+        let c = &self.cells[cell];
+        match (self.settings.basis, self.share[cell]) {
+            (None, _) => Ok(vec![self.linear(c)]),
+            (Some(basis), Share::Own) => self.gauss(c, basis),
+            (Some(basis), Share::With(other)) => Ok(vec![self.pair([c, &self.cells[other as usize]], basis)?]),
+            (Some(_), Share::Left) => Ok(Vec::new()),
+        }
     }
 
     fn edge(&self, cell: usize) -> f64 {
@@ -353,28 +364,6 @@ pub(super) struct Row {
 /// sum_j |grad phi_j|^2, 1/m^2.
 pub(super) fn squares(gradient: &[[f64; 3]]) -> f64 {
     gradient.iter().flatten().map(|g| g * g).sum()
-}
-
-/// The rows of all cells, in order. Each is freed as soon as it is in the table, which would double the memory.
-pub(super) fn assemble(form: Form, rows: Vec<Vec<Row>>) -> ShapeTable {
-    let entries = rows.iter().flatten().map(|row| row.nodes.len()).sum();
-    let mut table = ShapeTable {
-        start: vec![0],
-        nodes: Vec::with_capacity(entries),
-        gradient: Vec::with_capacity(entries),
-        form,
-        ..ShapeTable::default()
-    };
-    for (cell, rows) in rows.into_iter().enumerate() {
-        for row in rows {
-            table.nodes.extend_from_slice(&row.nodes);
-            table.gradient.extend_from_slice(&row.gradient);
-            table.volume.push(row.volume);
-            table.cell.push(cell as u32);
-            table.start.push(table.nodes.len() as u32);
-        }
-    }
-    table
 }
 
 /// Volume and gradients of the four barycentric coordinates of a tetrahedron.
