@@ -147,7 +147,9 @@ fn every_key_can_be_changed() {
             (Kind::Real(_), Value::Real(x)) if path.ends_with("radius_m") => Value::Real(x * 1.5),
             (Kind::Real(_), Value::Real(x)) => Value::Real(if *x == 0.0 { 0.001 } else { x * 0.9990234375 }),
             (Kind::Integer(..), Value::Integer(i)) => Value::Integer(i + 1),
-            (Kind::OneOf(_), _) => Value::Integer(4),
+            (Kind::OneOf(choices), Value::Integer(i)) => {
+                Value::Integer(*choices.iter().find(|choice| *choice != i).expect("a key with one value is none"))
+            }
             (Kind::Boolean, Value::Boolean(yes)) => Value::Boolean(!yes),
             (Kind::Point, _) => Value::Point([0.001, 0.002, 0.003]),
             (Kind::List(..), _) => continue, // comes in pairs, which have a test of their own

@@ -84,6 +84,7 @@ fn gradients_of_the_table_are_the_derivatives_of_the_values() {
         let settings = settings(basis, 1);
         let approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating.clone(), settings);
         let table = approximation.table().unwrap();
+        let (mut compared, mut skipped) = (0, 0);
         for point in (0..table.volume.len()).step_by(41) {
             let corners = cloud.cells[table.cell[point] as usize].map(|n| cloud.points[n as usize]);
             let x: [f64; 3] = std::array::from_fn(|k| corners.iter().map(|c| c[k]).sum::<f64>() / 4.0);
@@ -92,7 +93,13 @@ fn gradients_of_the_table_are_the_derivatives_of_the_values() {
             for k in 0..3 {
                 let moved = |h: f64| std::array::from_fn(|m| if m == k { x[m] + h } else { x[m] });
                 let field = approximation.field(&[moved(-h), moved(h)]).unwrap();
-                // rows by node: a node at the rim of its support may be in one row only
+                // a node whose reach ends between the two places makes a step there, of 0.05 % of its weight, and no slope
+                let row = |r: usize| &field.nodes[field.start[r] as usize..field.start[r + 1] as usize];
+                if row(0) != row(1) {
+                    skipped += 1;
+                    continue;
+                }
+                compared += 1;
                 let mut slope = vec![0.0; cloud.points.len()];
                 for (row, sign) in [(0, -1.0), (1, 1.0)] {
                     for e in field.start[row] as usize..field.start[row + 1] as usize {
@@ -106,6 +113,7 @@ fn gradients_of_the_table_are_the_derivatives_of_the_values() {
                 }
             }
         }
+        assert!(compared > 20 * skipped, "{name}: {skipped} of {compared} places are at the end of a node's reach");
     }
 }
 
