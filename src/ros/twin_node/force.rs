@@ -62,7 +62,7 @@ pub(super) fn run(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, event
 }
 
 /// Nothing that is not finite leaves: every number of a prediction passes here.
-fn is_finite(prediction: &Prediction) -> bool {
+pub(super) fn is_finite(prediction: &Prediction) -> bool {
     let health = &prediction.health;
     let forces = prediction.force_n.iter().chain(&prediction.base_force_n);
     let figures = [
