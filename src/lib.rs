@@ -22,6 +22,7 @@ pub mod bag;
 pub mod cli;
 pub mod cloud;
 pub mod compare;
+pub mod guard;
 pub mod instrument;
 pub mod material;
 pub mod report;

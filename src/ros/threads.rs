@@ -29,6 +29,6 @@ pub(super) fn lower_priority() {
     #[cfg(target_os = "linux")]
     // SAFETY: takes three integers; 0 is the calling thread, on Linux.
     unsafe {
-        libc::setpriority(libc::PRIO_PROCESS, 0, 10);
+        libc::setpriority(libc::PRIO_PROCESS, 0, 3);
     }
 }

@@ -27,15 +27,16 @@ pub struct Motion {
 impl Motion {
     /// Distance between two poses of a motion, m.
     pub const SPACING_M: f64 = 20e-6;
-    /// Explicit steps that a whole motion may cost, but for at least one per pose.
-    pub const MOST_STEPS: u32 = 300;
+    /// Explicit steps that keep the force of two millimetres within about two per cent of that of the motion itself.
+    pub const STEPS: u32 = 300;
 
-    /// A motion cut as finely as the force needs, and no finer than there is time for.
+    /// A motion cut as finely as the force needs, for about as many explicit steps as there is time for.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
-    pub fn new(distance_m: f64, speed_m_per_s: f64) -> Self {
-        let poses = (distance_m.abs() / Self::SPACING_M).ceil().max(1.0) as u32;
-        Self { distance_m, speed_m_per_s, poses, steps_per_pose: (Self::MOST_STEPS / poses).max(1) }
+    pub fn new(distance_m: f64, speed_m_per_s: f64, steps: u32) -> Self {
+        let wanted = (distance_m.abs() / Self::SPACING_M).ceil();
+        let poses = wanted.clamp(1.0, f64::from(steps.max(1))) as u32;
+        Self { distance_m, speed_m_per_s, poses, steps_per_pose: (steps / poses).max(1) }
     }
 
     /// The pose after `i` of the motion's poses.

@@ -190,6 +190,8 @@ pub struct LookAheadResponse {
     pub header: Header,
     /// Depth of that pose, m.
     pub depth_m: f64,
+    /// Explicit steps that it took.
+    pub steps: u32,
     /// Depths on the way, m.
     pub depths_m: Vec<f64>,
     /// Force at each of them against the direction of insertion, N.

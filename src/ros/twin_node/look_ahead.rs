@@ -22,6 +22,10 @@ use crate::twin::{Motion, Prediction, StampedPose, Twin};
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Speed of a motion that names none, m/s.
 const SPEED_M_PER_S: f64 = 0.001;
+/// Wall time for the steps of one answer, s: the rest of 50 ms is for the way there and back.
+const BUDGET_S: f64 = 0.035;
+/// Fewer steps than this say nothing.
+const FEWEST_STEPS: f64 = 60.0;
 /// Farther than any sample is deep, m.
 const FARTHEST_M: f64 = 1.0;
 
@@ -34,6 +38,8 @@ pub(super) struct Double {
     /// Its stamp.
     pub stamp: Time,
     pub depth_m: f64,
+    /// Wall time of one explicit step of late, s.
+    pub step_s: f64,
     /// Which of the models that the solver has built this is a double of.
     pub generation: u64,
 }
@@ -52,7 +58,7 @@ pub(super) fn run(
     stop: &smol::channel::Receiver<()>,
 ) {
     lower_priority();
-    let mut thread = LookAheadThread { frame_id, inbox, departures, way: Vec::new() };
+    let mut thread = LookAheadThread { frame_id, inbox, departures, way: Vec::new(), step_s: 0.0 };
     loop {
         let stopped = async {
             // The channel is closed, never written to.
@@ -72,6 +78,8 @@ struct LookAheadThread<'a> {
     inbox: &'a Inbox,
     departures: &'a Receiver<Departure>,
     way: Vec<Prediction>,
+    /// Wall time of one explicit step in this thread, s.
+    step_s: f64,
 }
 
 impl LookAheadThread<'_> {
@@ -84,7 +92,7 @@ impl LookAheadThread<'_> {
     }
 
     fn look(&mut self, request: &LookAheadRequest) -> Result<LookAheadResponse, String> {
-        let motion = motion(request)?;
+        check(request)?;
         // One that came too late for an earlier request.
         while let Ok(departure) = self.departures.try_recv() {
             self.give_back(departure);
@@ -94,9 +102,17 @@ impl LookAheadThread<'_> {
             .departures
             .recv_timeout(PATIENCE)
             .map_err(|_| "the solver is busy (is the model being built?): ask again".to_owned())??;
-        let outcome = self.go(&mut double, &motion);
+        let outcome = self.go(&mut double, request);
         self.inbox.give_back(double);
         outcome
+    }
+
+    /// Explicit steps that there is time for, when the live twin's take `step_s`.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
+    fn affordable(&self, step_s: f64) -> u32 {
+        let step_s = self.step_s.max(step_s);
+        let steps = if step_s > 0.0 { BUDGET_S / step_s } else { f64::INFINITY };
+        steps.clamp(FEWEST_STEPS, f64::from(Motion::STEPS)) as u32
     }
 
     fn give_back(&self, departure: Departure) {
@@ -105,9 +121,14 @@ impl LookAheadThread<'_> {
         }
     }
 
-    fn go(&mut self, double: &mut Double, motion: &Motion) -> Result<LookAheadResponse, String> {
+    fn go(&mut self, double: &mut Double, request: &LookAheadRequest) -> Result<LookAheadResponse, String> {
         let from = double.from.ok_or("no pose has been answered yet: move the instrument first")?;
-        double.twin.look_ahead(&from, motion, &mut self.way).map_err(|halt| halt.to_string())?;
+        let speed_m_per_s = if request.speed_m_per_s > 0.0 { request.speed_m_per_s } else { SPEED_M_PER_S };
+        let motion = Motion::new(request.distance_m, speed_m_per_s, self.affordable(double.step_s));
+        let (begun, before) = (Instant::now(), double.twin.steps());
+        double.twin.look_ahead(&from, &motion, &mut self.way).map_err(|halt| halt.to_string())?;
+        let steps = u32::try_from(double.twin.steps() - before).unwrap_or(u32::MAX);
+        self.step_s = begun.elapsed().as_secs_f64() / f64::from(steps.max(1));
         let mut targets = Vec::new();
         double.twin.target_positions(&mut targets);
         if !(self.way.iter().all(is_finite) && targets.iter().flatten().all(|x| x.is_finite())) {
@@ -121,6 +142,7 @@ impl LookAheadThread<'_> {
             message: String::new(),
             header: Header { stamp: double.stamp, frame_id: self.frame_id.to_owned() },
             depth_m: double.depth_m,
+            steps,
             depths_m: self.way.iter().map(|p| p.depth_m).collect(),
             peak_force_n: forces_n.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             forces_n,
@@ -130,8 +152,8 @@ impl LookAheadThread<'_> {
     }
 }
 
-/// The motion that is asked for.
-fn motion(request: &LookAheadRequest) -> Result<Motion, String> {
+/// Whether a motion can be asked for.
+fn check(request: &LookAheadRequest) -> Result<(), String> {
     let LookAheadRequest { distance_m, speed_m_per_s } = *request;
     if !(distance_m.abs() > 0.0 && distance_m.abs() <= FARTHEST_M) {
         return Err(format!("distance_m is {distance_m}: give a distance up to {FARTHEST_M} m, not 0"));
@@ -139,6 +161,5 @@ fn motion(request: &LookAheadRequest) -> Result<Motion, String> {
     if !(speed_m_per_s >= 0.0 && speed_m_per_s.is_finite()) {
         return Err(format!("speed_m_per_s is {speed_m_per_s}: give a speed in m/s, or 0 for {SPEED_M_PER_S}"));
     }
-    let speed = if speed_m_per_s > 0.0 { speed_m_per_s } else { SPEED_M_PER_S };
-    Ok(Motion::new(distance_m, speed))
+    Ok(())
 }

@@ -10,6 +10,7 @@
 //! The solver thread touches no socket and waits for nobody; a slow subscriber can only slow the thread that publishes
 //! to it.
 
+mod assurance;
 mod comparison;
 mod declared;
 mod force;

@@ -126,7 +126,7 @@ impl Solver {
         let model = Model::of(&twin, begun.elapsed());
         let stamp = Time::default();
         let double = double.map(|generation| {
-            Box::new(Double { twin: twin.double(), from: None, stamp, depth_m: 0.0, generation })
+            Box::new(Double { twin: twin.double(), from: None, stamp, depth_m: 0.0, step_s: 0.0, generation })
         });
         let solver =
             Self { twin, origin_nanos: None, stamp, depth_m: 0.0, halted: false, step_s: 0.0, pose: None, double };
@@ -172,6 +172,7 @@ impl Solver {
         };
         double.twin.take_over(&self.twin);
         (double.from, double.stamp, double.depth_m) = (self.pose, self.stamp, self.depth_m);
+        double.step_s = self.step_s;
         Ok(double)
     }
 
