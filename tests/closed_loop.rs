@@ -69,7 +69,7 @@ struct Judge {
 
 impl Judge {
     fn start(domain: u16) -> Self {
-        let judge = Self {
+        let mut judge = Self {
             domain,
             heard: Arc::default(),
             cut: Arc::default(),
@@ -123,7 +123,8 @@ impl Judge {
                 sleep(Duration::from_micros(300));
             }
         });
-        Self { thread: Some(thread), ..judge }
+        judge.thread = Some(thread);
+        judge
     }
 
     fn depth_m(&self) -> f64 {
