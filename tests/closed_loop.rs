@@ -31,8 +31,9 @@ const NEEDLE_TWIN: &str = env!("CARGO_BIN_EXE_needle_twin");
 const STOP_S: f64 = 0.050;
 /// Each fault is provoked so often: what one scheduling hiccup of a busy machine adds is not the loop's.
 const TRIALS: usize = 5;
-/// Undeformed target of the moving-target test: 5 mm deep, on the needle's way.
-const TARGET_DEPTH_M: f64 = 0.005;
+/// Undeformed target: 8 mm deep, 1.5 mm beside the needle's way, where the tissue that the needle takes along takes it
+/// along too.
+const TARGET_DEPTH_M: f64 = 0.008;
 const TOP_M: f64 = 0.017;
 
 /// Loops of processes one after the other: a real-time promise is not tested under a load of our own making.
@@ -80,10 +81,12 @@ impl Judge {
             thread: None,
         };
         let (heard, cut, push) = (Arc::clone(&judge.heard), Arc::clone(&judge.cut), Arc::clone(&judge.push));
-        let (passed_ns, push_ns, stop) = (Arc::clone(&judge.passed_ns), Arc::clone(&judge.push_ns), Arc::clone(&judge.stop));
+        let (passed_ns, push_ns, stop) =
+            (Arc::clone(&judge.passed_ns), Arc::clone(&judge.push_ns), Arc::clone(&judge.stop));
         let thread = std::thread::spawn(move || {
             let domain = domain.to_string();
-            let environment = Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.clone())).unwrap();
+            let environment =
+                Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.clone())).unwrap();
             let names = Names::new("judge", &RosArguments::default()).unwrap();
             let mut node = Participant::join(names, &environment, &[], false).unwrap();
             let measured = node.subscription::<JointState>("measured_js", qos::sensor(1000)).unwrap();
@@ -145,7 +148,7 @@ impl Judge {
         sleep(Duration::from_millis(600));
         let heard = self.heard.lock().unwrap();
         let moved = heard.motion.windows(2).filter(|w| (w[1].1 - w[0].1).abs() > 1e-9);
-        let last = moved.map(|w| w[1].0).last().unwrap();
+        let last = moved.map(|w| w[1].0).next_back().unwrap();
         let after: Vec<_> = heard.motion.iter().filter(|m| m.0 > fault_ns).collect();
         assert!(after.len() > 20, "the driver still speaks");
         (last - fault_ns) as f64 * 1e-9
@@ -161,11 +164,11 @@ impl Drop for Judge {
     }
 }
 
-/// The half-plane needle scene with one target on the needle's way.
+/// The half-plane needle scene with one target.
 fn scene(folder: &std::path::Path) -> String {
     let text = include_str!("../src/scene/presets/needle_insertion.toml");
     let text = text.split("[[targets]]").next().unwrap();
-    let target = format!("[[targets]]\nname = \"lesion\"\nposition_m = [0.0, 0.0, {}]\n", TOP_M - TARGET_DEPTH_M);
+    let target = format!("[[targets]]\nname = \"lesion\"\nposition_m = [0.0015, 0.0, {}]\n", TOP_M - TARGET_DEPTH_M);
     let path = folder.join("scene.toml");
     std::fs::write(&path, format!("{text}{target}")).unwrap();
     path.display().to_string()
@@ -229,7 +232,11 @@ fn it_reaches_a_target_where_the_tissue_has_taken_it() {
     // the guard ends by itself, with the needle at rest at the target
     let (code, log) = loop {
         sleep(Duration::from_millis(200));
-        assert!(begun.elapsed() < Duration::from_secs(60), "the target at {:?}", run.judge.heard.lock().unwrap().target_m);
+        assert!(
+            begun.elapsed() < Duration::from_secs(60),
+            "the target at {:?}",
+            run.judge.heard.lock().unwrap().target_m
+        );
         let stand_in = Program::start("true", &[], 0, &[]);
         if std::fs::read_to_string(format!("/proc/{}/stat", run.guard.id())).is_ok_and(|s| s.contains(") Z ")) {
             break std::mem::replace(&mut run.guard, stand_in).end();
@@ -243,7 +250,7 @@ fn it_reaches_a_target_where_the_tissue_has_taken_it() {
         "target went from {TARGET_DEPTH_M} to {target_m:.6} m; the needle is {:.1} um from it",
         1e6 * (depth_m - target_m)
     );
-    assert!(target_m - TARGET_DEPTH_M > 0.0004, "the tissue has moved it by {} m only", target_m - TARGET_DEPTH_M);
+    assert!(target_m - TARGET_DEPTH_M > 0.00035, "the tissue has moved it by {} m only", target_m - TARGET_DEPTH_M);
     assert!((depth_m - target_m).abs() < 2e-4, "{depth_m} {target_m}");
     let beyond = heard.motion.iter().map(|m| m.1).fold(0.0, f64::max) - depth_m;
     assert!(beyond < 5e-5, "passed by {beyond} m");

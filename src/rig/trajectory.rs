@@ -58,11 +58,7 @@ impl State {
     /// After `h` seconds with a constant jerk.
     fn after(self, h: f64, jerk: f64) -> Self {
         let Self { x, v, a } = self;
-        Self {
-            x: x + h * (v + h * (a / 2.0 + h * jerk / 6.0)),
-            v: v + h * (a + h * jerk / 2.0),
-            a: a + h * jerk,
-        }
+        Self { x: x + h * (v + h * (a / 2.0 + h * jerk / 6.0)), v: v + h * (a + h * jerk / 2.0), a: a + h * jerk }
     }
 
     /// Speed once the acceleration has been taken away, m/s.

@@ -100,12 +100,7 @@ impl Twin {
     /// # Errors
     /// As [`Twin::step`]: [`Halt::Pose`] where the motion leaves what the scene's cloud was made for,
     /// [`Halt::Diverged`] if the solution is lost on the way.
-    pub fn look_ahead(
-        &mut self,
-        from: &StampedPose,
-        motion: &Motion,
-        out: &mut Vec<Prediction>,
-    ) -> Result<(), Halt> {
+    pub fn look_ahead(&mut self, from: &StampedPose, motion: &Motion, out: &mut Vec<Prediction>) -> Result<(), Halt> {
         out.clear();
         self.solver.settle();
         self.limit_steps(motion.steps_per_pose);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
-use super::declared::Goal;
+use super::declared::{Goal, Line};
 use crate::guard::{Guard, Heard, Phase, Sight, Trouble};
 use crate::ros::clock::wall_nanos;
 use crate::ros::messages::builtin_interfaces::Time;
@@ -69,6 +69,7 @@ impl Shared {
 pub(super) struct Task {
     pub guard: Guard,
     pub goal: Goal,
+    pub line: Line,
     pub joint: String,
     pub period: Duration,
     pub exit_when_done: bool,
@@ -79,18 +80,14 @@ pub(super) struct Task {
 pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: &Receiver<()>) {
     let mut ears = Ears::default();
     let mut due = Instant::now() + task.period;
-    loop {
-        match stop.recv_deadline(due) {
-            Err(RecvTimeoutError::Timeout) => {}
-            _ => break,
-        }
+    while stop.recv_deadline(due) == Err(RecvTimeoutError::Timeout) {
         let now = Instant::now();
         due = if now > due + MADE_UP * task.period { now + task.period } else { due + task.period };
         ears.listen(endpoints, &task);
         if shared.resume.swap(false, Ordering::Relaxed) {
             task.guard.resume();
         }
-        let sight = ears.sight(&task.goal);
+        let sight = ears.sight(&task);
         let before = task.guard.phase();
         let setpoint_m = task.guard.tick(&sight);
         endpoints.say(&task.joint, setpoint_m);
@@ -166,21 +163,20 @@ impl Ears {
             self.warned = message.health != TwinStatus::HEALTH_OK;
         }
         while let Some(message) = endpoints.targets.take() {
-            self.goal_m = depth_of_target(&message, &task.goal).map(|depth| (depth, now));
+            self.goal_m = depth_of_target(&message, task).map(|depth| (depth, now));
         }
     }
 
-    fn sight(&self, goal: &Goal) -> Sight {
+    fn sight(&self, task: &Task) -> Sight {
         let now = Instant::now();
         let aged = |(value, then): (f64, Instant)| Heard { value, age_s: (now - then).as_secs_f64() };
-        let (goal_m, goal_moves, axis) = match goal {
-            Goal::Depth(depth) => (Some(Heard { value: *depth, age_s: 0.0 }), false, [0.0, 0.0, -1.0]),
-            Goal::Target { axis, .. } => (self.goal_m.map(aged), true, *axis),
+        let (goal_m, goal_moves) = match task.goal {
+            Goal::Depth(depth) => (Some(Heard { value: depth, age_s: 0.0 }), false),
+            Goal::Target(_) => (self.goal_m.map(aged), true),
         };
-        let against = |f: [f64; 3]| -(0..3).map(|k| f[k] * axis[k]).sum::<f64>();
         Sight {
             depth_m: self.depth_m.map(aged),
-            force_n: self.force.map(|(f, then)| aged((against(f), then))),
+            force_n: self.force.map(|(force, then)| aged((task.line.against_n(force), then))),
             safe: self.safe.map(|(value, then)| Heard { value, age_s: (now - then).as_secs_f64() }),
             warned: self.warned,
             goal_m,
@@ -198,8 +194,7 @@ fn position(message: &JointState, joint: &str) -> Option<f64> {
     message.position.get(index).copied()
 }
 
-fn depth_of_target(message: &PoseArray, goal: &Goal) -> Option<f64> {
-    let Goal::Target { index, entry_m, axis } = goal else { return None };
-    let place: [f64; 3] = message.poses.get(*index)?.position.into();
-    Some((0..3).map(|k| (place[k] - entry_m[k]) * axis[k]).sum())
+fn depth_of_target(message: &PoseArray, task: &Task) -> Option<f64> {
+    let Goal::Target(index) = task.goal else { return None };
+    message.poses.get(index).map(|pose| task.line.depth_m(pose.position.into()))
 }

@@ -99,21 +99,44 @@ fn three(value: &P) -> Result<[f64; 3], String> {
 pub(super) enum Goal {
     /// m
     Depth(f64),
-    /// A target of the twin, and what makes its place a depth.
-    Target { index: usize, entry_m: [f64; 3], axis: [f64; 3] },
+    /// A target of the twin, by its place in the topic.
+    Target(usize),
 }
 
-pub(super) fn goal(parameters: &Parameters) -> Result<Goal, String> {
-    let Ok(index) = usize::try_from(parameters.integer("target_index")) else {
-        return Ok(Goal::Depth(parameters.double("goal_depth_m")));
-    };
-    let array = |name| parameters.get(name).map_or(Err("is missing".to_owned()), |value| three(&value));
+pub(super) fn goal(parameters: &Parameters) -> Goal {
+    match usize::try_from(parameters.integer("target_index")) {
+        Ok(index) => Goal::Target(index),
+        Err(_) => Goal::Depth(parameters.double("goal_depth_m")),
+    }
+}
+
+/// The line on which the needle moves, frame `sample`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    entry_m: [f64; 3],
+    axis: [f64; 3],
+}
+
+impl Line {
+    /// Depth of a place along the line, m.
+    pub fn depth_m(&self, place: [f64; 3]) -> f64 {
+        (0..3).map(|k| (place[k] - self.entry_m[k]) * self.axis[k]).sum()
+    }
+
+    /// What of a force is against the insertion, N.
+    pub fn against_n(&self, force: [f64; 3]) -> f64 {
+        -(0..3).map(|k| force[k] * self.axis[k]).sum::<f64>()
+    }
+}
+
+pub(super) fn line(parameters: &Parameters) -> Result<Line, String> {
+    let array = |name| parameters.get(name).map_or(Err(format!("{name} is missing")), |value| three(&value));
     let (entry_m, axis) = (array("entry_m")?, array("axis")?);
     let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length < 1e-9 {
         return Err("axis is a direction and must not be 0, 0, 0".to_owned());
     }
-    Ok(Goal::Target { index, entry_m, axis: axis.map(|x| x / length) })
+    Ok(Line { entry_m, axis: axis.map(|x| x / length) })
 }
 
 pub(super) fn orders(parameters: &Parameters) -> Orders {

@@ -79,7 +79,8 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     let orders = declared::orders(&parameters);
     let task = Task {
         guard: Guard::new(orders),
-        goal: declared::goal(&parameters).map_err(NodeError::Usage)?,
+        goal: declared::goal(&parameters),
+        line: declared::line(&parameters).map_err(NodeError::Usage)?,
         joint: parameters.string("joint_name"),
         period: Duration::from_secs_f64(orders.step_s),
         exit_when_done: parameters.boolean("exit_when_done"),

@@ -46,13 +46,8 @@ pub(super) fn declarations() -> Vec<Declaration> {
              the recorded name); false: under the recorded names as they are.",
         ),
         string("joint_name", "insertion", "Name of the joint in servo_jp and measured_js."),
-        Declaration::new(
-            "seed",
-            P::Integer(1),
-            Range::Integer(0, i64::MAX),
-            "Driver: seed of the sensors' noise.",
-        )
-        .fixed(),
+        Declaration::new("seed", P::Integer(1), Range::Integer(0, i64::MAX), "Driver: seed of the sensors' noise.")
+            .fixed(),
     ]);
     all.extend(foreign_declarations());
     all.extend(driver_declarations());
@@ -216,11 +211,7 @@ pub(super) fn rig(parameters: &Parameters) -> Result<Rig, String> {
     let cell = one_of(
         parameters,
         "load_cell",
-        &[
-            ("none", None),
-            ("ideal", Some(LoadCellModel::IDEAL)),
-            ("subminiature", Some(LoadCellModel::SUBMINIATURE)),
-        ],
+        &[("none", None), ("ideal", Some(LoadCellModel::IDEAL)), ("subminiature", Some(LoadCellModel::SUBMINIATURE))],
     )?;
     let tissue = one_of(parameters, "tissue", &RigScene::ALL.map(|scene| (scene.name(), scene)))?;
     Ok(Rig {

@@ -78,7 +78,7 @@ struct LookAheadThread<'a> {
     inbox: &'a Inbox,
     departures: &'a Receiver<Departure>,
     way: Vec<Prediction>,
-    /// Wall time of one explicit step in this thread, s.
+    /// Wall time of one explicit step in this thread of late, s.
     step_s: f64,
 }
 
@@ -107,10 +107,10 @@ impl LookAheadThread<'_> {
         outcome
     }
 
-    /// Explicit steps that there is time for, when the live twin's take `step_s`.
+    /// Explicit steps that there is time for; what they cost is known from the live twin's until there are own ones.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
     fn affordable(&self, step_s: f64) -> u32 {
-        let step_s = self.step_s.max(step_s);
+        let step_s = if self.step_s > 0.0 { self.step_s } else { step_s };
         let steps = if step_s > 0.0 { BUDGET_S / step_s } else { f64::INFINITY };
         steps.clamp(FEWEST_STEPS, f64::from(Motion::STEPS)) as u32
     }
@@ -128,7 +128,8 @@ impl LookAheadThread<'_> {
         let (begun, before) = (Instant::now(), double.twin.steps());
         double.twin.look_ahead(&from, &motion, &mut self.way).map_err(|halt| halt.to_string())?;
         let steps = u32::try_from(double.twin.steps() - before).unwrap_or(u32::MAX);
-        self.step_s = begun.elapsed().as_secs_f64() / f64::from(steps.max(1));
+        let step_s = begun.elapsed().as_secs_f64() / f64::from(steps.max(1));
+        self.step_s += if self.step_s > 0.0 { 0.3 * (step_s - self.step_s) } else { step_s };
         let mut targets = Vec::new();
         double.twin.target_positions(&mut targets);
         if !(self.way.iter().all(is_finite) && targets.iter().flatten().all(|x| x.is_finite())) {
