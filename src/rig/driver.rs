@@ -74,19 +74,20 @@ impl Driver {
         self.trajectory.goal_m()
     }
 
-    /// Advances by one step; true if a stream of commands has ceased in this step, so that it brakes.
+    /// Advances by one step; true if a stream of commands has ceased in this step while it was moving, so that it brakes.
     pub fn step(&mut self) -> bool {
         let (Commands::Single { age_s } | Commands::Stream { age_s }) = &mut self.commands;
         *age_s += self.step_s;
         let age_s = *age_s;
         let timeout_s = self.limits.command_timeout_s;
         let ceased = timeout_s > 0.0 && age_s > timeout_s && matches!(self.commands, Commands::Stream { .. });
+        let brakes = ceased && !self.trajectory.is_at_rest();
         if ceased {
             self.commands = Commands::Single { age_s };
             self.trajectory.stop();
         }
         self.trajectory.step();
-        ceased
+        brakes
     }
 }
 

@@ -27,7 +27,8 @@ pub struct Motion {
 impl Motion {
     /// Distance between two poses of a motion, m.
     pub const SPACING_M: f64 = 20e-6;
-    /// Explicit steps that keep the force of two millimetres within about two per cent of that of the motion itself.
+    /// Explicit steps of a motion. The needle preset's force at the end of a millimetre is then within one per cent of
+    /// that of the motion itself, at the end of two within two per cent (half plane, from depths of 2 to 6 mm).
     pub const STEPS: u32 = 300;
 
     /// A motion cut as finely as the force needs, for about as many explicit steps as there is time for.
