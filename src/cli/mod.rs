@@ -25,7 +25,7 @@ use clap::{Parser, Subcommand};
 
 pub use error::CliError;
 
-use crate::ros::{rig_node, twin_node};
+use crate::ros::{guard_node, rig_node, twin_node};
 
 /// Exit codes, in the words of the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \
@@ -49,6 +49,9 @@ enum Command {
     Tune(tune::Arguments),
     Scene(scene::Arguments),
     Bag(bag::Arguments),
+    /// Insert the needle under the twin's eyes, and stop when in doubt (a ROS 2 node; `guard --help`)
+    #[command(disable_help_flag = true)]
+    Guard(NodeArguments),
     /// The program `twin_node`, for `demo`
     #[command(hide = true, disable_help_flag = true)]
     TwinNode(NodeArguments),
@@ -78,6 +81,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match Arguments::try_parse_from(arguments) {
         Ok(Arguments { command: Some(Command::TwinNode(node)) }) => ExitCode::from(twin_node::run(node.arguments)),
         Ok(Arguments { command: Some(Command::RigNode(node)) }) => ExitCode::from(rig_node::run(node.arguments)),
+        Ok(Arguments { command: Some(Command::Guard(node)) }) => ExitCode::from(guard_node::run(node.arguments)),
         Ok(arguments) => exit_code(dispatch(arguments)),
         // Help and version end here too, as "errors" of exit code 0 that go to stdout.
         Err(error) => {
@@ -99,7 +103,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         // What a newcomer types first shows what the program is.
         None => demo::run(&demo::Arguments::default()),
         // The nodes have exit codes of their own: `run` starts them.
-        Some(Command::TwinNode(_) | Command::RigNode(_)) => Ok(Outcome::Complete),
+        Some(Command::Guard(_) | Command::TwinNode(_) | Command::RigNode(_)) => Ok(Outcome::Complete),
     }
 }
 

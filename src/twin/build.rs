@@ -1,5 +1,7 @@
 //! From scene to twin: cloud, shape table, solver, contact. Done once.
 
+use std::sync::Arc;
+
 use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use crate::cloud::{BASE, Cloud, TOP};
@@ -44,7 +46,7 @@ impl Twin {
         Ok(Self {
             scene: scene.clone(),
             dimension,
-            tissue,
+            tissue: Arc::new(tissue),
             solver,
             contact,
             top,

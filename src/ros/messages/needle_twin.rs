@@ -170,4 +170,41 @@ impl TwinStatus {
     pub const HEALTH_STALE: u8 = 3;
 }
 
+/// Request of the service `LookAhead` (`srv/LookAhead.srv`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LookAheadRequest {
+    /// How far along the needle's axis, positive into the sample, m.
+    pub distance_m: f64,
+    /// How fast, m/s; 0: 0.001.
+    pub speed_m_per_s: f64,
+}
+
+/// Response of the service `LookAhead` (`srv/LookAhead.srv`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LookAheadResponse {
+    /// Whether the motion could be followed.
+    pub success: bool,
+    /// Why not, and what to do.
+    pub message: String,
+    /// Stamp of the pose from which it looks ahead, and the frame of the targets.
+    pub header: Header,
+    /// Depth of that pose, m.
+    pub depth_m: f64,
+    /// Explicit steps that it took.
+    pub steps: u32,
+    /// Depths on the way, m.
+    pub depths_m: Vec<f64>,
+    /// Force at each of them against the direction of insertion, N.
+    pub forces_n: Vec<f64>,
+    /// The largest of them, N.
+    pub peak_force_n: f64,
+    /// Where each target will be at the end, m.
+    pub targets: Vec<Point>,
+    /// Wall time that it took, s.
+    pub computed_s: f64,
+}
+
+impl ros2_client::Message for LookAheadRequest {}
+impl ros2_client::Message for LookAheadResponse {}
+
 ros_messages!("needle_twin": TissueModel, TissueState, ForceComparison, TwinStatus);

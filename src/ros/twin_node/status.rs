@@ -92,6 +92,19 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
     if let Some(reason) = load_cell_problem(live) {
         judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());
     }
+    if let Some((residual_n, ..)) = live.residual
+        && settings.residual_band_n > 0.0
+        && residual_n.abs() > 0.5 * settings.residual_band_n
+    {
+        let band = settings.residual_band_n;
+        judgement.add(
+            TwinStatus::HEALTH_WARN,
+            format!(
+                "predicted and measured force differ by {residual_n:.4} N, more than half of residual_band_n ({band} N): \
+                 the tissue is not as modelled, or the load cell is not tared"
+            ),
+        );
+    }
     if around.failed_outputs > 0 {
         let failed = around.failed_outputs;
         judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
