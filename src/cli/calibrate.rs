@@ -11,6 +11,7 @@ use super::progress::Progress;
 use super::replay::{DEFAULT_SCENE, TopicOptions, foreign_frames};
 use super::{CliError, Outcome, print, scene_file, warn};
 use crate::bag::Recording;
+use crate::compare::uncertainty::FORCE_ERROR;
 use crate::compare::{Answer, ForceSeries, Watch};
 use crate::report;
 use crate::scene::Scene;
@@ -33,7 +34,7 @@ pub(super) struct Arguments {
 
     /// Standard uncertainty of the force's size that no number of readings removes (discretisation, straightness of the load
     /// cell), as a share of it; part of every standard error
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share, help_heading = "Fit")]
+    #[arg(long, value_name = "SHARE", default_value_t = FORCE_ERROR, value_parser = share, help_heading = "Fit")]
     force_error: f64,
 
     /// Part of the recording that is not fitted
@@ -257,6 +258,8 @@ fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &
     let (keys, cell) = calibration.estimates.split_at(calibration.keys);
     lines.extend(keys.iter().map(|e| ("fit", line(e))));
     lines.extend(cell.iter().map(|e| ("alongside", line(e))));
+    let tied = calibration.tied.iter();
+    lines.extend(tied.map(|(key, other)| ("tied", format!("{key} = {other}, as the scene had them equal"))));
     for (a, b) in (0..keys.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
         if let Some(correlation) = calibration.correlation[a][b] {
             lines.push(("related", format!("{} and {}: correlation {correlation:.4}", keys[b].name, keys[a].name)));

@@ -17,8 +17,9 @@ use nalgebra::{DMatrix, DVector};
 const MOST_ITERATIONS: usize = 40;
 /// A step is small when no unknown moves by more than this share of its size.
 const SMALL_STEP: f64 = 1e-6;
-/// A sum of squares that falls by less than this share has arrived.
-const SMALL_GAIN: f64 = 1e-9;
+/// A sum of squares that falls, or should fall, by less than this share has arrived: of n readings that is a shift of sqrt(n)
+/// times its root in standard errors.
+const SMALL_GAIN: f64 = 1e-7;
 /// Damping at the start, at least and at most.
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e10];
 
@@ -87,7 +88,9 @@ pub fn solve<P: Problem>(problem: &mut P, unknowns: &[Unknown]) -> Result<Option
             continue;
         };
         let trial = moved(&x, &step, unknowns);
-        if is_small(&x, &trial, unknowns) {
+        let change = DVector::from_fn(x.len(), |i, _| trial[i] - x[i]);
+        let hoped_for = r.norm_squared() - (&r + &jacobian * change).norm_squared();
+        if is_small(&x, &trial, unknowns) || hoped_for <= SMALL_GAIN * r.norm_squared() {
             converged = true;
             continue;
         }
@@ -117,10 +120,12 @@ fn step(j: &DMatrix<f64>, r: &DVector<f64>, x: &[f64], unknowns: &[Unknown], dam
     };
     let free: Vec<usize> = (0..x.len()).filter(|&i| !held(i)).collect();
     let columns = j.select_columns(&free);
-    let scale: Vec<f64> = columns.column_iter().map(|c| Some(1.0 / c.norm()).filter(|s| s.is_finite()).unwrap_or(0.0)).collect();
+    let scale: Vec<f64> =
+        columns.column_iter().map(|c| Some(1.0 / c.norm()).filter(|s| s.is_finite()).unwrap_or(0.0)).collect();
     let n = free.len();
     let product = columns.transpose() * &columns;
-    let matrix = DMatrix::from_fn(n, n, |a, b| scale[a] * product[(a, b)] * scale[b] + if a == b { damping } else { 0.0 });
+    let matrix =
+        DMatrix::from_fn(n, n, |a, b| scale[a] * product[(a, b)] * scale[b] + if a == b { damping } else { 0.0 });
     let right = DVector::from_fn(n, |a, _| scale[a] * downhill[free[a]]);
     let y = if n == 0 { right } else { matrix.cholesky()?.solve(&right) };
     let mut step = DVector::zeros(x.len());

@@ -2,6 +2,7 @@
 
 mod collector;
 mod drive;
+pub mod identifier;
 pub mod least_squares;
 mod legs;
 mod metrics;

@@ -18,6 +18,7 @@ pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Opt
         "measured_source": source,
         "fit": group(keys, ""),
         "load_cell": group(cell, "load_cell."),
+        "tied": calibration.tied.iter().cloned().collect::<std::collections::BTreeMap<_, _>>(),
         "rmse_n": calibration.rmse_n(),
         "readings": calibration.parts.fitted.len(),
         "correlation": { "names": names, "matrix": calibration.correlation },

@@ -71,9 +71,9 @@ fn heading(picture: &mut Picture, calibration: &Calibration, source: &str, facto
     };
     let keys: Vec<String> = calibration.estimates[..calibration.keys].iter().map(one).collect();
     let rmse = significant(factor * calibration.rmse_n(), 3);
-    let predicted = calibration.held_out_rmse_n().map_or_else(String::new, |e| {
-        format!("; of the part that was held out {} {unit}", significant(factor * e, 3))
-    });
+    let predicted = calibration
+        .held_out_rmse_n()
+        .map_or_else(String::new, |e| format!("; of the part that was held out {} {unit}", significant(factor * e, 3)));
     let lines = [
         format!("{} (one standard error)", keys.join(", ")),
         format!("Root mean square of the residual {rmse} {unit}{predicted}. {} runs of the twin", calibration.runs),

@@ -13,6 +13,7 @@ mod comparison;
 mod declared;
 mod force;
 mod housekeeping;
+mod identification;
 mod inbox;
 mod inputs;
 mod shared;
@@ -29,6 +30,7 @@ use clap::Parser;
 use self::declared::Settings;
 use self::force::ForceOutputs;
 use self::housekeeping::Housekeeping;
+use self::identification::Identification;
 use self::inbox::Inbox;
 use self::inputs::Inputs;
 use self::shared::Shared;
@@ -168,6 +170,7 @@ impl Node {
     fn run(self, start: Start, scene: Scene, parameters: Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
         let frame_id = parameters.string("frame_id");
         set_threads(parameters.integer("threads"))?;
+        let identification = Identification::new(&scene, &parameters.strings("identify"))?;
         let Self { recording, participant, inputs, force, tissue, housekeeping, shared } = self;
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
         let (event_sender, events) = crossbeam_channel::bounded(EVENTS);
@@ -206,7 +209,7 @@ impl Node {
             let (shared, inbox, frame) = (Arc::clone(&shared), Arc::clone(&inbox), frame_id.clone());
             spawn("input", move || inputs::run(&inputs, &frame, &shared, &inbox, &event_sender, &inputs_stopped))?
         };
-        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events))?;
+        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification))?;
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
         let outcome = supervisor.run(signals, [&solver, &force]);

@@ -123,6 +123,8 @@ pub struct Calibration {
     pub estimates: Vec<Estimate>,
     /// How many of the estimates are keys.
     pub keys: usize,
+    /// Keys that took the value of a wanted one, with it: the scene had them equal.
+    pub tied: Vec<(String, String)>,
     /// Correlation of the estimates' errors; `None` where one of the two is not determined.
     pub correlation: Vec<Vec<Option<f64>>>,
     /// Names of those that the data can't tell apart.
@@ -131,7 +133,7 @@ pub struct Calibration {
     pub forces: Forces,
     /// Readings that were fitted, and those that were held out, as indices into `forces`.
     pub parts: Parts,
-    /// Steps of the search, and runs of the twin.
+    /// Steps of the search.
     pub iterations: usize,
     /// Runs of the twin.
     pub runs: u32,
@@ -211,7 +213,11 @@ pub enum CalibrateError {
 ///
 /// # Errors
 /// [`CalibrateError`] if a key can't be searched for, the scene can't be run as it is, or there is too little to fit.
-pub fn calibrate(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> Result<Calibration, CalibrateError> {
+pub fn calibrate(
+    task: &Task,
+    watch: &mut dyn Watch,
+    tell: &mut dyn FnMut(&str),
+) -> Result<Calibration, CalibrateError> {
     let mut unknowns = task.wanted.iter().map(|w| unknown(task.scene, w)).collect::<Result<Vec<_>, _>>()?;
     let terms = LoadCellTerm::of(task.load_cell);
     unknowns.extend(terms.iter().map(|_| least_squares::Unknown {
@@ -290,6 +296,7 @@ fn judged(
         scene,
         estimates: estimates.collect(),
         keys: task.wanted.len(),
+        tied: problem.tied(),
         correlation: (0..names.len()).map(|a| (0..names.len()).map(|b| correlated(a, b)).collect()).collect(),
         indistinguishable: about.indistinguishable().into_iter().map(group).collect(),
         forces,
@@ -304,5 +311,8 @@ fn judged(
 #[must_use]
 pub fn carried(calibration: &Calibration, scene: &Scene) -> Vec<Override> {
     let keys = calibration.estimates[..calibration.keys].iter();
-    keys.filter(|e| scene.get(&e.name).is_some()).map(|e| Override::typed(&e.name, e.value, "calibrate")).collect()
+    let tied =
+        calibration.tied.iter().filter_map(|(key, other)| Some((key.as_str(), calibration.estimate(other)?.value)));
+    let all = keys.map(|e| (e.name.as_str(), e.value)).chain(tied).filter(|(key, _)| scene.get(key).is_some());
+    all.map(|(key, value)| Override::typed(key, value, "calibrate")).collect()
 }

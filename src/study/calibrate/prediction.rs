@@ -66,7 +66,12 @@ pub fn predict(
     })
 }
 
-fn run(scene: &Scene, readings: &[Reading], measured: &ForceSeries, watch: &mut dyn Watch) -> Result<Run, CalibrateError> {
+fn run(
+    scene: &Scene,
+    readings: &[Reading],
+    measured: &ForceSeries,
+    watch: &mut dyn Watch,
+) -> Result<Run, CalibrateError> {
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
     let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);

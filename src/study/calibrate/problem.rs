@@ -12,6 +12,11 @@ const DIFFERENCE: f64 = 0.01;
 /// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so its derivative needs no run.
 const PROPORTIONAL: &str = "material.shear_modulus_pa";
 
+/// A key whose doubling changes the force by less than this share of it has no effect: what is left is rounding.
+const NO_EFFECT: f64 = 1e-3;
+/// A scene whose retraction coefficient equals its deformation coefficient says that they are one: they stay one.
+const TIED: (&str, &str) = ("instrument.retraction_coefficient", "instrument.deformation_coefficient");
+
 /// What the load cell adds to the force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LoadCellTerm {
@@ -58,6 +63,8 @@ pub(super) struct Recorded<'a> {
     /// Time, depth, measured and first predicted force of each row.
     forces: Forces,
     runs: u32,
+    /// A key that takes the value of a wanted one, by its index.
+    tied: Option<usize>,
 }
 
 impl<'a> Recorded<'a> {
@@ -69,8 +76,8 @@ impl<'a> Recorded<'a> {
         tell: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         let parts = Parts { fitted: 0..0, held_out: None };
-        let mut new =
-            Self { task, terms, watch, tell, rows: Vec::new(), answers: 0, parts, forces: Forces::default(), runs: 0 };
+        let (rows, forces, tied) = (Vec::new(), Forces::default(), tied(task));
+        let mut new = Self { task, terms, watch, tell, rows, answers: 0, parts, forces, runs: 0, tied };
         let first = new.run(task.scene)?;
         if let Some(reason) = first.diverged {
             return Err(CalibrateError::Diverged(reason));
@@ -88,7 +95,8 @@ impl<'a> Recorded<'a> {
         self.parts = Parts { fitted: range(&whole.fitted), held_out: whole.held_out.as_ref().map(range) };
         let (readings, unknowns) = (self.parts.fitted.len(), self.task.wanted.len() + self.terms.len());
         if readings <= unknowns {
-            let remedy = "does the bag hold a load cell whose stamps overlap the motion's? `needle_twin bag info` shows it";
+            let remedy =
+                "does the bag hold a load cell whose stamps overlap the motion's? `needle_twin bag info` shows it";
             return Err(CalibrateError::TooFew { readings, unknowns, remedy });
         }
         let fitted = &rows[self.parts.fitted.clone()];
@@ -111,7 +119,13 @@ impl<'a> Recorded<'a> {
     /// Changes of the scene to the keys' values.
     pub fn changes(&self, x: &[f64]) -> Vec<Override> {
         let keys = self.task.wanted.iter().zip(x);
-        keys.map(|(wanted, value)| Override::typed(&wanted.key, *value, "--fit")).collect()
+        let tied = self.tied.map(|k| Override::typed(TIED.0, x[k], "--fit"));
+        keys.map(|(wanted, value)| Override::typed(&wanted.key, *value, "--fit")).chain(tied).collect()
+    }
+
+    /// Keys that took the value of another: (key, the other).
+    pub fn tied(&self) -> Vec<(String, String)> {
+        self.tied.iter().map(|_| (TIED.0.to_owned(), TIED.1.to_owned())).collect()
     }
 
     /// Names of the unknowns.
@@ -147,8 +161,8 @@ impl<'a> Recorded<'a> {
 
     fn run(&mut self, scene: &Scene) -> Result<Run, CalibrateError> {
         self.runs += 1;
-        let (mut twin, build_s) = compare::build(scene)
-            .map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
+        let (mut twin, build_s) =
+            compare::build(scene).map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
         let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
         let readings = self.task.readings.iter().copied();
         let run = compare::drive(&mut twin, readings, Some(self.task.measured), collector, self.watch);
@@ -185,6 +199,14 @@ impl<'a> Recorded<'a> {
     }
 }
 
+/// The wanted key that another one goes with.
+fn tied(task: &Task) -> Option<usize> {
+    let one = |key| task.scene.get(key);
+    let same = one(TIED.0).is_some() && one(TIED.0) == one(TIED.1);
+    let alone = task.wanted.iter().all(|w| w.key != TIED.0);
+    task.wanted.iter().position(|w| w.key == TIED.1).filter(|_| same && alone)
+}
+
 impl Problem for Recorded<'_> {
     type Error = CalibrateError;
 
@@ -215,7 +237,11 @@ impl Problem for Recorded<'_> {
                 let Some(column) = self.difference(x, k, &force)? else { return Ok(None) };
                 column
             };
-            jacobian.set_column(k, &DVector::from_vec(column));
+            let column = DVector::from_vec(column);
+            let doubled = column.norm() * if x[k] == 0.0 { 1.0 } else { x[k].abs() };
+            if doubled > NO_EFFECT * force.iter().map(|f| f * f).sum::<f64>().sqrt() {
+                jacobian.set_column(k, &column);
+            }
         }
         for (k, term) in self.terms.iter().enumerate() {
             let column = rows.clone().map(|i| term.at(self.forces.time_s[i]));
