@@ -1,5 +1,5 @@
 //! Identification while it runs: what it finds on the shipped bags, how soon, and what makes it stop learning.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::bag::{Recording, TopicNames};
 use needle_twin::compare::identifier::{Cause, Identifier, Parameter, State};
@@ -9,6 +9,11 @@ use needle_twin::twin::Phase;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};
+use ros::{Peer, Program, TWIN, free_domain};
+use serde_json::json;
+
+#[path = "common/ros.rs"]
+mod ros;
 
 struct Still;
 
@@ -216,4 +221,62 @@ fn the_force_goes_with_modulus_and_coefficient_as_the_filter_takes_it() {
     );
     assert!(modulus < 0.003, "{modulus}");
     assert!(coefficient < 0.01, "{coefficient}");
+}
+
+#[test]
+fn the_node_publishes_what_it_identifies_in_comparison_and_diagnostics() {
+    let domain = free_domain();
+    let bag = format!("{}/bags/compression", env!("CARGO_MANIFEST_DIR"));
+    let wanted = "identify:=[material.shear_modulus_pa, load_cell.offset_n]";
+    let coarse = ["-p", "discretisation.spacing_m:=0.003", "-p", "material.shear_modulus_pa:=1200.0"];
+    let arguments = ["--scene", "compression", "--ros-args", "-p", "use_sim_time:=true", "-p", wanted];
+    let node = Program::start(TWIN, &[&arguments[..], &coarse].concat(), domain, &[]);
+    let mut peer = Peer::start(domain);
+    for (topic, kind) in [
+        ("/comparison", "needle_twin/msg/ForceComparison"),
+        ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
+    ] {
+        peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind}));
+    }
+    peer.ask(json!({"op": "wait_matched", "topics": ["/comparison", "/diagnostics"]}));
+    let rig = Program::start(
+        env!("CARGO_BIN_EXE_rig_node"),
+        &[&bag, "--ros-args", "-p", "delay:=3.0", "-p", "rate:=2.0", "-p", "clock_hz:=100.0"],
+        domain,
+        &[],
+    );
+    // the last of what comes in ten seconds: the recording takes four, after the delay
+    let last = peer.ask(json!({"op": "last", "topic": "/comparison", "seconds": 10.0}))["message"].clone();
+    println!("{last}");
+    assert_eq!(last["identified_names"], json!(["material.shear_modulus_pa", "load_cell.offset_n"]), "{last}");
+    let number = |list: &str, i: usize| last[list][i].as_f64().unwrap();
+    let (value, error) = (number("identified_values", 0), number("identified_standard_errors", 0));
+    // the coarse cloud is stiffer than the reference by itself
+    assert!((value / 1678.0 - 1.0).abs() < 0.05 && error < 0.03 * value, "{last}");
+    assert!(number("identified_values", 1).abs() < 2e-3, "{last}");
+    assert_eq!((&last["identification"], &last["identification_reason"]), (&json!(2), &json!("")), "{last}");
+    let diagnostics = peer.ask(json!({"op": "last", "topic": "/diagnostics", "seconds": 2.0}))["message"].clone();
+    let said = diagnostics["status"].as_array().unwrap().iter().find(|s| s["name"] == "twin: identification").unwrap();
+    assert_eq!(said["message"], "OK", "{said}");
+    let (_, log, _) = node.stop("INT");
+    assert!(log.contains("identified: material.shear_modulus_pa = "), "{log}");
+    drop(rig);
+}
+
+#[test]
+fn names_that_cannot_be_identified_are_refused_at_the_start() {
+    for (scene, names, words) in [
+        ("compression", "[material.poisson_ratio]", vec!["material.poisson_ratio", "load_cell.offset_n"]),
+        ("compression", "[instrument.deformation_coefficient]", vec!["scene compression has no"]),
+    ] {
+        let identify = format!("identify:={names}");
+        let output = std::process::Command::new(TWIN)
+            .args(["--scene", scene, "--ros-args", "-p", &identify])
+            .env("ROS_DOMAIN_ID", free_domain().to_string())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+    }
 }

@@ -17,9 +17,9 @@ use nalgebra::{DMatrix, DVector};
 const MOST_ITERATIONS: usize = 40;
 /// A step is small when no unknown moves by more than this share of its size.
 const SMALL_STEP: f64 = 1e-6;
-/// A sum of squares that falls, or should fall, by less than this share has arrived: of n readings that is a shift of sqrt(n)
-/// times its root in standard errors.
-const SMALL_GAIN: f64 = 1e-7;
+/// A sum of squares that falls, or should fall, by less than this share has arrived: of n readings that is a shift of the
+/// root of n times this in standard errors by noise. A run of the twin repeats to no more than that when a key changes a little.
+const SMALL_GAIN: f64 = 1e-5;
 /// Damping at the start, at least and at most.
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e10];
 
