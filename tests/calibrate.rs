@@ -149,7 +149,7 @@ fn what_the_data_cannot_tell_apart_or_tell_at_all_is_named() {
     assert!(names.contains(&MODULUS) && names.contains(&COEFFICIENT), "{result}");
     assert!(said.contains("can't tell apart") && said.contains(MODULUS) && said.contains(COEFFICIENT), "{said}");
     let correlation = number(&result["correlation"]["matrix"][0][1]);
-    assert!(correlation < -0.95, "{correlation}");
+    assert!(correlation < -0.9, "{correlation}");
     // masses are scaled: the density is not in the force
     let density = "material.density_kg_per_m3";
     let (result, said) = json(&[&shipped("compression"), "--fit", MODULUS, density]);

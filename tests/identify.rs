@@ -131,7 +131,7 @@ fn a_stream_gives_scale_and_offset_with_errors_that_are_true() {
         "{modulus} {error}"
     );
     let (offset, error) = identifier.estimate(Parameter::Offset).unwrap();
-    assert!((offset - 0.002).abs() < 3.0 * error && error < 1e-4, "{offset} {error}");
+    assert!((offset - 0.002).abs() < 3.0 * error && error < 1.5e-4, "{offset} {error}");
     assert_eq!(identifier.estimate(Parameter::DeformationCoefficient), None, "it was not asked for");
     assert!((identifier.expected_n(0.05, true) - (1.3 * 0.05 + 0.002)).abs() < 1e-3);
     identifier.reset();
@@ -179,6 +179,19 @@ fn what_the_model_cannot_explain_freezes_and_is_not_learnt() {
 }
 
 #[test]
+fn a_knock_is_noticed_from_a_few_millinewtons_on() {
+    let noticed = |knock_n: f64| {
+        let mut identifier = modulus_and_offset();
+        let changes = stream(&mut identifier, [0.0, 6.0], |t, f| f + if t < 4.0 { 0.0 } else { knock_n });
+        changes.iter().any(|(t, s)| *t > 4.0 && matches!(s, State::Frozen(_)))
+    };
+    let least = (1..40).map(|k| 5e-4 * f64::from(k)).find(|k| noticed(*k)).unwrap();
+    println!("noise 0.4 mN, force 18 mN: noticed from {:.1} mN on", 1e3 * least);
+    assert!(!noticed(0.0) && (1e-3..=8e-3).contains(&least), "{least}");
+    assert!([1.0, 1.5, 3.0].iter().all(|more| noticed(more * least)));
+}
+
+#[test]
 fn it_goes_on_when_the_residual_is_right_again_and_a_fault_of_the_cell_stops_it_at_once() {
     let mut identifier = modulus_and_offset();
     // a slip that catches again after a second
@@ -193,7 +206,7 @@ fn it_goes_on_when_the_residual_is_right_again_and_a_fault_of_the_cell_stops_it_
     assert_eq!(told, Some(State::Frozen(Cause::Sensor)));
     assert_eq!(identifier.fault(), None, "said once");
     let again = stream(&mut identifier, [7.0, 8.0], |_, f| f);
-    assert_eq!(again.first().map(|(_, s)| *s), Some(State::Learning), "{again:?}");
+    assert!(matches!(again[..], [(t, State::Converged)] if (7.45..7.6).contains(&t)), "{again:?}");
     // nonsense changes nothing
     let before = identifier.estimate(Parameter::ShearModulus);
     assert_eq!(identifier.update(f64::NAN, 0.1, true, 0.1), None);
@@ -219,7 +232,7 @@ fn the_force_goes_with_modulus_and_coefficient_as_the_filter_takes_it() {
         100.0 * modulus,
         100.0 * coefficient
     );
-    assert!(modulus < 0.003, "{modulus}");
+    assert!(modulus < 0.01, "{modulus}");
     assert!(coefficient < 0.01, "{coefficient}");
 }
 
@@ -232,10 +245,9 @@ fn the_node_publishes_what_it_identifies_in_comparison_and_diagnostics() {
     let arguments = ["--scene", "compression", "--ros-args", "-p", "use_sim_time:=true", "-p", wanted];
     let node = Program::start(TWIN, &[&arguments[..], &coarse].concat(), domain, &[]);
     let mut peer = Peer::start(domain);
-    for (topic, kind) in [
-        ("/comparison", "needle_twin/msg/ForceComparison"),
-        ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
-    ] {
+    for (topic, kind) in
+        [("/comparison", "needle_twin/msg/ForceComparison"), ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")]
+    {
         peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind}));
     }
     peer.ask(json!({"op": "wait_matched", "topics": ["/comparison", "/diagnostics"]}));
@@ -265,9 +277,9 @@ fn the_node_publishes_what_it_identifies_in_comparison_and_diagnostics() {
 
 #[test]
 fn names_that_cannot_be_identified_are_refused_at_the_start() {
-    for (scene, names, words) in [
-        ("compression", "[material.poisson_ratio]", vec!["material.poisson_ratio", "load_cell.offset_n"]),
-        ("compression", "[instrument.deformation_coefficient]", vec!["scene compression has no"]),
+    for (scene, names, code, words) in [
+        ("compression", "[material.poisson_ratio]", 2, vec!["material.poisson_ratio", "load_cell.offset_n"]),
+        ("compression", "[instrument.deformation_coefficient]", 1, vec!["scene compression has no"]),
     ] {
         let identify = format!("identify:={names}");
         let output = std::process::Command::new(TWIN)
@@ -276,7 +288,7 @@ fn names_that_cannot_be_identified_are_refused_at_the_start() {
             .output()
             .unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert_eq!(output.status.code(), Some(code), "{said}");
         assert!(words.iter().all(|word| said.contains(word)), "{said}");
     }
 }

@@ -266,7 +266,11 @@ fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &
         }
     }
     let readings = calibration.parts.fitted.len();
-    lines.push(("residual", format!("rmse {:.6} N over {readings} readings", calibration.rmse_n())));
+    let spikes = match calibration.left_out {
+        0 => String::new(),
+        n => format!(" ({n} spikes among them, which were not fitted)"),
+    };
+    lines.push(("residual", format!("rmse {:.6} N over {readings} readings{spikes}", calibration.rmse_n())));
     if let (Some(held), Some(rmse)) = (&calibration.parts.held_out, calibration.held_out_rmse_n()) {
         lines.push(("held out", format!("rmse {rmse:.6} N over {} readings that were not fitted", held.len())));
     }

@@ -143,15 +143,22 @@ pub struct Identifier {
     residuals: [f64; 2],
     variance: f64,
     average: [f64; 2],
+    /// How long it has been wrong, and right, s.
     wrong_s: f64,
     right_s: f64,
+    /// Largest jump since it has been wrong, N.
+    jump_n: f64,
 }
 
 impl Identifier {
     /// Starts with the scene's shear modulus (Pa) and deformation coefficient; what is not wanted stays there.
     #[must_use]
     pub fn new(wanted: &[Parameter], shear_modulus_pa: f64, deformation_coefficient: f64) -> Self {
-        let wanted = Parameter::ALL.map(|p| wanted.contains(&p));
+        let unit = [shear_modulus_pa, deformation_coefficient, 1.0];
+        Self::fresh(Parameter::ALL.map(|p| wanted.contains(&p)), unit)
+    }
+
+    fn fresh(wanted: [bool; 3], unit: [f64; 3]) -> Self {
         let mut p = Matrix3::zeros();
         for k in (0..3).filter(|&k| wanted[k]) {
             p[(k, k)] = PRIOR[k] * PRIOR[k];
@@ -159,7 +166,7 @@ impl Identifier {
         let learnt = Learnt { x: Vector3::new(1.0, 1.0, 0.0), p };
         Self {
             wanted,
-            unit: [shear_modulus_pa, deformation_coefficient, 1.0],
+            unit,
             learnt,
             aside: [learnt; 2],
             aside_at_s: 0.0,
@@ -171,19 +178,13 @@ impl Identifier {
             average: [0.0; 2],
             wrong_s: 0.0,
             right_s: 0.0,
+            jump_n: 0.0,
         }
     }
 
     /// Begins anew with the same parameters.
     pub fn reset(&mut self) {
-        let wanted = Parameter::ALL.into_iter().filter(|p| self.wanted[p.index()]);
-        let mut all = [Parameter::Offset; 3];
-        let mut count = 0;
-        wanted.for_each(|p| {
-            all[count] = p;
-            count += 1;
-        });
-        *self = Self::new(&all[..count], self.unit[0], self.unit[1]);
+        *self = Self::fresh(self.wanted, self.unit);
     }
 
     /// How it is doing.
@@ -285,13 +286,18 @@ impl Identifier {
         let far = [level / most(WRONG[0]), jump / most(WRONG[1])].map(f64::abs);
         let wrong = far[0] > 1.0 || far[1] > 1.0;
         self.wrong_s = if wrong { self.wrong_s + dt } else { 0.0 };
+        if !wrong {
+            self.jump_n = 0.0;
+        } else if far[1] > 1.0 && jump.abs() > self.jump_n.abs() {
+            self.jump_n = jump;
+        }
         self.right_s = if far[0] < 0.5 { self.right_s + dt } else { 0.0 };
         if matches!(self.state, State::Frozen(_)) {
             if self.right_s >= PERSISTENT_S[1] {
                 self.state = State::Learning;
             }
         } else if self.wrong_s >= PERSISTENT_S[0] {
-            self.freeze(if far[1] > far[0] { Cause::Jump(jump) } else { Cause::Level(level) });
+            self.freeze(if self.jump_n == 0.0 { Cause::Level(level) } else { Cause::Jump(self.jump_n) });
         }
     }
 

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! noise        C = N^-1 (sum_l w_l sum_i J_i r_i r_{i-l} J_{i-l}^T) N^-1 n / (n - k)     w_l = 1 - |l| / (L + 1)
-//! systematic   C = s^2 G K G^T,   G = N^-1 J^T diag(F),   K_ij = mean over a of exp(-(d_i - d_j)^2 / (2 a^2))
+//! systematic   C = s^2 G K G^T,   G = N^-1 J^T diag(F + 0.05 F_max),   K_ij = mean over a of exp(-(d_i - d_j)^2 / (2 a^2))
 //! ```
 //!
 //! Residuals of neighbouring readings are alike, so the first line counts their products as well (Newey and West,
@@ -21,6 +21,9 @@ pub const FORCE_ERROR: f64 = 0.013;
 /// Lengths over which the systematic error varies, over the largest depth: half of its variance is that of a wrong size, half
 /// that of a wrong shape.
 const LENGTHS: [f64; 2] = [0.5, 0.1];
+/// Share of the largest force whose error every force has at least: near the surface the model is worse in proportion (the
+/// needle's force is 6 % too high at 1 mm, where it is 1 % of its peak).
+const FLOOR: f64 = 0.05;
 /// Depths that the systematic error is taken at.
 const BINS: usize = 128;
 /// Least ratio of eigenvalues of the scaled normal matrix: below it, columns are the same to rounding.
@@ -118,10 +121,12 @@ impl Uncertainty {
         if deepest <= 0.0 {
             return DMatrix::zeros(k, k);
         }
+        let peak = force_n.iter().map(|f| f.abs()).fold(0.0, f64::max);
+        let doubtful = |f: f64| if f == 0.0 { 0.0 } else { f + FLOOR * peak * f.signum() };
         let mut binned = DMatrix::<f64>::zeros(k, BINS);
         for i in 0..n {
             let bin = ((depth_m[i].max(0.0) / deepest * BINS as f64) as usize).min(BINS - 1);
-            (0..k).for_each(|a| binned[(a, bin)] += jacobian[(i, a)] * force_n[i]);
+            (0..k).for_each(|a| binned[(a, bin)] += jacobian[(i, a)] * doubtful(force_n[i]));
         }
         let gain = self.inverse() * binned;
         let kernel = DMatrix::from_fn(BINS, BINS, |a, b| {
@@ -204,7 +209,7 @@ mod tests {
         let jacobian = DMatrix::from_fn(1000, 1, |i, _| force[i] / modulus);
         let error = Uncertainty::new(&jacobian).systematic(&jacobian, &force, &depth, 0.01)[(0, 0)].sqrt();
         // most of the weight lies at the deep end, within which the error varies little
-        assert!((0.008..=0.010).contains(&(error / modulus)), "{error}");
+        assert!((0.008..=0.011).contains(&(error / modulus)), "{error}");
     }
 
     #[test]

@@ -21,6 +21,7 @@ pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Opt
         "tied": calibration.tied.iter().cloned().collect::<std::collections::BTreeMap<_, _>>(),
         "rmse_n": calibration.rmse_n(),
         "readings": calibration.parts.fitted.len(),
+        "left_out": calibration.left_out,
         "correlation": { "names": names, "matrix": calibration.correlation },
         "indistinguishable": calibration.indistinguishable,
         "without_effect": no_effect,

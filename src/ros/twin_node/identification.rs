@@ -124,3 +124,58 @@ impl Identification {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn wanted() -> Identification {
+        let names = ["material.shear_modulus_pa".to_owned(), "load_cell.offset_n".to_owned()];
+        Identification::new(&Scene::preset("compression").unwrap(), &names).unwrap().unwrap()
+    }
+
+    /// What is published of the reading number `i`, 200 a second, of a gel 20 % stiffer than the scene.
+    fn said(identification: &mut Identification, i: u32, load_cell: u8) -> ForceComparison {
+        let predicted_n = 0.001 * f64::from(i);
+        let noise = if i.is_multiple_of(2) { 2e-4 } else { -2e-4 };
+        let mut message = ForceComparison {
+            valid: load_cell == ForceComparison::LOAD_CELL_OK,
+            load_cell,
+            predicted_n,
+            measured_n: 1.2 * predicted_n + 0.01 + noise,
+            ..ForceComparison::default()
+        };
+        identification.take(&mut message, i64::from(i) * 5_000_000, false);
+        message
+    }
+
+    #[test]
+    fn a_fault_of_the_load_cell_freezes_and_says_why() {
+        let mut identification = wanted();
+        let last = (0..400).map(|i| said(&mut identification, i, ForceComparison::LOAD_CELL_OK)).last().unwrap();
+        assert_eq!(last.identification, ForceComparison::IDENTIFICATION_CONVERGED);
+        assert_eq!(last.identified_names, ["material.shear_modulus_pa", "load_cell.offset_n"]);
+        assert!((last.identified_values[0] / (1.2 * 1678.0) - 1.0).abs() < 0.01, "{last:?}");
+        assert!((last.identified_n - last.measured_n).abs() < 2e-3, "{last:?}");
+        let missing = said(&mut identification, 400, ForceComparison::LOAD_CELL_MISSING);
+        assert_eq!(missing.identification, ForceComparison::IDENTIFICATION_CONVERGED, "one reading less is no fault");
+        let stuck = said(&mut identification, 401, ForceComparison::LOAD_CELL_STUCK);
+        assert_eq!(stuck.identification, ForceComparison::IDENTIFICATION_FROZEN);
+        assert!(stuck.identification_reason.contains("load cell"), "{stuck:?}");
+        assert!((stuck.identified_values[0] / last.identified_values[0] - 1.0).abs() < 0.01, "{stuck:?}");
+        identification.reset();
+        let anew = said(&mut identification, 402, ForceComparison::LOAD_CELL_OK);
+        assert_eq!(anew.identification, ForceComparison::IDENTIFICATION_LEARNING);
+        assert_eq!(anew.identified_values, [1678.0, 0.0]);
+    }
+
+    #[test]
+    fn what_the_scene_does_not_have_is_refused() {
+        let scene = Scene::preset("compression").unwrap();
+        let ask = |name: &str| Identification::new(&scene, &[name.to_owned()]);
+        assert!(ask("instrument.deformation_coefficient").unwrap_err().to_string().contains("compression"));
+        assert!(ask("material.poisson_ratio").unwrap_err().to_string().contains("these can"));
+        assert!(Identification::new(&scene, &[]).unwrap().is_none());
+    }
+}

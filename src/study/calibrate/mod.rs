@@ -133,6 +133,8 @@ pub struct Calibration {
     pub forces: Forces,
     /// Readings that were fitted, and those that were held out, as indices into `forces`.
     pub parts: Parts,
+    /// Readings of the fitted part that were left out as spikes.
+    pub left_out: usize,
     /// Steps of the search.
     pub iterations: usize,
     /// Runs of the twin.
@@ -142,7 +144,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Root mean square of what is left over the readings that were fitted, N.
+    /// Root mean square of what is left over the part that was fitted, spikes included, N.
     #[must_use]
     pub fn rmse_n(&self) -> f64 {
         self.rmse_of(&self.parts.fitted)
@@ -227,11 +229,19 @@ pub fn calibrate(
         largest_step: f64::INFINITY,
     }));
     let mut problem = Recorded::new(task, terms, watch, tell)?;
-    let solution = least_squares::solve(&mut problem, &unknowns)?.ok_or_else(|| problem.beyond_start())?;
+    let mut solution = least_squares::solve(&mut problem, &unknowns)?.ok_or_else(|| problem.beyond_start())?;
+    let left_out = problem.leave_out(solution.residuals.as_slice());
+    if left_out > 0 {
+        let from: Vec<_> =
+            unknowns.iter().zip(&solution.x).map(|(u, x)| least_squares::Unknown { start: *x, ..*u }).collect();
+        let first = solution.iterations;
+        solution = least_squares::solve(&mut problem, &from)?.ok_or_else(|| problem.beyond_start())?;
+        solution.iterations += first;
+    }
     let changes = problem.changes(&solution.x);
     let scene = task.scene.with(&changes)?;
     let forces = problem.forces(&solution.x)?;
-    Ok(judged(task, scene, &solution, &unknowns, forces, &problem))
+    Ok(Calibration { left_out, ..judged(task, scene, &solution, &unknowns, forces, &problem) })
 }
 
 /// Bounds and start of a key.
@@ -272,9 +282,9 @@ fn judged(
     let parts = problem.parts().clone();
     let about = Uncertainty::new(&solution.jacobian);
     let noise = about.noise(&solution.jacobian, solution.residuals.as_slice());
-    let fitted = parts.fitted.clone();
-    let (force, depth) = (&forces.model_n[fitted.clone()], &forces.depth_m[fitted]);
-    let systematic = about.systematic(&solution.jacobian, force, depth, task.force_error);
+    let of = |column: &[f64]| -> Vec<f64> { problem.fitted().iter().map(|&i| column[i]).collect() };
+    let (force, depth) = (of(&forces.model_n), of(&forces.depth_m));
+    let systematic = about.systematic(&solution.jacobian, &force, &depth, task.force_error);
     let names = problem.names();
     let error = |covariance: &nalgebra::DMatrix<f64>, k: usize| {
         Some(covariance[(k, k)].max(0.0).sqrt()).filter(|e| about.is_determined(k) && e.is_finite())
@@ -301,6 +311,7 @@ fn judged(
         indistinguishable: about.indistinguishable().into_iter().map(group).collect(),
         forces,
         parts,
+        left_out: 0,
         iterations: solution.iterations,
         runs: problem.runs(),
         converged: solution.converged,

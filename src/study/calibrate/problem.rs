@@ -17,6 +17,11 @@ const NO_EFFECT: f64 = 1e-3;
 /// A scene whose retraction coefficient equals its deformation coefficient says that they are one: they stay one.
 const TIED: (&str, &str) = ("instrument.retraction_coefficient", "instrument.deformation_coefficient");
 
+/// A residual of more than so many medians of all residuals' sizes is a spike (for normal noise: six standard deviations).
+const SPIKE: f64 = 9.0;
+/// Largest share of the readings that may be spikes.
+const MOST_LEFT_OUT: f64 = 0.02;
+
 /// What the load cell adds to the force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LoadCellTerm {
@@ -60,6 +65,8 @@ pub(super) struct Recorded<'a> {
     answers: usize,
     /// Of the rows.
     parts: Parts,
+    /// Rows that are fitted: those of the part, less what was left out.
+    fitted: Vec<usize>,
     /// Time, depth, measured and first predicted force of each row.
     forces: Forces,
     runs: u32,
@@ -77,7 +84,8 @@ impl<'a> Recorded<'a> {
     ) -> Result<Self, CalibrateError> {
         let parts = Parts { fitted: 0..0, held_out: None };
         let (rows, forces, tied) = (Vec::new(), Forces::default(), tied(task));
-        let mut new = Self { task, terms, watch, tell, rows, answers: 0, parts, forces, runs: 0, tied };
+        let mut new =
+            Self { task, terms, watch, tell, rows, answers: 0, parts, fitted: Vec::new(), forces, runs: 0, tied };
         let first = new.run(task.scene)?;
         if let Some(reason) = first.diverged {
             return Err(CalibrateError::Diverged(reason));
@@ -111,6 +119,7 @@ impl<'a> Recorded<'a> {
             start_n: column(|a| a.predicted_n),
             ..Forces::default()
         };
+        self.fitted = self.parts.fitted.clone().collect();
         self.answers = first.answers.len();
         self.rows = rows.into_iter().map(|(i, _)| i).collect();
         Ok(())
@@ -137,6 +146,28 @@ impl<'a> Recorded<'a> {
     /// Which rows are fitted.
     pub const fn parts(&self) -> &Parts {
         &self.parts
+    }
+
+    /// Rows that are fitted.
+    pub fn fitted(&self) -> &[usize] {
+        &self.fitted
+    }
+
+    /// Leaves out the rows whose residuals are far from all others; gives how many. A spike of a few readings (a bond that lets
+    /// go, a knock) is no part of the model and would pull at every value. Where many are far off the model is wrong, and
+    /// nothing is left out.
+    pub fn leave_out(&mut self, residuals: &[f64]) -> usize {
+        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        let most = SPIKE * sizes[sizes.len() / 2];
+        let kept: Vec<usize> =
+            self.fitted.iter().zip(residuals).filter(|(_, r)| r.abs() <= most).map(|(i, _)| *i).collect();
+        let left = self.fitted.len() - kept.len();
+        if left as f64 > MOST_LEFT_OUT * self.fitted.len() as f64 {
+            return 0;
+        }
+        self.fitted = kept;
+        left
     }
 
     /// Runs of the twin so far.
@@ -191,8 +222,8 @@ impl<'a> Recorded<'a> {
             let mut beside = x.to_vec();
             beside[k] += change;
             if let Some(other) = self.predicted(&beside)? {
-                let fitted = &other[self.parts.fitted.clone()];
-                return Ok(Some(fitted.iter().zip(force).map(|(a, b)| (a - b) / change).collect()));
+                let fitted = self.fitted.iter().map(|&i| other[i]);
+                return Ok(Some(fitted.zip(force).map(|(a, b)| (a - b) / change).collect()));
             }
         }
         Ok(None)
@@ -218,17 +249,17 @@ impl Problem for Recorded<'_> {
             let added: f64 = terms.map(|(term, value)| value * term.at(self.forces.time_s[i])).sum();
             force[i] + added - self.forces.measured_n[i]
         };
-        Ok(Some(DVector::from_iterator(self.parts.fitted.len(), self.parts.fitted.clone().map(residual))))
+        Ok(Some(DVector::from_iterator(self.fitted.len(), self.fitted.iter().map(|&i| residual(i)))))
     }
 
     fn jacobian(&mut self, x: &[f64], r: &DVector<f64>) -> Result<Option<DMatrix<f64>>, CalibrateError> {
         let keys = self.task.wanted.len();
-        let rows = self.parts.fitted.clone();
+        let rows = self.fitted.clone();
         let added = |i: usize| -> f64 {
             let terms = self.terms.iter().zip(&x[keys..]);
             terms.map(|(term, value)| value * term.at(self.forces.time_s[i])).sum()
         };
-        let force: Vec<f64> = rows.clone().map(|i| r[i - rows.start] + self.forces.measured_n[i] - added(i)).collect();
+        let force: Vec<f64> = rows.iter().zip(r).map(|(&i, r)| r + self.forces.measured_n[i] - added(i)).collect();
         let mut jacobian = DMatrix::zeros(rows.len(), x.len());
         for k in 0..keys {
             let column = if self.task.wanted[k].key == PROPORTIONAL {
@@ -244,7 +275,7 @@ impl Problem for Recorded<'_> {
             }
         }
         for (k, term) in self.terms.iter().enumerate() {
-            let column = rows.clone().map(|i| term.at(self.forces.time_s[i]));
+            let column = rows.iter().map(|&i| term.at(self.forces.time_s[i]));
             jacobian.set_column(keys + k, &DVector::from_iterator(rows.len(), column));
         }
         Ok(Some(jacobian))
