@@ -153,22 +153,23 @@ fn what_only_scales_the_force_twice_is_not_known_apart() {
 fn what_the_model_cannot_explain_freezes_and_is_not_learnt() {
     // what happens at 4 s, when the force is 23 mN: (measured force, what is said of it)
     type Truth = fn(f64, f64) -> f64;
-    let jump: fn(&Cause) -> bool = |cause| matches!(cause, Cause::Jump(n) if n.abs() > 3e-3);
-    let level: fn(&Cause) -> bool = |cause| matches!(cause, Cause::Level(_) | Cause::Jump(_));
-    let cases: [(&str, Truth, fn(&Cause) -> bool); 4] = [
-        ("a knock on the load cell", |t, f| f + if t < 4.0 { 0.0 } else { 0.01 }, jump),
-        ("a slip", |t, f| if t < 4.0 { f } else { 0.5 * f }, jump),
-        ("the reading stands still", |t, f| if t < 4.0 { f } else { predicted(4.0) }, level),
-        ("the tissue yields", |t, f| f * (1.0 - 0.5 * (t - 4.0).clamp(0.0, 1.0)), level),
+    // whether it is a jump: a gradual change may be seen as either
+    let cases: [(&str, Truth, bool); 4] = [
+        ("a knock on the load cell", |t, f| f + if t < 4.0 { 0.0 } else { 0.01 }, true),
+        ("a slip", |t, f| if t < 4.0 { f } else { 0.5 * f }, true),
+        ("the reading stands still", |t, f| if t < 4.0 { f } else { predicted(4.0) }, false),
+        ("the tissue yields", |t, f| f * (1.0 - 0.5 * (t - 4.0).clamp(0.0, 1.0)), false),
     ];
-    for (what, truth, expected) in cases {
+    for (what, truth, sudden) in cases {
         let mut identifier = modulus_and_offset();
         let changes = stream(&mut identifier, [0.0, 7.0], truth);
         let frozen =
             changes.iter().find_map(|(t, s)| if let State::Frozen(cause) = s { Some((*t, *cause)) } else { None });
         let (at, cause) = frozen.unwrap_or_else(|| unreachable!("{what}: nothing was noticed, {changes:?}"));
         println!("{what}: {:.3} s later: {cause}", at - 4.0);
-        assert!((4.0..4.7).contains(&at) && expected(&cause), "{what}: {at} {cause:?}");
+        assert!((4.0..4.7).contains(&at), "{what}: {at}");
+        assert!(!sudden || matches!(cause, Cause::Jump(n) if n.abs() > 3e-3), "{what}: {cause:?}");
+        assert!(cause != Cause::Sensor, "{what}: {cause:?}");
         assert!(matches!(identifier.state(), State::Frozen(_)), "{what}: it stays wrong, so nothing is learnt");
         let (modulus, _) = identifier.estimate(Parameter::ShearModulus).unwrap();
         let (offset, _) = identifier.estimate(Parameter::Offset).unwrap();

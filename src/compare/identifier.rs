@@ -118,7 +118,7 @@ const WRONG: [(f64, f64); 2] = [(5.0, 0.05), (5.0, 0.02)];
 /// It has to be wrong for so long, s; and right (half of that) for so long to go on.
 const PERSISTENT_S: [f64; 2] = [0.1, 0.5];
 /// What was learnt is kept aside so often, s; a freeze goes back to the last but one.
-const ASIDE_S: f64 = 0.25;
+const ASIDE_S: f64 = 0.5;
 /// A longer gap between readings tells nothing of the residual before it, s.
 const GAP_S: f64 = 0.5;
 
@@ -250,7 +250,7 @@ impl Identifier {
     fn elapsed(&mut self, time_s: f64) -> Option<f64> {
         let last = self.last_s.replace(time_s).unwrap_or(time_s);
         let dt = time_s - last;
-        if dt < 0.0 || dt > GAP_S {
+        if !(0.0..=GAP_S).contains(&dt) {
             self.readings = self.readings.min(WARM_UP - 3);
         }
         (dt > 0.0 || self.readings == 0).then_some(dt.clamp(0.0, GAP_S))

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{CalibrateError, Forces, LoadCell, Parts, Task};
 use crate::compare::{self, Answer, Collector, Keep, Run, Watch, least_squares::Problem};
 use crate::scene::{Override, Scene};
+use crate::twin::Phase;
 
 /// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
 /// is small against the steps of the search.
@@ -95,7 +96,9 @@ impl<'a> Recorded<'a> {
     }
 
     fn take(&mut self, first: &Run) -> Result<(), CalibrateError> {
-        let usable = |(_, a): &(usize, &Answer)| a.residual_n().is_some();
+        // When an instrument that sticks lets go, the twin's tissue swings back for a moment: no quasi-static force.
+        let swinging = |a: &Answer| a.phase == Phase::Approach && a.predicted_n != 0.0;
+        let usable = |(_, a): &(usize, &Answer)| a.residual_n().is_some() && !swinging(a);
         let rows: Vec<(usize, &Answer)> = first.answers.iter().enumerate().filter(usable).collect();
         let whole = Parts::of(first, self.task.part);
         let row = |answer: usize| rows.partition_point(|(i, _)| *i < answer);
