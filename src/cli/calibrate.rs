@@ -202,7 +202,8 @@ fn remarks(calibration: &Calibration) -> Vec<String> {
     let mut remarks = Vec::new();
     for group in &calibration.indistinguishable {
         remarks.push(format!(
-            "the data can't tell apart: {}. Fit fewer of them, or fix one by --set from another test",
+            "the data can't tell apart: {}. Their values and errors mean little: fit fewer of them, or fix one by --set from \
+             another test",
             group.join(", ")
         ));
     }
@@ -268,7 +269,7 @@ fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &
     let readings = calibration.parts.fitted.len();
     let spikes = match calibration.left_out {
         0 => String::new(),
-        n => format!(" ({n} spikes among them, which were not fitted)"),
+        n => format!(" (spikes among them, which were not fitted: {n})"),
     };
     lines.push(("residual", format!("rmse {:.6} N over {readings} readings{spikes}", calibration.rmse_n())));
     if let (Some(held), Some(rmse)) = (&calibration.parts.held_out, calibration.held_out_rmse_n()) {

@@ -20,6 +20,8 @@ const TIED: (&str, &str) = ("instrument.retraction_coefficient", "instrument.def
 
 /// A residual of more than so many medians of all residuals' sizes is a spike (for normal noise: six standard deviations).
 const SPIKE: f64 = 9.0;
+/// A force of more than this share of the largest, with the instrument above the sample, is of a tissue that swings.
+const SWINGING: f64 = 1e-4;
 /// Largest share of the readings that may be spikes.
 const MOST_LEFT_OUT: f64 = 0.02;
 
@@ -97,7 +99,8 @@ impl<'a> Recorded<'a> {
 
     fn take(&mut self, first: &Run) -> Result<(), CalibrateError> {
         // When an instrument that sticks lets go, the twin's tissue swings back for a moment: no quasi-static force.
-        let swinging = |a: &Answer| a.phase == Phase::Approach && a.predicted_n != 0.0;
+        let peak = first.answers.iter().map(|a| a.predicted_n.abs()).fold(0.0, f64::max);
+        let swinging = |a: &Answer| a.phase == Phase::Approach && a.predicted_n.abs() > SWINGING * peak;
         let usable = |(_, a): &(usize, &Answer)| a.residual_n().is_some() && !swinging(a);
         let rows: Vec<(usize, &Answer)> = first.answers.iter().enumerate().filter(usable).collect();
         let whole = Parts::of(first, self.task.part);
