@@ -20,8 +20,8 @@ const TIED: (&str, &str) = ("instrument.retraction_coefficient", "instrument.def
 
 /// A residual of more than so many medians of all residuals' sizes is a spike (for normal noise: six standard deviations).
 const SPIKE: f64 = 9.0;
-/// A force of more than this share of the largest, with the instrument above the sample, is of a tissue that swings.
-const SWINGING: f64 = 1e-4;
+/// When an instrument that sticks lets go, the twin's tissue swings back for less than this, s: no quasi-static force.
+const SWINGS_S: f64 = 0.3;
 /// Largest share of the readings that may be spikes.
 const MOST_LEFT_OUT: f64 = 0.02;
 
@@ -98,10 +98,8 @@ impl<'a> Recorded<'a> {
     }
 
     fn take(&mut self, first: &Run) -> Result<(), CalibrateError> {
-        // When an instrument that sticks lets go, the twin's tissue swings back for a moment: no quasi-static force.
-        let peak = first.answers.iter().map(|a| a.predicted_n.abs()).fold(0.0, f64::max);
-        let swinging = |a: &Answer| a.phase == Phase::Approach && a.predicted_n.abs() > SWINGING * peak;
-        let usable = |(_, a): &(usize, &Answer)| a.residual_n().is_some() && !swinging(a);
+        let at_rest = at_rest(&first.answers);
+        let usable = |(i, a): &(usize, &Answer)| a.residual_n().is_some() && at_rest[*i];
         let rows: Vec<(usize, &Answer)> = first.answers.iter().enumerate().filter(usable).collect();
         let whole = Parts::of(first, self.task.part);
         let row = |answer: usize| rows.partition_point(|(i, _)| *i < answer);
@@ -234,6 +232,18 @@ impl<'a> Recorded<'a> {
         }
         Ok(None)
     }
+}
+
+/// Which answers are not of a tissue that an instrument has just let go.
+fn at_rest(answers: &[Answer]) -> Vec<bool> {
+    let mut left_s = f64::NEG_INFINITY;
+    let mut at_rest = |a: &Answer| {
+        if a.phase != Phase::Approach {
+            left_s = a.time_s;
+        }
+        a.phase != Phase::Approach || a.time_s - left_s > SWINGS_S
+    };
+    answers.iter().map(&mut at_rest).collect()
 }
 
 /// The wanted key that another one goes with.
