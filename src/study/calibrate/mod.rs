@@ -221,7 +221,6 @@ pub fn calibrate(
     tell: &mut dyn FnMut(&str),
 ) -> Result<Calibration, CalibrateError> {
     let mut unknowns = task.wanted.iter().map(|w| unknown(task.scene, w)).collect::<Result<Vec<_>, _>>()?;
-    let bounds = unknowns.iter().map(|u| u.bounds).collect();
     let terms = LoadCellTerm::of(task.load_cell);
     unknowns.extend(terms.iter().map(|_| least_squares::Unknown {
         start: 0.0,
@@ -229,7 +228,7 @@ pub fn calibrate(
         scale: 1e-6,
         largest_step: f64::INFINITY,
     }));
-    let mut problem = Recorded::new(task, bounds, terms, watch, tell)?;
+    let mut problem = Recorded::new(task, terms, watch, tell)?;
     let mut solution = least_squares::solve(&mut problem, &unknowns)?.ok_or_else(|| problem.beyond_start())?;
     let left_out = problem.leave_out(solution.residuals.as_slice());
     if left_out > 0 {

@@ -10,10 +10,6 @@ use crate::twin::Phase;
 /// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
 /// is small against the steps of the search.
 const DIFFERENCE: f64 = 0.01;
-/// Near a bound no more than this share of the way to it: the force may bend there, as for a Poisson's ratio near 0.5.
-const TOWARDS_BOUND: f64 = 0.1;
-/// But at least this share of the key.
-const LEAST_DIFFERENCE: f64 = 2e-4;
 /// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so its derivative needs no run.
 const PROPORTIONAL: &str = "material.shear_modulus_pa";
 
@@ -63,8 +59,6 @@ impl LoadCellTerm {
 
 pub(super) struct Recorded<'a> {
     task: &'a Task<'a>,
-    /// Of the keys.
-    bounds: Vec<[f64; 2]>,
     terms: &'static [LoadCellTerm],
     watch: &'a mut dyn Watch,
     tell: &'a mut dyn FnMut(&str),
@@ -87,27 +81,14 @@ impl<'a> Recorded<'a> {
     /// Runs the scene as it is.
     pub fn new(
         task: &'a Task<'a>,
-        bounds: Vec<[f64; 2]>,
         terms: &'static [LoadCellTerm],
         watch: &'a mut dyn Watch,
         tell: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         let parts = Parts { fitted: 0..0, held_out: None };
         let (rows, forces, tied) = (Vec::new(), Forces::default(), tied(task));
-        let mut new = Self {
-            task,
-            bounds,
-            terms,
-            watch,
-            tell,
-            rows,
-            answers: 0,
-            parts,
-            fitted: Vec::new(),
-            forces,
-            runs: 0,
-            tied,
-        };
+        let mut new =
+            Self { task, terms, watch, tell, rows, answers: 0, parts, fitted: Vec::new(), forces, runs: 0, tied };
         let first = new.run(task.scene)?;
         if let Some(reason) = first.diverged {
             return Err(CalibrateError::Diverged(reason));
@@ -240,10 +221,7 @@ impl<'a> Recorded<'a> {
 
     /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
     fn difference(&mut self, x: &[f64], k: usize, force: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
-        let [low, high] = self.bounds[k];
-        let value = if x[k] == 0.0 { 1.0 } else { x[k].abs() };
-        let near = TOWARDS_BOUND * (x[k] - low).min(high - x[k]);
-        let size = (DIFFERENCE * value).min(near).max(LEAST_DIFFERENCE * value);
+        let size = if x[k] == 0.0 { DIFFERENCE } else { DIFFERENCE * x[k].abs() };
         for change in [size, -size] {
             let mut beside = x.to_vec();
             beside[k] += change;
