@@ -161,7 +161,7 @@ fn what_the_data_cannot_tell_apart_or_tell_at_all_is_named() {
 #[test]
 fn two_keys_with_effects_of_their_own_come_back_together() {
     let ratio = "material.poisson_ratio";
-    let set = ["--set", "material.poisson_ratio=0.47", "--set", "material.shear_modulus_pa=1400"];
+    let set = ["--set", "material.poisson_ratio=0.47"];
     let (result, said) =
         json(&[&[&shipped("compression"), "--fit", MODULUS, "material.poisson_ratio=0.4..0.499"][..], &set].concat());
     println!("{} {said}", result["fit"]);
