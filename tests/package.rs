@@ -27,7 +27,9 @@ fn parameter_files_fit_the_nodes() {
     let bag = checkout().join("bags/compression").display().to_string();
     let (twin, player, driver) = (file("twin.yaml"), file("rig_player.yaml"), file("rig_driver.yaml"));
     let guard = file("guard.yaml");
+    let identify = file("identify.yaml");
     for (program, arguments) in [
+        (TWIN, vec!["--ros-args", "-p", "autostart:=false", "--params-file", &identify]),
         (TWIN, vec!["--ros-args", "-p", "autostart:=false", "--params-file", &twin]),
         (RIG, vec![&bag, "--ros-args", "-p", "delay:=60.0", "--params-file", &player]),
         (RIG, vec!["--ros-args", "--params-file", &driver]),

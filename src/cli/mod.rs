@@ -3,6 +3,7 @@
 //! Results go to stdout, progress and diagnostics to stderr. A failure is one message: what, where, what to do.
 
 mod bag;
+mod calibrate;
 mod demo;
 mod error;
 mod interrupt;
@@ -44,6 +45,7 @@ struct Arguments {
 enum Command {
     Demo(demo::Arguments),
     Replay(replay::Arguments),
+    Calibrate(calibrate::Arguments),
     Solve(solve::Arguments),
     Study(study::Arguments),
     Tune(tune::Arguments),
@@ -95,6 +97,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
     match arguments.command {
         Some(Command::Demo(arguments)) => demo::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
+        Some(Command::Calibrate(arguments)) => calibrate::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Study(arguments)) => study::run(&arguments),
         Some(Command::Tune(arguments)) => tune::run(&arguments),

@@ -314,7 +314,10 @@ pub(super) fn split_target(path: &str) -> Option<(usize, &str)> {
 }
 
 /// The entry of a path that must be known; `value` is what the message shows.
-pub(super) fn require(path: &str, value: &str, place: &str) -> Result<&'static Key, SceneError> {
+///
+/// # Errors
+/// [`SceneError::UnknownKey`], with the nearest known key.
+pub fn require(path: &str, value: &str, place: &str) -> Result<&'static Key, SceneError> {
     find(path).ok_or_else(|| SceneError::UnknownKey {
         place: place.to_owned(),
         key: path.to_owned(),

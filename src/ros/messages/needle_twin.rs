@@ -74,6 +74,18 @@ pub struct ForceComparison {
     pub tare_n: Vector3,
     /// From the nearest load-cell reading to the pose, s.
     pub measured_delay_s: f64,
+    /// One of the `IDENTIFICATION_` constants.
+    pub identification: u8,
+    /// Why the identification is frozen, else empty.
+    pub identification_reason: String,
+    /// Scene keys, and `load_cell.offset_n`.
+    pub identified_names: Vec<String>,
+    /// Their values, each in the unit of its name.
+    pub identified_values: Vec<f64>,
+    /// Their standard errors, the model's own error included.
+    pub identified_standard_errors: Vec<f64>,
+    /// What `measured_n` should be with these values, N; 0 where nothing is identified.
+    pub identified_n: f64,
 }
 
 impl ForceComparison {
@@ -87,6 +99,14 @@ impl ForceComparison {
     pub const LOAD_CELL_STUCK: u8 = 3;
     /// The reading is at the end of the cell's range.
     pub const LOAD_CELL_SATURATED: u8 = 4;
+    /// Nothing is identified.
+    pub const IDENTIFICATION_OFF: u8 = 0;
+    /// Not enough is known yet.
+    pub const IDENTIFICATION_LEARNING: u8 = 1;
+    /// Every parameter is known well enough.
+    pub const IDENTIFICATION_CONVERGED: u8 = 2;
+    /// Nothing is learnt: the model is wrong, or the load cell is at fault.
+    pub const IDENTIFICATION_FROZEN: u8 = 3;
 }
 
 /// State of the twin (`msg/TwinStatus.msg`).

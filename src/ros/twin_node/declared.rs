@@ -2,6 +2,7 @@
 
 use ros2_client::ParameterValue as P;
 
+use super::identification;
 use crate::ros::parameters::{Declaration, Parameters, Range};
 use crate::ros::recorder;
 use crate::ros::start::common_declarations;
@@ -77,6 +78,17 @@ pub(super) fn declarations() -> Vec<Declaration> {
             P::Boolean(true),
             Range::Any,
             "Keep a double of the model, with which ~/look_ahead answers; false: save its memory.",
+        )
+        .fixed(),
+        Declaration::new(
+            "identify",
+            P::StringArray(Vec::new()),
+            Range::Any,
+            "What is identified from the load cell while the node runs, published in comparison; empty: nothing.",
+        )
+        .checked(
+            "material.shear_modulus_pa, instrument.deformation_coefficient, load_cell.offset_n",
+            identification::check,
         )
         .fixed(),
         string("hardware_id", "needle_twin", "hardware_id of the diagnostics."),

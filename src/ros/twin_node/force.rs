@@ -6,6 +6,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
+use super::identification::Identification;
 use super::shared::{Reject, Shared};
 use super::solver::{Answer, Event};
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
@@ -37,8 +38,14 @@ impl ForceOutputs {
 }
 
 /// Runs until the solver has ended.
-pub(super) fn run(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, events: &Receiver<Event>) {
-    let mut comparator = Comparator::default();
+pub(super) fn run(
+    outputs: &ForceOutputs,
+    frame_id: &str,
+    shared: &Shared,
+    events: &Receiver<Event>,
+    identification: Option<Identification>,
+) {
+    let mut comparator = Comparator::new(identification);
     let mut said = Said::default();
     let mut due = Instant::now();
     loop {
@@ -154,6 +161,7 @@ fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: 
             let mut live = shared.lock();
             live.load_cell = Some(message.load_cell);
             live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
+            live.identified(&message);
         }
         if outputs.comparison.is_wanted() {
             outputs.comparison.send(message);

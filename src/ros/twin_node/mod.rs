@@ -15,6 +15,7 @@ mod comparison;
 mod declared;
 mod force;
 mod housekeeping;
+mod identification;
 mod inbox;
 mod inputs;
 mod look_ahead;
@@ -32,6 +33,7 @@ use clap::Parser;
 use self::declared::Settings;
 use self::force::ForceOutputs;
 use self::housekeeping::Housekeeping;
+use self::identification::Identification;
 use self::inbox::Inbox;
 use self::inputs::Inputs;
 use self::look_ahead::LookAhead;
@@ -175,6 +177,7 @@ impl Node {
     fn run(self, start: Start, scene: Scene, parameters: Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
         let frame_id = parameters.string("frame_id");
         set_threads(parameters.integer("threads"))?;
+        let identification = Identification::new(&scene, &parameters.strings("identify"))?;
         let Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared } = self;
         let doubles = parameters.boolean("look_ahead");
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
@@ -225,7 +228,7 @@ impl Node {
             let (shared, inbox, frame) = (Arc::clone(&shared), Arc::clone(&inbox), frame_id.clone());
             spawn("input", move || inputs::run(&inputs, &frame, &shared, &inbox, &event_sender, &inputs_stopped))?
         };
-        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events))?;
+        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification))?;
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
         let outcome = supervisor.run(signals, [&solver, &force]);
