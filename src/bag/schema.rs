@@ -117,7 +117,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/ForceComparison",
         include_str!("../../msg/ForceComparison.msg"),
-        "RIHS01_bf5d6402ee95dd23b58e7797f173e28356bca5c32628d40e257000ccfbb50e98",
+        "RIHS01_b7a3588432552c5d7988e94ea283b934729c943b806bb2036e555457f1e23c32",
     ),
     definition(
         "needle_twin/TwinStatus",
