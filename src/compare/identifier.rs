@@ -327,6 +327,11 @@ impl Identifier {
         let spread = spread + noise * (1.0 / weight - 1.0);
         let gain = *p * h / spread;
         *x += gain * residual;
+        // earlier residuals as they would have been with what is known now: what is learnt must not look like a jump
+        let learnt = (h.transpose() * gain)[0] * residual;
+        for earlier in self.average.iter_mut().chain(&mut self.residuals) {
+            *earlier -= learnt;
+        }
         let left = Matrix3::identity() - gain * h.transpose();
         // Joseph's form keeps P symmetric and positive
         *p = left * *p * left.transpose() + gain * gain.transpose() * (noise / weight);
