@@ -2,6 +2,7 @@
 
 pub mod block;
 pub mod dilatation;
+mod fold;
 mod group;
 pub mod kernel;
 pub mod lanes;

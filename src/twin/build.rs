@@ -4,13 +4,13 @@ use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use crate::cloud::{BASE, Cloud, TOP};
 use crate::instrument::{Bonded, Contact, NeedlePath};
-use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene};
+use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene, VolumeRatio};
 use crate::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Body, BuildError, Phase, Twin, axisymmetric};
+use super::{Body, BuildError, Phase, Twin, axisymmetric, edge};
 
 /// What a model brings to the twin.
 pub(super) struct Built {
@@ -72,7 +72,8 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     held.iter().for_each(|&n| interpolating[n as usize] = true);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
-    let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
+    let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
+    table.guarded = guarded(scene, cloud, held);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
@@ -107,6 +108,17 @@ pub(super) fn settings(scene: &Scene) -> Settings {
         support_factor: d.support_factor,
         points_per_cell: d.points_per_cell,
         cells_per_point: d.cells_per_point,
+    }
+}
+
+/// Cells to guard against folding: those at the edge of a bonded instrument, if they are to resist collapse at all.
+fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32]) -> Vec<u32> {
+    let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
+    let discretisation = &scene.discretisation;
+    if bonded && discretisation.volume_ratio == VolumeRatio::Projected && discretisation.method != Method::Tet4 {
+        edge::cells(cloud.points.len(), &cloud.cells, &cloud.surface, held)
+    } else {
+        Vec::new()
     }
 }
 
