@@ -10,7 +10,7 @@
 //!                                               ▼
 //!                         solver state ─► twin (pace, health, observation) ─► prediction
 //!                                                                               │
-//!            bag, ros, rig, compare, study, report   ◄─────────────────────────┘   the outer ring
+//!            bag, ros, rig, guard, compare, study, report   ◄──────────────────┘   the outer ring
 //! ```
 //!
 //! The inner ring (`scene` to `twin`) is numbers only: no files, sockets or clocks. The outer ring is
@@ -22,6 +22,7 @@ pub mod bag;
 pub mod cli;
 pub mod cloud;
 pub mod compare;
+pub mod guard;
 pub mod instrument;
 pub mod material;
 pub mod report;

@@ -99,6 +99,13 @@ fn a_step_allocates_nothing() {
             let (count, phases) = calls(&mut twin, &depths);
             assert!(phases.contains(&Phase::Indentation) && phases.contains(&Phase::Approach), "{phases:?}");
             assert_eq!(phases.contains(&Phase::Penetration), preset == "needle_insertion", "{phases:?}");
+            // what stands between two poses when somebody looks ahead
+            let mut double = twin.double();
+            let before = CALLS.load(Ordering::SeqCst);
+            COUNTS.store(true, Ordering::SeqCst);
+            double.take_over(&twin);
+            COUNTS.store(false, Ordering::SeqCst);
+            assert_eq!(CALLS.load(Ordering::SeqCst) - before, 0, "{preset} {changes:?}: copying the state allocates");
             assert_eq!(count, 0, "{preset} {changes:?}: {count} calls of the allocator in {} poses", depths.len());
         });
     }

@@ -10,6 +10,7 @@ use std::time::Duration;
 use ros::{Program, TWIN, free_domain};
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
+const NEEDLE_TWIN: &str = env!("CARGO_BIN_EXE_needle_twin");
 
 fn checkout() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).to_path_buf()
@@ -25,10 +26,14 @@ fn parameter_files_fit_the_nodes() {
     let file = |name: &str| checkout().join("launch-scripts/parameters").join(name).display().to_string();
     let bag = checkout().join("bags/compression").display().to_string();
     let (twin, player, driver) = (file("twin.yaml"), file("rig_player.yaml"), file("rig_driver.yaml"));
+    let guard = file("guard.yaml");
+    let identify = file("identify.yaml");
     for (program, arguments) in [
+        (TWIN, vec!["--ros-args", "-p", "autostart:=false", "--params-file", &identify]),
         (TWIN, vec!["--ros-args", "-p", "autostart:=false", "--params-file", &twin]),
         (RIG, vec![&bag, "--ros-args", "-p", "delay:=60.0", "--params-file", &player]),
         (RIG, vec!["--ros-args", "--params-file", &driver]),
+        (NEEDLE_TWIN, vec!["guard", "--ros-args", "--params-file", &guard]),
     ] {
         let node = Program::start(program, &arguments, free_domain(), &[]);
         std::thread::sleep(Duration::from_millis(1200));

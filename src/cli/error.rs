@@ -8,6 +8,7 @@ use crate::report::ReportError;
 use crate::ros::start::NodeError;
 use crate::scene::SceneError;
 use crate::study::accuracy::StudyError;
+use crate::study::calibrate::CalibrateError;
 use crate::study::speed::SpeedError;
 use crate::twin::BuildError;
 
@@ -49,6 +50,9 @@ pub enum CliError {
     /// A model can't be timed.
     #[error("study speed: {0}")]
     Speed(#[from] SpeedError),
+    /// Nothing can be fitted.
+    #[error("calibrate: {0}")]
+    Calibrate(#[from] CalibrateError),
     /// The output can't be written.
     #[error(transparent)]
     Report(#[from] ReportError),

@@ -3,6 +3,7 @@
 //! Results go to stdout, progress and diagnostics to stderr. A failure is one message: what, where, what to do.
 
 mod bag;
+mod calibrate;
 mod demo;
 mod error;
 mod interrupt;
@@ -25,7 +26,7 @@ use clap::{Parser, Subcommand};
 
 pub use error::CliError;
 
-use crate::ros::{rig_node, twin_node};
+use crate::ros::{guard_node, rig_node, twin_node};
 
 /// Exit codes, in the words of the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \
@@ -44,11 +45,15 @@ struct Arguments {
 enum Command {
     Demo(demo::Arguments),
     Replay(replay::Arguments),
+    Calibrate(calibrate::Arguments),
     Solve(solve::Arguments),
     Study(study::Arguments),
     Tune(tune::Arguments),
     Scene(scene::Arguments),
     Bag(bag::Arguments),
+    /// Insert the needle under the twin's eyes, and stop when in doubt (a ROS 2 node; `guard --help`)
+    #[command(disable_help_flag = true)]
+    Guard(NodeArguments),
     /// The program `twin_node`, for `demo`
     #[command(hide = true, disable_help_flag = true)]
     TwinNode(NodeArguments),
@@ -78,6 +83,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match Arguments::try_parse_from(arguments) {
         Ok(Arguments { command: Some(Command::TwinNode(node)) }) => ExitCode::from(twin_node::run(node.arguments)),
         Ok(Arguments { command: Some(Command::RigNode(node)) }) => ExitCode::from(rig_node::run(node.arguments)),
+        Ok(Arguments { command: Some(Command::Guard(node)) }) => ExitCode::from(guard_node::run(node.arguments)),
         Ok(arguments) => exit_code(dispatch(arguments)),
         // Help and version end here too, as "errors" of exit code 0 that go to stdout.
         Err(error) => {
@@ -91,6 +97,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
     match arguments.command {
         Some(Command::Demo(arguments)) => demo::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
+        Some(Command::Calibrate(arguments)) => calibrate::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Study(arguments)) => study::run(&arguments),
         Some(Command::Tune(arguments)) => tune::run(&arguments),
@@ -99,7 +106,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         // What a newcomer types first shows what the program is.
         None => demo::run(&demo::Arguments::default()),
         // The nodes have exit codes of their own: `run` starts them.
-        Some(Command::TwinNode(_) | Command::RigNode(_)) => Ok(Outcome::Complete),
+        Some(Command::Guard(_) | Command::TwinNode(_) | Command::RigNode(_)) => Ok(Outcome::Complete),
     }
 }
 

@@ -29,6 +29,11 @@ impl Progress {
         Self { bar: ProgressBar::hidden(), interrupt: Interrupt::listen() }
     }
 
+    /// Says what is going on, in the place of the poses.
+    pub(super) fn say(&self, what: &str) {
+        self.bar.set_message(what.to_owned());
+    }
+
     /// Goes over to counting poses.
     pub(super) fn count(&self, poses: usize) {
         self.bar.disable_steady_tick();

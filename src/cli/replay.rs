@@ -12,7 +12,7 @@ use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
 use crate::scene::Scene;
 
 /// Scene of a bag that doesn't say which it was made for.
-const DEFAULT_SCENE: &str = "needle_insertion";
+pub(super) const DEFAULT_SCENE: &str = "needle_insertion";
 /// Frame of poses and wrenches.
 const FRAME: &str = "sample";
 
@@ -47,7 +47,7 @@ pub(super) struct Arguments {
 /// Which topics of the bag are taken.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Bag")]
-struct TopicOptions {
+pub(super) struct TopicOptions {
     /// Joint whose position is the depth
     #[arg(long, value_name = "NAME", default_value = "insertion")]
     joint: String,
@@ -85,7 +85,7 @@ pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Re
 }
 
 impl TopicOptions {
-    fn names(&self) -> TopicNames {
+    pub(super) fn names(&self) -> TopicNames {
         TopicNames {
             joint_state: self.measured_js.clone(),
             pose: self.measured_cp.clone(),
@@ -95,7 +95,7 @@ impl TopicOptions {
     }
 
     /// The depths, unless there are none or the pose was asked for by name.
-    fn readings(&self, recording: &Recording) -> Vec<Reading> {
+    pub(super) fn readings(&self, recording: &Recording) -> Vec<Reading> {
         let pose_wanted = self.measured_cp.is_some() && self.measured_js.is_none();
         if recording.depths.is_empty() || pose_wanted {
             recording.poses.iter().map(|s| Reading { time_s: s.time_s, at: At::Pose(s.pose()) }).collect()
@@ -127,7 +127,7 @@ fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, fields: 
 }
 
 /// What to say of poses and forces that are recorded in another frame: a replay has no transforms to bring them over.
-fn foreign_frames(recording: &Recording, readings: &[Reading]) -> Vec<String> {
+pub(super) fn foreign_frames(recording: &Recording, readings: &[Reading]) -> Vec<String> {
     let poses_used = readings.first().is_some_and(|reading| matches!(reading.at, At::Pose(_)));
     let [poses, forces] = &recording.frame_ids;
     [("poses", poses, poses_used), ("forces", forces, !recording.forces.is_empty())]

@@ -2,9 +2,12 @@
 
 mod collector;
 mod drive;
+pub mod identifier;
+pub mod least_squares;
 mod legs;
 mod metrics;
 mod series;
+pub mod uncertainty;
 
 pub use collector::{Collector, Keep};
 pub use drive::{At, Reading, Watch, build, drive};

@@ -66,6 +66,13 @@ impl Contact {
         }
     }
 
+    /// Takes over the state of another instrument of the same model.
+    pub fn take_over(&mut self, other: &Self) {
+        if let (Self::Needle(own), Self::Needle(other)) = (self, other) {
+            own.take_over(other);
+        }
+    }
+
     /// Back to before the first contact.
     pub fn reset(&mut self, solver: &mut Solver) {
         match self {

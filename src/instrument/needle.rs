@@ -180,6 +180,12 @@ impl NeedlePath {
         (phase, None)
     }
 
+    pub(super) fn take_over(&mut self, other: &Self) {
+        self.hold.copy_from_slice(&other.hold);
+        self.filled.copy_from_slice(&other.filled);
+        self.state = other.state;
+    }
+
     pub(super) fn reset(&mut self, solver: &mut Solver) {
         self.release_all(solver);
         // a solver that is reset has made all of it tissue again

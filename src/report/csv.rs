@@ -1,6 +1,7 @@
 //! `force.csv` and `targets.csv`: the series of a run, for plotting tools.
 
 use crate::compare::Run;
+use crate::study::calibrate::Forces;
 use std::fmt::Write as _;
 
 /// Content of `force.csv`: `time_s,depth_m,predicted_n,measured_n`, one line per answered pose.
@@ -33,6 +34,18 @@ pub fn targets_csv(run: &Run) -> String {
             push(&mut text, format_args!(",{}", Cell(*coordinate)));
         }
         text.push('\n');
+    }
+    text
+}
+
+/// Content of `calibration.csv`: `time_s,depth_m,measured_n,start_n,fitted_n`, one line per pose with a measured force;
+/// `fitted_n` has the load cell's offset and drift on it.
+pub(super) fn calibration_csv(forces: &Forces) -> String {
+    let mut text = String::from("time_s,depth_m,measured_n,start_n,fitted_n\n");
+    for i in 0..forces.time_s.len() {
+        let row = [&forces.time_s, &forces.depth_m, &forces.measured_n, &forces.start_n, &forces.fitted_n];
+        let [time, depth, measured, start, fitted] = row.map(|column| Cell(column[i]));
+        push(&mut text, format_args!("{time},{depth},{measured},{start},{fitted}\n"));
     }
     text
 }

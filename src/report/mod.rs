@@ -4,6 +4,8 @@
 //! before the first file is touched, and files appear under their names only when they are complete. Nothing here
 //! computes mechanics, and no file holds a number that is not finite.
 
+mod calibration_json;
+mod calibration_plot;
 mod cost_page;
 mod cost_plot;
 mod csv;
@@ -30,6 +32,7 @@ mod unit;
 mod verification_plot;
 mod vtu;
 
+pub use calibration_json::calibration_json;
 pub use csv::{force_csv, targets_csv};
 pub use error::ReportError;
 pub use files::prepare;
@@ -40,6 +43,7 @@ pub use vtu::{final_vtu, write_series};
 use crate::compare::Run;
 use crate::study::accuracy::{Row, Steps};
 use crate::study::bounds::Bounds;
+use crate::study::calibrate::Calibration;
 use crate::study::verification::{self, Verification};
 use crate::study::{speed, stability};
 use files::Rendered;
@@ -149,6 +153,27 @@ pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBu
         rendered.push(Rendered::new(format!("verification_{preset}.svg"), picture.to_svg()));
         rendered.push(Rendered::new(format!("verification_{preset}.png"), png));
     }
+    files::write(out, &rendered)
+}
+
+/// Writes `calibration.json`, `calibration.csv`, `calibration.svg` and `.png`, and the scene with the values found,
+/// `scene.toml`; returns their paths. `source` says what was measured, `json` is that of [`calibration_json`].
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_calibration(
+    out: &Path,
+    calibration: &Calibration,
+    source: &str,
+    json: &str,
+    scene_toml: &str,
+) -> Result<Vec<PathBuf>, ReportError> {
+    let mut rendered = vec![
+        Rendered::new("calibration.json", json),
+        Rendered::new("calibration.csv", csv::calibration_csv(&calibration.forces)),
+        Rendered::new("scene.toml", scene_toml),
+    ];
+    push_picture(&mut rendered, "calibration", &calibration_plot::calibration_plot(calibration, source))?;
     files::write(out, &rendered)
 }
 

@@ -1,78 +1,93 @@
-//! The needle driver: goes to where it is told, with limited speed and acceleration.
+//! The needle driver: a joint under position control that goes to where it is told, within its limits.
+//!
+//! A command that comes alone is a goal: it is gone to. Commands that follow each other within the timeout are a stream,
+//! as a controller sends one, and a stream that ceases is a controller that has died or a cable that was cut: the joint
+//! then comes to rest as soon as its limits allow.
 
-/// Limits of the motion. All positive.
+use super::trajectory::{MotionLimits, Trajectory};
+
+/// Limits of the driver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriverLimits {
-    /// Largest speed, m/s.
-    pub speed_m_per_s: f64,
-    /// Largest acceleration and deceleration, m/s^2.
-    pub acceleration_m_per_s2: f64,
+    /// Speed, acceleration and jerk.
+    pub motion: MotionLimits,
     /// Lowest and highest position, m.
     pub range_m: [f64; 2],
+    /// A stream of commands that is silent for longer has ceased, s; 0: never.
+    pub command_timeout_s: f64,
+}
+
+/// What the driver hears.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Commands {
+    /// Nothing, or single goals: how long ago the last one came, s.
+    Single { age_s: f64 },
+    /// A stream, and how long ago it was last heard, s.
+    Stream { age_s: f64 },
 }
 
 /// A joint under position control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Driver {
     limits: DriverLimits,
-    position_m: f64,
-    velocity_m_per_s: f64,
-    goal_m: f64,
+    step_s: f64,
+    trajectory: Trajectory,
+    commands: Commands,
 }
 
 impl Driver {
-    /// A driver at rest.
+    /// A driver at rest, which is advanced in steps of `step_s`.
     #[must_use]
-    pub fn new(limits: DriverLimits, position_m: f64) -> Self {
+    pub fn new(limits: DriverLimits, step_s: f64, position_m: f64) -> Self {
         let position_m = position_m.clamp(limits.range_m[0], limits.range_m[1]);
-        Self { limits, position_m, velocity_m_per_s: 0.0, goal_m: position_m }
+        let commands = Commands::Single { age_s: f64::INFINITY };
+        Self { limits, step_s, trajectory: Trajectory::new(limits.motion, step_s, position_m), commands }
     }
 
-    /// Sets the goal; false (and the old goal stays) if it is not finite. Goals beyond the range are cut to it.
+    /// Takes a command; false (and nothing changes) if it is not finite. Goals beyond the range are cut to it.
     pub fn go_to(&mut self, goal_m: f64) -> bool {
-        if goal_m.is_finite() {
-            self.goal_m = goal_m.clamp(self.limits.range_m[0], self.limits.range_m[1]);
+        if !goal_m.is_finite() {
+            return false;
         }
-        goal_m.is_finite()
+        let (Commands::Single { age_s } | Commands::Stream { age_s }) = self.commands;
+        let follows = age_s <= self.limits.command_timeout_s;
+        self.commands = if follows { Commands::Stream { age_s: 0.0 } } else { Commands::Single { age_s: 0.0 } };
+        self.trajectory.go_to(goal_m.clamp(self.limits.range_m[0], self.limits.range_m[1]));
+        true
     }
 
     /// Where it is, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {
-        self.position_m
+        self.trajectory.position_m()
     }
 
     /// How fast it moves, m/s.
     #[must_use]
     pub const fn velocity_m_per_s(&self) -> f64 {
-        self.velocity_m_per_s
+        self.trajectory.velocity_m_per_s()
     }
 
     /// Where it goes, m.
     #[must_use]
     pub const fn goal_m(&self) -> f64 {
-        self.goal_m
+        self.trajectory.goal_m()
     }
 
-    /// Advances by `dt_s`.
-    ///
-    /// The speed towards the goal is the one from which it can still stop there, in whole steps:
-    /// v^2 / (2 a) + v dt <= distance left.
-    pub fn step(&mut self, dt_s: f64) {
-        let DriverLimits { speed_m_per_s: v_max, acceleration_m_per_s2: a, range_m } = self.limits;
-        let left = self.goal_m - self.position_m;
-        // The largest speed that can still be braked away within what is left after this step.
-        let stoppable = (a * a * dt_s * dt_s + 2.0 * a * left.abs()).sqrt() - a * dt_s;
-        let wanted = left.signum() * stoppable.clamp(0.0, v_max);
-        let change = (wanted - self.velocity_m_per_s).clamp(-a * dt_s, a * dt_s);
-        self.velocity_m_per_s += change;
-        // What is left is no more than the slowest speed goes in one step.
-        if left.abs() <= a * dt_s * dt_s && self.velocity_m_per_s.abs() <= a * dt_s {
-            self.position_m = self.goal_m;
-            self.velocity_m_per_s = 0.0;
-        } else {
-            self.position_m = (self.position_m + self.velocity_m_per_s * dt_s).clamp(range_m[0], range_m[1]);
+    /// Advances by one step; true if a stream of commands has ceased in this step while it was moving, so that it brakes.
+    pub fn step(&mut self) -> bool {
+        let (Commands::Single { age_s } | Commands::Stream { age_s }) = &mut self.commands;
+        *age_s += self.step_s;
+        let age_s = *age_s;
+        let timeout_s = self.limits.command_timeout_s;
+        let ceased = timeout_s > 0.0 && age_s > timeout_s && matches!(self.commands, Commands::Stream { .. });
+        let brakes = ceased && !self.trajectory.is_at_rest();
+        if ceased {
+            self.commands = Commands::Single { age_s };
+            self.trajectory.stop();
         }
+        self.trajectory.step();
+        brakes
     }
 }
 
@@ -80,44 +95,60 @@ impl Driver {
 mod tests {
     use super::*;
 
-    const LIMITS: DriverLimits =
-        DriverLimits { speed_m_per_s: 0.01, acceleration_m_per_s2: 0.1, range_m: [-0.01, 0.02] };
+    const MOTION: MotionLimits = MotionLimits { speed_m_per_s: 0.01, acceleration_m_per_s2: 0.5, jerk_m_per_s3: 100.0 };
+    const LIMITS: DriverLimits = DriverLimits { motion: MOTION, range_m: [-0.01, 0.02], command_timeout_s: 0.05 };
     const DT: f64 = 1e-3;
 
-    #[test]
-    fn it_arrives_without_passing_and_within_its_limits() {
-        let mut driver = Driver::new(LIMITS, 0.0);
-        assert!(driver.go_to(0.008));
-        let mut before = 0.0;
-        let mut steps = 0;
-        while driver.position_m() != 0.008 {
-            driver.step(DT);
-            steps += 1;
-            let velocity = driver.velocity_m_per_s();
-            assert!(velocity.abs() <= LIMITS.speed_m_per_s + 1e-15);
-            assert!((velocity - before).abs() <= LIMITS.acceleration_m_per_s2 * DT + 1e-15, "step {steps}");
-            assert!(driver.position_m() <= 0.008);
-            assert!(steps < 2000);
-            before = velocity;
+    fn run(driver: &mut Driver, steps: usize) {
+        for _ in 0..steps {
+            driver.step();
         }
-        // 0.008 m at 0.01 m/s and two ramps of 0.1 s.
-        assert!((0.85..1.05).contains(&(f64::from(steps) * DT)), "{steps}");
-        assert_eq!(driver.velocity_m_per_s(), 0.0);
     }
 
     #[test]
-    fn a_goal_behind_is_reached_after_braking() {
-        let mut driver = Driver::new(LIMITS, 0.0);
+    fn a_single_command_is_gone_to() {
+        let mut driver = Driver::new(LIMITS, DT, 0.0);
+        assert!(driver.go_to(0.008));
+        // 0.008 m at 0.01 m/s, and as long as the speed takes to come and to go
+        for _ in 0..830 {
+            assert!(!driver.step());
+        }
+        assert_eq!((driver.position_m(), driver.velocity_m_per_s()), (0.008, 0.0));
+    }
+
+    #[test]
+    fn a_stream_that_ceases_is_braked_after_its_timeout_and_can_begin_again() {
+        let mut driver = Driver::new(LIMITS, DT, 0.0);
+        for i in 0..100 {
+            if i % 5 == 0 {
+                driver.go_to(0.01);
+            }
+            assert!(!driver.step(), "{i}");
+        }
+        // the last command came 5 steps ago; 50 steps are the timeout, but for rounding
+        let ceased: Vec<usize> = (0..100).filter(|_| driver.step()).collect();
+        assert!(ceased == [44] || ceased == [45], "{ceased:?}");
+        let stood = driver.position_m();
+        assert!(driver.velocity_m_per_s() == 0.0 && stood < 0.003, "{driver:?}");
         driver.go_to(0.01);
-        (0..300).for_each(|_| driver.step(DT));
-        driver.go_to(-0.005);
-        (0..5000).for_each(|_| driver.step(DT));
-        assert_eq!(driver.position_m(), -0.005);
+        run(&mut driver, 1000);
+        assert_eq!(driver.position_m(), 0.01);
+    }
+
+    #[test]
+    fn without_a_timeout_every_command_stands() {
+        let mut driver = Driver::new(DriverLimits { command_timeout_s: 0.0, ..LIMITS }, DT, 0.0);
+        for _ in 0..3 {
+            driver.go_to(0.005);
+            driver.step();
+        }
+        run(&mut driver, 1000);
+        assert_eq!(driver.position_m(), 0.005);
     }
 
     #[test]
     fn goals_are_cut_to_the_range_and_nan_is_refused() {
-        let mut driver = Driver::new(LIMITS, 0.0);
+        let mut driver = Driver::new(LIMITS, DT, 0.0);
         assert!(!driver.go_to(f64::NAN));
         assert_eq!(driver.goal_m(), 0.0);
         assert!(driver.go_to(1.0));

@@ -1,12 +1,16 @@
 //! The simulated rig: a player of recordings, a needle driver, and the models of its sensors.
 
 mod clock;
+mod delay;
 mod driver;
 mod foreign;
 mod player;
 pub mod sensors;
+mod trajectory;
 
 pub use clock::PlaybackClock;
+pub use delay::Delay;
 pub use driver::{Driver, DriverLimits};
 pub use foreign::{ForceSource, ForeignError, PositionSource};
 pub use player::{PlayOptions, Player, Step, Stretch};
+pub use trajectory::{MotionLimits, Trajectory};

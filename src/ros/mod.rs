@@ -1,13 +1,14 @@
 //! ROS 2: the twin and the rig as nodes, over a DDS of our own (no ROS installation needed).
 //!
 //! `arguments`, `environment`, `names`, `parameters`, `qos`, `clock` and `logging` are what every ROS 2 program does;
-//! `participant` and `graph` are the network; `twin_node` and `rig_node` are the two programs.
+//! `participant` and `graph` are the network; `twin_node`, `rig_node` and `guard_node` are the nodes.
 
 pub mod arguments;
 pub mod clock;
 mod endpoint;
 pub mod environment;
 mod graph;
+pub mod guard_node;
 pub mod lifecycle;
 mod lifecycle_services;
 pub mod logging;

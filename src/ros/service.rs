@@ -92,6 +92,20 @@ impl<Q: Message + DeserializeOwned, R: Message + Serialize> Service<Q, R> {
         }
     }
 
+    /// Waits for the next request. One that can't be read is reported and skipped.
+    pub async fn next(&self) -> (Caller, Q) {
+        loop {
+            let outcome = match self.server.async_receive_request().await {
+                Ok((id, bytes)) => self.read(id, bytes.as_slice()),
+                Err(error) => Err(error.to_string()),
+            };
+            match outcome {
+                Ok(request) => return request,
+                Err(reason) => self.complain(&reason),
+            }
+        }
+    }
+
     fn read(&self, id: RmwRequestId, bytes: &[u8]) -> Result<(Caller, Q), String> {
         let split = if self.mapping.of(&id) == ServiceMapping::Cyclone { CYCLONE_HEADER } else { 0 };
         let (header, body) = bytes.split_at_checked(split).ok_or_else(|| format!("it has {} bytes", bytes.len()))?;

@@ -22,3 +22,13 @@ pub(super) fn join(thread: JoinHandle<()>) {
         tracing::error!("the {name} thread has panicked");
     }
 }
+
+/// Lets the other threads of the machine go first. Where the system does not know priorities of threads, nothing
+/// changes.
+pub(super) fn lower_priority() {
+    #[cfg(target_os = "linux")]
+    // SAFETY: takes three integers; 0 is the calling thread, on Linux.
+    unsafe {
+        libc::setpriority(libc::PRIO_PROCESS, 0, 3);
+    }
+}

@@ -2,6 +2,7 @@
 
 pub mod block;
 pub mod dilatation;
+mod double;
 mod fold;
 mod group;
 pub mod kernel;

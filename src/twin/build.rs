@@ -1,10 +1,12 @@
 //! From scene to twin: cloud, shape table, solver, contact. Done once.
 
+use std::sync::Arc;
+
 use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use crate::cloud::{BASE, Cloud, TOP};
 use crate::instrument::{Bonded, Contact, NeedlePath};
-use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene, VolumeRatio};
+use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene};
 use crate::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
@@ -44,7 +46,7 @@ impl Twin {
         Ok(Self {
             scene: scene.clone(),
             dimension,
-            tissue,
+            tissue: Arc::new(tissue),
             solver,
             contact,
             top,
@@ -111,11 +113,10 @@ pub(super) fn settings(scene: &Scene) -> Settings {
     }
 }
 
-/// Cells to guard against folding: those at the edge of a bonded instrument, if they are to resist collapse at all.
+/// Cells to guard against folding, if the scene asks for it: those at the edge of a bonded instrument.
 fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32]) -> Vec<u32> {
     let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
-    let discretisation = &scene.discretisation;
-    if bonded && discretisation.volume_ratio == VolumeRatio::Projected && discretisation.method != Method::Tet4 {
+    if bonded && scene.discretisation.fold_guard {
         edge::cells(cloud.points.len(), &cloud.cells, &cloud.surface, held)
     } else {
         Vec::new()

@@ -30,11 +30,11 @@ mod tests {
     fn the_edge_of_contact_is_found() {
         // a strip of triangles, each the top of a tetrahedron of its own; the first three nodes are held
         let surface: Vec<[u32; 3]> = (0..8).map(|i| [i, i + 1, i + 2]).collect();
-        let cells: Vec<[u32; 4]> = (0..8).map(|i| [i, i + 1, i + 2, 10 + i]).collect();
+        let tetrahedra: Vec<[u32; 4]> = (0..8).map(|i| [i, i + 1, i + 2, 10 + i]).collect();
         // nodes 1 and 2 are at the edge, 0 to 4 next to it
-        assert_eq!(cells(18, &cells, &surface, &[0, 1, 2]), [0, 1, 2, 3, 4]);
-        assert!(cells(18, &cells, &surface, &[]).is_empty());
+        assert_eq!(cells(18, &tetrahedra, &surface, &[0, 1, 2]), [0, 1, 2, 3, 4]);
+        assert!(cells(18, &tetrahedra, &surface, &[]).is_empty());
         let all: Vec<u32> = (0..10).collect();
-        assert!(cells(18, &cells, &surface, &all).is_empty(), "no free surface, no edge");
+        assert!(cells(18, &tetrahedra, &surface, &all).is_empty(), "no free surface, no edge");
     }
 }

@@ -5,6 +5,7 @@ mod body;
 mod build;
 mod contain;
 mod edge;
+mod look_ahead;
 mod mesh;
 mod observe;
 mod pace;
@@ -12,12 +13,15 @@ mod step;
 mod tissue;
 mod work;
 
+use std::sync::Arc;
+
 use crate::cloud::Axis;
 use crate::instrument::Contact;
 use crate::scene::{Dimension, Instrument, Resolved, Scene};
 use crate::solver::{Solver, StepWork};
 
 pub use body::{Body, PATH_SPACING};
+pub use look_ahead::Motion;
 pub use work::Work;
 
 use pace::Pace;
@@ -205,7 +209,7 @@ pub enum BuildError {
 pub struct Twin {
     scene: Scene,
     dimension: Resolved,
-    tissue: Tissue,
+    tissue: Arc<Tissue>,
     solver: Solver,
     contact: Option<Contact>,
     /// z of the undeformed surface where the instrument meets it, m.

@@ -37,6 +37,16 @@ for path in (root / "msg").glob("*.msg"):
         finding(package in depends, f"{path.name} uses {package}, which package.xml does not name")
         finding(f"find_package({package} REQUIRED)" in cmake, f"{package} is not found in CMakeLists.txt")
 
+# Services: both halves parsed as messages, listed in CMake.
+for path in (root / "srv").glob("*.srv"):
+    halves = path.read_text().split("\n---\n")
+    finding(len(halves) == 2, f"{path.name} is not a request and a response")
+    for half in halves:
+        get_types_from_msg(half, f"needle_twin/msg/{path.stem}")
+    finding(f"srv/{path.name}" in cmake, f"{path.name} is not in CMakeLists.txt")
+    for package in set(re.findall(r"^(\w+)/\w+", path.read_text(), re.M)):
+        finding(package in depends, f"{path.name} uses {package}, which package.xml does not name")
+
 # Launch files: the three kinds say the same.
 for stem in ("twin", "rig_and_twin"):
     tree = ast.parse((scripts / f"{stem}.launch.py").read_text())

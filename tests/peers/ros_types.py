@@ -110,6 +110,9 @@ SERVICES = {
 for path in (pathlib.Path(__file__).parents[2] / "msg").glob("*.msg"):
     TEXTS[f"needle_twin/{path.stem}"] = path.read_text()
 
+for path in (pathlib.Path(__file__).parents[2] / "srv").glob("*.srv"):
+    SERVICES[f"needle_twin/{path.stem}"] = tuple(path.read_text().split("\n---\n"))
+
 _made = {}
 
 

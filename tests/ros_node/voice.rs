@@ -41,6 +41,7 @@ fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
         (publisher, "rt/targets", "geometry_msgs::msg::dds_::PoseArray_ reliable"),
         (publisher, "rt/comparison", "needle_twin::msg::dds_::ForceComparison_ reliable"),
         (publisher, "rt/status", "needle_twin::msg::dds_::TwinStatus_ reliable"),
+        (publisher, "rt/safe_to_go_on", "std_msgs::msg::dds_::Bool_ reliable"),
         (publisher, "rt/diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_ reliable"),
         (publisher, "rt/twin/transition_event", "lifecycle_msgs::msg::dds_::TransitionEvent_ reliable"),
         (publisher, "rt/parameter_events", "rcl_interfaces::msg::dds_::ParameterEvent_ reliable"),
@@ -48,6 +49,8 @@ fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
         (subscription, "rq/twin/resetRequest", "std_srvs::srv::dds_::Trigger_Request_ reliable"),
         (publisher, "rr/twin/resetReply", "std_srvs::srv::dds_::Trigger_Response_ reliable"),
         (subscription, "rq/twin/tareRequest", "std_srvs::srv::dds_::Trigger_Request_ reliable"),
+        (subscription, "rq/twin/look_aheadRequest", "needle_twin::srv::dds_::LookAhead_Request_ reliable"),
+        (publisher, "rr/twin/look_aheadReply", "needle_twin::srv::dds_::LookAhead_Response_ reliable"),
         (subscription, "rq/twin/change_stateRequest", "lifecycle_msgs::srv::dds_::ChangeState_Request_ reliable"),
         (
             publisher,

@@ -2,7 +2,7 @@
 
 /// A curve through the origin and the points of a table, monotone where they are.
 #[derive(Clone, Debug)]
-pub(super) struct Curve {
+pub struct Curve {
     /// (depth in m, force in N), the origin first.
     points: Vec<(f64, f64)>,
     /// Slope at each point, N/m.
@@ -27,7 +27,8 @@ impl Curve {
     }
 
     /// Force at a depth, N: 0 above the surface, that of the last point beyond it. Piecewise cubic (Hermite).
-    pub(super) fn force_n(&self, depth_m: f64) -> f64 {
+    #[must_use]
+    pub fn force_n(&self, depth_m: f64) -> f64 {
         let after = self.points.partition_point(|p| p.0 <= depth_m);
         if after == 0 {
             return 0.0;

@@ -14,7 +14,7 @@ use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
 use crate::ros::messages::sensor_msgs::JointState;
 use crate::ros::messages::std_msgs::Header;
-use curve::Curve;
+pub use curve::Curve;
 use motion::Motion;
 use std::collections::BTreeMap;
 use std::fs;
@@ -54,7 +54,9 @@ impl RigScene {
         }
     }
 
-    fn curve(self) -> Curve {
+    /// Force over depth during insertion, from the independent solutions in `bags/reference/`.
+    #[must_use]
+    pub fn curve(self) -> Curve {
         Curve::from_table(match self {
             Self::Compression => include_str!("../../../bags/reference/compression_force.csv"),
             Self::Indentation => include_str!("../../../bags/reference/indentation_force.csv"),

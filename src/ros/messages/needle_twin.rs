@@ -74,6 +74,18 @@ pub struct ForceComparison {
     pub tare_n: Vector3,
     /// From the nearest load-cell reading to the pose, s.
     pub measured_delay_s: f64,
+    /// One of the `IDENTIFICATION_` constants.
+    pub identification: u8,
+    /// Why the identification is frozen, else empty.
+    pub identification_reason: String,
+    /// Scene keys, and `load_cell.offset_n`.
+    pub identified_names: Vec<String>,
+    /// Their values, each in the unit of its name.
+    pub identified_values: Vec<f64>,
+    /// Their standard errors, the model's own error included.
+    pub identified_standard_errors: Vec<f64>,
+    /// What `measured_n` should be with these values, N; 0 where nothing is identified.
+    pub identified_n: f64,
 }
 
 impl ForceComparison {
@@ -87,6 +99,14 @@ impl ForceComparison {
     pub const LOAD_CELL_STUCK: u8 = 3;
     /// The reading is at the end of the cell's range.
     pub const LOAD_CELL_SATURATED: u8 = 4;
+    /// Nothing is identified.
+    pub const IDENTIFICATION_OFF: u8 = 0;
+    /// Not enough is known yet.
+    pub const IDENTIFICATION_LEARNING: u8 = 1;
+    /// Every parameter is known well enough.
+    pub const IDENTIFICATION_CONVERGED: u8 = 2;
+    /// Nothing is learnt: the model is wrong, or the load cell is at fault.
+    pub const IDENTIFICATION_FROZEN: u8 = 3;
 }
 
 /// State of the twin (`msg/TwinStatus.msg`).
@@ -169,5 +189,42 @@ impl TwinStatus {
     /// No pose for too long.
     pub const HEALTH_STALE: u8 = 3;
 }
+
+/// Request of the service `LookAhead` (`srv/LookAhead.srv`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LookAheadRequest {
+    /// How far along the needle's axis, positive into the sample, m.
+    pub distance_m: f64,
+    /// How fast, m/s; 0: 0.001.
+    pub speed_m_per_s: f64,
+}
+
+/// Response of the service `LookAhead` (`srv/LookAhead.srv`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LookAheadResponse {
+    /// Whether the motion could be followed.
+    pub success: bool,
+    /// Why not, and what to do.
+    pub message: String,
+    /// Stamp of the pose from which it looks ahead, and the frame of the targets.
+    pub header: Header,
+    /// Depth of that pose, m.
+    pub depth_m: f64,
+    /// Explicit steps that it took.
+    pub steps: u32,
+    /// Depths on the way, m.
+    pub depths_m: Vec<f64>,
+    /// Force at each of them against the direction of insertion, N.
+    pub forces_n: Vec<f64>,
+    /// The largest of them, N.
+    pub peak_force_n: f64,
+    /// Where each target will be at the end, m.
+    pub targets: Vec<Point>,
+    /// Wall time that it took, s.
+    pub computed_s: f64,
+}
+
+impl ros2_client::Message for LookAheadRequest {}
+impl ros2_client::Message for LookAheadResponse {}
 
 ros_messages!("needle_twin": TissueModel, TissueState, ForceComparison, TwinStatus);

@@ -2,7 +2,10 @@
 
 use ros2_client::ParameterValue as P;
 
-use crate::rig::{DriverLimits, ForceSource, PlayOptions, PositionSource, Stretch};
+use super::driver::{Load, Rig};
+use crate::bag::make::RigScene;
+use crate::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
+use crate::rig::{Driver, DriverLimits, ForceSource, MotionLimits, PlayOptions, PositionSource, Stretch};
 use crate::ros::parameters::{Declaration, Parameters, Range};
 use crate::ros::recorder;
 use crate::ros::start::common_declarations;
@@ -43,15 +46,67 @@ pub(super) fn declarations() -> Vec<Declaration> {
              the recorded name); false: under the recorded names as they are.",
         ),
         string("joint_name", "insertion", "Name of the joint in servo_jp and measured_js."),
+        Declaration::new("seed", P::Integer(1), Range::Integer(0, i64::MAX), "Driver: seed of the sensors' noise.")
+            .fixed(),
+    ]);
+    all.extend(foreign_declarations());
+    all.extend(driver_declarations());
+    all
+}
+
+/// What a needle driver needs said.
+fn driver_declarations() -> [Declaration; 13] {
+    let double = |name, default, low, high, text| {
+        Declaration::new(name, P::Double(default), Range::Double(low, high), text).fixed()
+    };
+    let string =
+        |name, default: &str, text| Declaration::new(name, P::String(default.to_owned()), Range::Any, text).fixed();
+    [
         double("driver_rate_hz", 1000.0, 1.0, 10_000.0, "Driver: rate of measured_js."),
         double("max_speed_m_per_s", 0.005, 1e-6, 10.0, "Driver: largest speed."),
-        double("max_acceleration_m_per_s2", 0.05, 1e-6, 1e3, "Driver: largest acceleration."),
+        double("max_acceleration_m_per_s2", 0.5, 1e-6, 1e3, "Driver: largest acceleration and deceleration."),
+        double("max_jerk_m_per_s3", 100.0, 1e-3, 1e6, "Driver: largest jerk."),
         double("min_position_m", -0.05, -10.0, 10.0, "Driver: lowest position (above the surface is negative)."),
         double("max_position_m", 0.015, -10.0, 10.0, "Driver: highest position."),
         double("start_position_m", 0.0, -10.0, 10.0, "Driver: where it starts."),
-    ]);
-    all.extend(foreign_declarations());
-    all
+        double(
+            "command_timeout_s",
+            0.05,
+            0.0,
+            3600.0,
+            "Driver: a stream of servo_jp that is silent for longer has ceased, and the motion stops; 0: never. A command \
+             that comes alone is gone to.",
+        ),
+        string(
+            "displacement_sensor",
+            "ideal",
+            "Driver: what measures its position: ideal; or magnetostrictive, with resolution, noise and non-linearity.",
+        ),
+        string(
+            "load_cell",
+            "none",
+            "Driver: what measures the force: none; ideal; or subminiature, with range, noise, offset and drift.",
+        ),
+        string(
+            "tissue",
+            "needle_insertion",
+            "Driver: whose independent finite-element force over depth presses on the load cell: needle_insertion, \
+             indentation, compression.",
+        ),
+        Declaration::new(
+            "tissue_stiffness",
+            P::Double(1.0),
+            Range::Double(0.0, 100.0),
+            "Driver: factor on the force of the tissue. Can be changed while it runs: tissue that is not as was modelled.",
+        ),
+        double(
+            "sensor_latency_s",
+            0.0,
+            0.0,
+            1.0,
+            "Driver: readings leave so long after the moment that their stamp names.",
+        ),
+    ]
 }
 
 /// What a recording of another rig needs said.
@@ -143,14 +198,57 @@ fn nanoseconds(seconds: f64) -> Option<i64> {
     (seconds >= 0.0).then_some((seconds * 1e9) as i64)
 }
 
-pub(super) fn driver_limits(parameters: &Parameters) -> Result<DriverLimits, String> {
+/// The needle driver with its sensors.
+pub(super) fn rig(parameters: &Parameters) -> Result<Rig, String> {
+    let limits = driver_limits(parameters)?;
+    let step_s = 1.0 / parameters.double("driver_rate_hz");
+    let seed = u64::try_from(parameters.integer("seed")).unwrap_or(0);
+    let displacement = one_of(
+        parameters,
+        "displacement_sensor",
+        &[("ideal", DisplacementModel::IDEAL), ("magnetostrictive", DisplacementModel::MAGNETOSTRICTIVE)],
+    )?;
+    let cell = one_of(
+        parameters,
+        "load_cell",
+        &[("none", None), ("ideal", Some(LoadCellModel::IDEAL)), ("subminiature", Some(LoadCellModel::SUBMINIATURE))],
+    )?;
+    let tissue = one_of(parameters, "tissue", &RigScene::ALL.map(|scene| (scene.name(), scene)))?;
+    Ok(Rig {
+        driver: Driver::new(limits, step_s, parameters.double("start_position_m")),
+        displacement: DisplacementSensor::new(displacement, seed),
+        load: cell.map(|model| Load {
+            cell: LoadCell::new(model, seed),
+            tissue: tissue.curve(),
+            frame_id: parameters.string("frame_id"),
+        }),
+        joint: parameters.string("joint_name"),
+        period: std::time::Duration::from_secs_f64(step_s),
+        latency_s: parameters.double("sensor_latency_s"),
+    })
+}
+
+/// What a word stands for.
+fn one_of<T: Copy>(parameters: &Parameters, name: &str, words: &[(&str, T)]) -> Result<T, String> {
+    let given = parameters.string(name);
+    words.iter().find(|(word, _)| *word == given).map(|(_, value)| *value).ok_or_else(|| {
+        let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+        format!("{name} `{given}` must be one of {}", known.join(", "))
+    })
+}
+
+fn driver_limits(parameters: &Parameters) -> Result<DriverLimits, String> {
     let range_m = [parameters.double("min_position_m"), parameters.double("max_position_m")];
     if range_m[0] >= range_m[1] {
         return Err(format!("min_position_m {} must be below max_position_m {}", range_m[0], range_m[1]));
     }
     Ok(DriverLimits {
-        speed_m_per_s: parameters.double("max_speed_m_per_s"),
-        acceleration_m_per_s2: parameters.double("max_acceleration_m_per_s2"),
+        motion: MotionLimits {
+            speed_m_per_s: parameters.double("max_speed_m_per_s"),
+            acceleration_m_per_s2: parameters.double("max_acceleration_m_per_s2"),
+            jerk_m_per_s3: parameters.double("max_jerk_m_per_s3"),
+        },
         range_m,
+        command_timeout_s: parameters.double("command_timeout_s"),
     })
 }

@@ -28,7 +28,7 @@ use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
 use super::watchdog::Watchdog;
 use crate::bag::BagReader;
-use crate::rig::{Driver, Player};
+use crate::rig::Player;
 
 /// What reliable readers may still be missing is sent again for so long after the end of the bag.
 const LINGER: Duration = Duration::from_millis(500);
@@ -265,17 +265,15 @@ fn conclude(report: &Report) -> u8 {
 }
 
 fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
-    let limits = declared::driver_limits(parameters).map_err(NodeError::Usage)?;
+    let rig = declared::rig(parameters).map_err(NodeError::Usage)?;
     let mut participant = participant(&start, parameters)?;
-    let endpoints = driver::Endpoints::new(&mut participant)?;
+    let endpoints = driver::Endpoints::new(&mut participant, rig.load.is_some())?;
     let common = common(participant, start, parameters, None)?;
     let (stop, stopped) = crossbeam_channel::bounded(0);
     let thread = {
-        let driver = Driver::new(limits, parameters.double("start_position_m"));
-        let (joint, rate_hz) = (parameters.string("joint_name"), parameters.double("driver_rate_hz"));
-        let clock = Arc::clone(&common.clock);
+        let (parameters, clock) = (Arc::clone(parameters), Arc::clone(&common.clock));
         spawn("driver", move || {
-            let published = driver::run(driver, &endpoints, &joint, rate_hz, &clock, &stopped);
+            let published = driver::run(rig, &endpoints, &parameters, &clock, &stopped);
             tracing::info!("published {published} positions");
         })?
     };

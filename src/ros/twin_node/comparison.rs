@@ -6,9 +6,11 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
+use super::identification::Identification;
 use super::solver::Answer;
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Header;
+use crate::twin::Phase;
 
 const MAX_GAP_NANOS: i64 = 100_000_000;
 const PATIENCE: Duration = Duration::from_millis(200);
@@ -40,6 +42,7 @@ pub(super) struct Comparator {
     peak_predicted: f64,
     not_finite_nanos: Option<i64>,
     same_since: Option<(Reading, f64)>,
+    identification: Option<Identification>,
 }
 
 fn axial(force: [f64; 3], axis: [f64; 3]) -> f64 {
@@ -47,6 +50,11 @@ fn axial(force: [f64; 3], axis: [f64; 3]) -> f64 {
 }
 
 impl Comparator {
+    /// Compares, and identifies what is asked for.
+    pub fn new(identification: Option<Identification>) -> Self {
+        Self { identification, ..Self::default() }
+    }
+
     /// Takes a reading.
     pub fn measured(&mut self, stamp_nanos: i64, force_n: [f64; 3]) {
         if force_n.iter().any(|f| !f.is_finite()) {
@@ -93,13 +101,16 @@ impl Comparator {
         }
         self.tare_n = sum.map(|total| total / n);
         self.clear_statistics();
+        // With another zero, what was learnt of the offset is not true any more.
+        self.identification.iter_mut().for_each(Identification::reset);
         Ok(self.tare_n)
     }
 
     /// Forgets everything but the tare.
     pub fn reset(&mut self) {
-        let tare_n = self.tare_n;
-        *self = Self { tare_n, ..Self::default() };
+        let mut identification = self.identification.take();
+        identification.iter_mut().for_each(Identification::reset);
+        *self = Self { tare_n: self.tare_n, identification, ..Self::default() };
     }
 
     fn clear_statistics(&mut self) {
@@ -147,6 +158,10 @@ impl Comparator {
             message.max_abs_error_n = max;
         }
         message.samples = self.samples;
+        if let Some(identification) = &mut self.identification {
+            let inserted = matches!(answer.prediction.phase, Phase::Penetration | Phase::Retraction);
+            identification.take(&mut message, stamp, inserted);
+        }
         message
     }
 

@@ -2,6 +2,7 @@
 
 use ros2_client::ParameterValue as P;
 
+use super::identification;
 use crate::ros::parameters::{Declaration, Parameters, Range};
 use crate::ros::recorder;
 use crate::ros::start::common_declarations;
@@ -56,6 +57,40 @@ pub(super) fn declarations() -> Vec<Declaration> {
             1e6,
             "Readings of measured_cf at or beyond this count as saturated, N; 0: not checked.",
         ),
+        double("guard_rate_hz", 100.0, 1.0, 1000.0, "Rate of safe_to_go_on."),
+        double(
+            "guard_timeout_s",
+            0.025,
+            0.001,
+            3600.0,
+            "safe_to_go_on is false without a pose that came and was answered within this time.",
+        ),
+        double(
+            "residual_band_n",
+            0.0,
+            0.0,
+            1e6,
+            "safe_to_go_on is false unless the load cell speaks and predicted and measured force differ by less, N; \
+             beyond half of it the health is WARN. 0: the load cell is not asked.",
+        ),
+        Declaration::new(
+            "look_ahead",
+            P::Boolean(true),
+            Range::Any,
+            "Keep a double of the model, with which ~/look_ahead answers; false: save its memory.",
+        )
+        .fixed(),
+        Declaration::new(
+            "identify",
+            P::StringArray(Vec::new()),
+            Range::Any,
+            "What is identified from the load cell while the node runs, published in comparison; empty: nothing.",
+        )
+        .checked(
+            "material.shear_modulus_pa, instrument.deformation_coefficient, load_cell.offset_n",
+            identification::check,
+        )
+        .fixed(),
         string("hardware_id", "needle_twin", "hardware_id of the diagnostics."),
         Declaration::new(
             "autostart",
@@ -77,6 +112,9 @@ pub(super) struct Settings {
     pub input_timeout_s: f64,
     pub max_pose_age_s: f64,
     pub load_cell_range_n: f64,
+    pub guard_rate_hz: f64,
+    pub guard_timeout_s: f64,
+    pub residual_band_n: f64,
     pub hardware_id: String,
 }
 
@@ -89,6 +127,9 @@ impl Settings {
             input_timeout_s: parameters.double("input_timeout_s"),
             max_pose_age_s: parameters.double("max_pose_age_s"),
             load_cell_range_n: parameters.double("load_cell_range_n"),
+            guard_rate_hz: parameters.double("guard_rate_hz"),
+            guard_timeout_s: parameters.double("guard_timeout_s"),
+            residual_band_n: parameters.double("residual_band_n"),
             hardware_id: parameters.string("hardware_id"),
         }
     }

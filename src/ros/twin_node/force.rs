@@ -4,7 +4,9 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
+use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
+use super::identification::Identification;
 use super::shared::{Reject, Shared};
 use super::solver::{Answer, Event};
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
@@ -18,6 +20,7 @@ use crate::twin::Prediction;
 pub(super) struct ForceOutputs {
     pub force: Output<WrenchStamped>,
     pub comparison: Output<ForceComparison>,
+    assurance: Assurance,
 }
 
 impl ForceOutputs {
@@ -25,6 +28,7 @@ impl ForceOutputs {
         Ok(Self {
             force: participant.publisher("predicted_cf", qos::reliable(10))?,
             comparison: participant.publisher("comparison", qos::reliable(10))?,
+            assurance: Assurance::new(participant)?,
         })
     }
 
@@ -34,11 +38,23 @@ impl ForceOutputs {
 }
 
 /// Runs until the solver has ended.
-pub(super) fn run(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, events: &Receiver<Event>) {
-    let mut comparator = Comparator::default();
+pub(super) fn run(
+    outputs: &ForceOutputs,
+    frame_id: &str,
+    shared: &Shared,
+    events: &Receiver<Event>,
+    identification: Option<Identification>,
+) {
+    let mut comparator = Comparator::new(identification);
+    let mut said = Said::default();
+    let mut due = Instant::now();
     loop {
-        match events.recv_timeout(Duration::from_millis(50)) {
-            Ok(Event::Answer(answer)) => answered(outputs, frame_id, shared, &mut comparator, &answer),
+        match events.recv_deadline(due) {
+            Ok(Event::Answer(answer)) => {
+                if answered(outputs, frame_id, shared, &mut comparator, &answer) {
+                    said.pose = Some(answer.received);
+                }
+            }
             Ok(Event::Measured { stamp_nanos, force_n }) => {
                 shared.lock().measured += 1;
                 comparator.measured(stamp_nanos, force_n);
@@ -47,6 +63,7 @@ pub(super) fn run(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, event
             Ok(Event::Halted(reason)) => halted(shared, reason),
             Ok(Event::Reset(reason)) => {
                 comparator.reset();
+                said = Said::default();
                 shared.lock().reset();
                 tracing::info!("back in the undeformed state ({reason})");
             }
@@ -57,12 +74,19 @@ pub(super) fn run(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, event
             Err(RecvTimeoutError::Timeout) => {}
             Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => return,
         }
-        compare(outputs, frame_id, shared, &mut comparator);
+        compare(outputs, frame_id, shared, &mut comparator, &mut said);
+        let now = Instant::now();
+        if now >= due {
+            let period = Duration::from_secs_f64(1.0 / shared.settings().guard_rate_hz);
+            // Absolute deadlines; what was missed is skipped, not caught up.
+            due = if now - due > period { now + period } else { due + period };
+            outputs.assurance.publish(&said, shared);
+        }
     }
 }
 
 /// Nothing that is not finite leaves: every number of a prediction passes here.
-fn is_finite(prediction: &Prediction) -> bool {
+pub(super) fn is_finite(prediction: &Prediction) -> bool {
     let health = &prediction.health;
     let forces = prediction.force_n.iter().chain(&prediction.base_force_n);
     let figures = [
@@ -75,11 +99,18 @@ fn is_finite(prediction: &Prediction) -> bool {
     forces.chain(&figures).all(|v| v.is_finite())
 }
 
-fn answered(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: &mut Comparator, answer: &Answer) {
+/// Publishes an answer; false if it must not leave.
+fn answered(
+    outputs: &ForceOutputs,
+    frame_id: &str,
+    shared: &Shared,
+    comparator: &mut Comparator,
+    answer: &Answer,
+) -> bool {
     if !is_finite(&answer.prediction) {
         shared.lock().not_finite += 1;
         halted(shared, format!("the prediction at depth {:.6} m is not finite", answer.prediction.depth_m));
-        return;
+        return false;
     }
     let timeout = shared.settings().input_timeout_s;
     let late = (answer.done - answer.received).as_secs_f64() > timeout;
@@ -93,7 +124,7 @@ fn answered(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator:
         withheld
     };
     if withheld {
-        return;
+        return false;
     }
     outputs.force.send(WrenchStamped {
         header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
@@ -101,6 +132,7 @@ fn answered(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator:
     });
     shared.lock().total.record(Instant::now() - answer.received);
     comparator.predicted(*answer);
+    true
 }
 
 fn refused(shared: &Shared, depth_m: f64, reason: String) {
@@ -121,13 +153,15 @@ fn halted(shared: &Shared, reason: String) {
     shared.lock().halted = Some(reason);
 }
 
-fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: &mut Comparator) {
+fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: &mut Comparator, said: &mut Said) {
     let range_n = shared.settings().load_cell_range_n;
     while let Some(message) = comparator.next(frame_id, range_n) {
+        said.compared(&message);
         {
             let mut live = shared.lock();
             live.load_cell = Some(message.load_cell);
             live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
+            live.identified(&message);
         }
         if outputs.comparison.is_wanted() {
             outputs.comparison.send(message);

@@ -6,6 +6,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use super::look_ahead::Double;
 use super::tissue::Snapshot;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::twin::Pose;
@@ -34,6 +35,10 @@ pub(super) struct PoseInput {
 pub(super) enum Work {
     Pose(PoseInput),
     Snapshot(Box<Snapshot>),
+    /// Send the double out with the present state.
+    LookAhead,
+    /// It is back.
+    Back(Box<Double>),
     Reset(&'static str),
     /// Build the twin.
     Build,
@@ -55,13 +60,16 @@ pub(super) struct Handoff {
 struct State {
     pose: Option<PoseInput>,
     snapshot: Option<Box<Snapshot>>,
+    look_ahead: bool,
+    back: Option<Box<Double>>,
     reset: Option<&'static str>,
     build: bool,
     discard: bool,
     stop: bool,
     answering: bool,
     missed: bool,
-    snapshot_turn: bool,
+    /// A pose was answered since the last wish was fulfilled.
+    wish_turn: bool,
 }
 
 /// See the module.
@@ -89,6 +97,18 @@ impl Inbox {
     /// Asks for the tissue's present state; false while an earlier wish is still open.
     pub fn put_snapshot(&self, snapshot: Box<Snapshot>) {
         self.lock().snapshot = Some(snapshot);
+        self.wake.notify_one();
+    }
+
+    /// Asks for the double with the tissue's present state.
+    pub fn look_ahead(&self) {
+        self.lock().look_ahead = true;
+        self.wake.notify_one();
+    }
+
+    /// Gives the double back.
+    pub fn give_back(&self, double: Box<Double>) {
+        self.lock().back = Some(double);
         self.wake.notify_one();
     }
 
@@ -121,7 +141,7 @@ impl Inbox {
         self.wake.notify_one();
     }
 
-    /// Waits for work. A wish for a snapshot waits for one pose at most.
+    /// Waits for work. A wish for a snapshot or a look ahead waits for two poses at most.
     pub fn next(&self) -> Work {
         let mut state = self.lock();
         state.answering = false;
@@ -139,16 +159,20 @@ impl Inbox {
             if let Some(reason) = state.reset.take() {
                 return Work::Reset(reason);
             }
-            let snapshot_first = state.snapshot_turn;
-            state.snapshot_turn = false;
-            if (snapshot_first || state.pose.is_none())
-                && let Some(snapshot) = state.snapshot.take()
-            {
-                return Work::Snapshot(snapshot);
+            if let Some(double) = state.back.take() {
+                return Work::Back(double);
+            }
+            if std::mem::take(&mut state.wish_turn) || state.pose.is_none() {
+                if std::mem::take(&mut state.look_ahead) {
+                    return Work::LookAhead;
+                }
+                if let Some(snapshot) = state.snapshot.take() {
+                    return Work::Snapshot(snapshot);
+                }
             }
             if let Some(pose) = state.pose.take() {
                 state.answering = true;
-                state.snapshot_turn = true;
+                state.wish_turn = true;
                 return Work::Pose(pose);
             }
             state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);

@@ -3,18 +3,22 @@
 //! ```text
 //! input thread ──newest pose──► solver thread ──answers──► force thread ──► predicted_cf, comparison
 //!                                    │
-//!                                    └──snapshots──► tissue thread ──► tissue_state, tissue_points, ...
+//!                                    ├──snapshots──► tissue thread ──► tissue_state, tissue_points, ...
+//!                                    └──a double───► look-ahead thread ──► answers of ~/look_ahead
 //! housekeeping thread: services, discovery, status, diagnostics, rosout        main thread: signals
 //! ```
 //! The solver thread touches no socket and waits for nobody; a slow subscriber can only slow the thread that publishes
 //! to it.
 
+mod assurance;
 mod comparison;
 mod declared;
 mod force;
 mod housekeeping;
+mod identification;
 mod inbox;
 mod inputs;
+mod look_ahead;
 mod shared;
 mod solver;
 mod status;
@@ -29,9 +33,12 @@ use clap::Parser;
 use self::declared::Settings;
 use self::force::ForceOutputs;
 use self::housekeeping::Housekeeping;
+use self::identification::Identification;
 use self::inbox::Inbox;
 use self::inputs::Inputs;
+use self::look_ahead::LookAhead;
 use self::shared::Shared;
+use self::solver::Outlets;
 use self::supervisor::Supervisor;
 use self::tissue::TissueOutputs;
 use super::arguments::ParameterOverride;
@@ -136,6 +143,7 @@ struct Node {
     inputs: Inputs,
     force: ForceOutputs,
     tissue: TissueOutputs,
+    look_ahead: LookAhead,
     housekeeping: Housekeeping,
     shared: Arc<Shared>,
 }
@@ -154,13 +162,14 @@ impl Node {
         let inputs = Inputs::new(&mut participant)?;
         let force = ForceOutputs::new(&mut participant)?;
         let tissue = TissueOutputs::new(&mut participant)?;
+        let look_ahead = participant.server("~/look_ahead", "needle_twin", "LookAhead")?;
         let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes())?;
         for unused in participant.unused_qos_overrides() {
             tracing::warn!("`{unused}` names no topic of this node");
         }
         start.announce(mapping);
         let recording = participant.start_recording()?;
-        Ok(Self { recording, participant, inputs, force, tissue, housekeeping, shared })
+        Ok(Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared })
     }
 
     // One thread after the other is wired up, started and, in the order that a clean leave needs, joined: cut into
@@ -168,10 +177,13 @@ impl Node {
     fn run(self, start: Start, scene: Scene, parameters: Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
         let frame_id = parameters.string("frame_id");
         set_threads(parameters.integer("threads"))?;
-        let Self { recording, participant, inputs, force, tissue, housekeeping, shared } = self;
+        let identification = Identification::new(&scene, &parameters.strings("identify"))?;
+        let Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared } = self;
+        let doubles = parameters.boolean("look_ahead");
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
         let (event_sender, events) = crossbeam_channel::bounded(EVENTS);
         let (snapshot_sender, snapshots) = crossbeam_channel::bounded(2);
+        let (departure_sender, departures) = crossbeam_channel::bounded(2);
         let (built_sender, built) = crossbeam_channel::bounded(1);
         let (model_sender, models) = crossbeam_channel::bounded(1);
         let (stop_inputs, inputs_stopped) = smol::channel::bounded(1);
@@ -199,20 +211,31 @@ impl Node {
             tissue_thread: None,
         };
         let solver = {
-            let (inbox, events) = (Arc::clone(&inbox), event_sender.clone());
-            spawn("solver", move || solver::run(&scene, &inbox, &built_sender, &events, &snapshot_sender))?
+            let inbox = Arc::clone(&inbox);
+            let outlets = Outlets {
+                built: built_sender,
+                events: event_sender.clone(),
+                snapshots: snapshot_sender,
+                departures: departure_sender,
+            };
+            spawn("solver", move || solver::run(&scene, doubles, &inbox, &outlets))?
+        };
+        let look_ahead = {
+            let (inbox, frame, stopped) = (Arc::clone(&inbox), frame_id.clone(), inputs_stopped.clone());
+            spawn("look-ahead", move || look_ahead::run(&look_ahead, &frame, &inbox, &departures, &stopped))?
         };
         let input = {
             let (shared, inbox, frame) = (Arc::clone(&shared), Arc::clone(&inbox), frame_id.clone());
             spawn("input", move || inputs::run(&inputs, &frame, &shared, &inbox, &event_sender, &inputs_stopped))?
         };
-        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events))?;
+        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification))?;
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
         let outcome = supervisor.run(signals, [&solver, &force]);
         // Inputs first, so that nothing new comes while the others finish.
         drop(stop_inputs);
         join(input);
+        join(look_ahead);
         inbox.stop();
         [Some(solver), Some(force), supervisor.tissue_thread.take()].into_iter().flatten().for_each(join);
         drop(stop_housekeeping);

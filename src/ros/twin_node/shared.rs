@@ -12,6 +12,7 @@ use super::inbox::Handoff;
 use super::solver::Answer;
 use crate::ros::clock::NodeClock;
 use crate::ros::lifecycle::State;
+use crate::ros::messages::needle_twin::ForceComparison;
 use crate::twin::Event;
 
 /// Why a pose was not taken.
@@ -114,10 +115,22 @@ pub(super) struct Live {
     pub load_cell: Option<u8>,
     pub residual: Option<(f64, f64, f64)>,
     pub measured: u64,
+    pub identified: Option<Identified>,
     pub window: Window,
     pub last_window: Window,
     window_begun: Option<Instant>,
     last_stamp_nanos: Option<i64>,
+}
+
+/// What the identification knows, for people.
+#[derive(Clone, Debug)]
+pub(super) struct Identified {
+    /// One of the `IDENTIFICATION_` constants.
+    pub state: u8,
+    /// Why it is frozen.
+    pub reason: String,
+    /// Name, value and standard error of each parameter.
+    pub values: Vec<(String, f64, f64)>,
 }
 
 /// When the last pose came: wall time, and node time in ns.
@@ -177,6 +190,16 @@ impl Live {
             self.window.input_s += (stamp - before).max(0) as f64 * 1e-9;
         }
         self.last = Some(*answer);
+    }
+
+    /// Notes what a comparison says of the identification.
+    pub fn identified(&mut self, message: &ForceComparison) {
+        let both = message.identified_values.iter().zip(&message.identified_standard_errors);
+        self.identified = (message.identification != ForceComparison::IDENTIFICATION_OFF).then(|| Identified {
+            state: message.identification,
+            reason: message.identification_reason.clone(),
+            values: message.identified_names.iter().cloned().zip(both).map(|(n, (v, e))| (n, *v, *e)).collect(),
+        });
     }
 
     /// Everything from zero, but for what belongs to the node and not to the run.

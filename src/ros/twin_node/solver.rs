@@ -6,6 +6,7 @@ use std::time::Instant;
 use crossbeam_channel::{Sender, TrySendError};
 
 use super::inbox::{Inbox, PoseInput, Where, Work};
+use super::look_ahead::{Departure, Double};
 use super::tissue::{Model, Snapshot};
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::scene::Scene;
@@ -49,19 +50,24 @@ pub(super) static LOST_ANSWERS: AtomicU64 = AtomicU64::new(0);
 /// The model is ready, or can't be built.
 pub(super) type Built = Result<Box<Model>, String>;
 
-/// Builds the twin when asked to, and answers until told to stop.
-pub(super) fn run(
-    scene: &Scene,
-    inbox: &Inbox,
-    built: &Sender<Built>,
-    events: &Sender<Event>,
-    snapshots: &Sender<Box<Snapshot>>,
-) {
+/// Whom the thread tells what.
+pub(super) struct Outlets {
+    pub built: Sender<Built>,
+    pub events: Sender<Event>,
+    pub snapshots: Sender<Box<Snapshot>>,
+    pub departures: Sender<Departure>,
+}
+
+/// Builds the twin when asked to, with a double if it is to `look_ahead`, and answers until told to stop.
+pub(super) fn run(scene: &Scene, look_ahead: bool, inbox: &Inbox, outlets: &Outlets) {
+    let Outlets { built, events, snapshots, departures } = outlets;
     let mut solver: Option<Solver> = None;
+    let mut generation = 0;
     loop {
         match (inbox.next(), &mut solver) {
             (Work::Build, _) => {
-                let outcome = Solver::build(scene).map(|(ready, model)| {
+                generation += 1;
+                let outcome = Solver::build(scene, look_ahead.then_some(generation)).map(|(ready, model)| {
                     solver = Some(ready);
                     Box::new(model)
                 });
@@ -73,6 +79,16 @@ pub(super) fn run(
             (Work::Stop, _) => {
                 send(events, Event::Stop);
                 return;
+            }
+            // The double of a model that has gone goes after it.
+            (Work::Back(double), Some(solver)) if double.generation == generation => solver.double = Some(double),
+            (Work::Back(double), _) => drop(double),
+            (Work::LookAhead, Some(solver)) => {
+                // Fails only when the look-ahead thread has ended.
+                let _ = departures.send(solver.depart());
+            }
+            (Work::LookAhead, None) => {
+                let _ = departures.send(Err("there is no model yet: wait until the node is active"));
             }
             (work, Some(solver)) => solver.take(work, events, snapshots),
             // Nobody asks for a snapshot of a twin that is not there, and poses are not let in.
@@ -91,6 +107,10 @@ struct Solver {
     halted: bool,
     /// Wall time of one explicit step of late, s.
     step_s: f64,
+    /// The last pose that was answered.
+    pose: Option<StampedPose>,
+    /// At home, unless somebody looks ahead with it.
+    double: Option<Box<Double>>,
 }
 
 /// Wall time that one pose may cost, s: an answer older than this is of no use to a driver, so a twin that can't keep
@@ -98,14 +118,18 @@ struct Solver {
 const ANSWER_BUDGET_S: f64 = 0.010;
 
 impl Solver {
-    fn build(scene: &Scene) -> Result<(Self, Model), String> {
+    fn build(scene: &Scene, double: Option<u64>) -> Result<(Self, Model), String> {
         let begun = Instant::now();
         let twin = Twin::new(scene).map_err(|error| error.to_string())?;
         twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
         tracing::info!("the model is {}: {}", twin.dimension().as_str(), twin.dimension_because());
         let model = Model::of(&twin, begun.elapsed());
+        let stamp = Time::default();
+        let double = double.map(|generation| {
+            Box::new(Double { twin: twin.double(), from: None, stamp, depth_m: 0.0, step_s: 0.0, generation })
+        });
         let solver =
-            Self { twin, origin_nanos: None, stamp: Time::default(), depth_m: 0.0, halted: false, step_s: 0.0 };
+            Self { twin, origin_nanos: None, stamp, depth_m: 0.0, halted: false, step_s: 0.0, pose: None, double };
         Ok((solver, model))
     }
 
@@ -130,11 +154,26 @@ impl Solver {
                 self.origin_nanos = None;
                 self.halted = false;
                 self.depth_m = 0.0;
+                self.pose = None;
                 send(events, Event::Reset(reason));
             }
             // Of the thread, not of a twin.
-            Work::Build | Work::Discard | Work::Stop => {}
+            Work::Build | Work::Discard | Work::Stop | Work::LookAhead | Work::Back(_) => {}
         }
+    }
+
+    /// Sends the double out with the present state. Copies, allocates nothing.
+    fn depart(&mut self) -> Departure {
+        if self.halted {
+            return Err("the solution is lost: retract the instrument and call ~/reset");
+        }
+        let Some(mut double) = self.double.take() else {
+            return Err("looking ahead is off: start the node with -p look_ahead:=true");
+        };
+        double.twin.take_over(&self.twin);
+        (double.from, double.stamp, double.depth_m) = (self.pose, self.stamp, self.depth_m);
+        double.step_s = self.step_s;
+        Ok(double)
     }
 
     fn depth(&self, input: &PoseInput) -> f64 {
@@ -153,7 +192,8 @@ impl Solver {
             Where::Pose(pose) => pose,
         };
         let begun = Instant::now();
-        let outcome = self.twin.step(StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose });
+        let stamped = StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose };
+        let outcome = self.twin.step(stamped);
         let done = Instant::now();
         if let Ok(prediction) = &outcome
             && prediction.steps > 0
@@ -167,6 +207,7 @@ impl Solver {
             Ok(prediction) => {
                 self.stamp = input.stamp;
                 self.depth_m = prediction.depth_m;
+                self.pose = Some(stamped);
                 Event::Answer(Answer {
                     stamp: input.stamp,
                     received: input.received,

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::declared::Settings;
-use super::shared::{Live, Shared};
+use super::shared::{Identified, Live, Shared};
 use super::solver::LOST_ANSWERS;
 use super::tissue::Model;
 use crate::ros::clock::NodeClock;
@@ -91,6 +91,27 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
     }
     if let Some(reason) = load_cell_problem(live) {
         judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());
+    }
+    if let Some((residual_n, ..)) = live.residual
+        && settings.residual_band_n > 0.0
+        && residual_n.abs() > 0.5 * settings.residual_band_n
+    {
+        let band = settings.residual_band_n;
+        judgement.add(
+            TwinStatus::HEALTH_WARN,
+            format!(
+                "predicted and measured force differ by {residual_n:.4} N, more than half of residual_band_n ({band} N): \
+                 the tissue is not as modelled, or the load cell is not tared"
+            ),
+        );
+    }
+    if let Some(reason) = live.identified.as_ref().map(|i| i.reason.as_str()).filter(|reason| !reason.is_empty()) {
+        judgement.add(
+            TwinStatus::HEALTH_WARN,
+            format!(
+                "identification has stopped: {reason}. It goes on when the residual is right again, or after ~/reset"
+            ),
+        );
     }
     if around.failed_outputs > 0 {
         let failed = around.failed_outputs;
@@ -211,7 +232,7 @@ pub(super) fn diagnostics(
     };
     let message = if judgement.reasons.is_empty() { "OK".to_owned() } else { judgement.reasons.join("; ") };
     let cell = load_cell_problem(&live);
-    let status = vec![
+    let mut status = vec![
         one("prediction", level, message, prediction_values(&live, model)),
         one("input", input_level(&live, shared, &settings, around), input_message(&live, wishes), input_values(&live)),
         one(
@@ -221,6 +242,11 @@ pub(super) fn diagnostics(
             load_cell_values(&live),
         ),
     ];
+    if let Some(identified) = &live.identified {
+        let frozen = identified.state == ForceComparison::IDENTIFICATION_FROZEN;
+        let level = if frozen { DiagnosticStatus::WARN } else { DiagnosticStatus::OK };
+        status.push(one("identification", level, identification_message(identified), identified_values(identified)));
+    }
     drop(live);
     DiagnosticArray { header: Header { stamp: shared.clock.stamp(), frame_id: String::new() }, status }
 }
@@ -310,6 +336,21 @@ fn load_cell_values(live: &Live) -> Vec<KeyValue> {
         values.push(value("largest error (N)", format!("{max:.6}")));
     }
     values
+}
+
+fn identification_message(identified: &Identified) -> String {
+    match identified.state {
+        ForceComparison::IDENTIFICATION_FROZEN => format!("stopped: {}", identified.reason),
+        ForceComparison::IDENTIFICATION_CONVERGED => "OK".to_owned(),
+        _ => "learning".to_owned(),
+    }
+}
+
+fn identified_values(identified: &Identified) -> Vec<KeyValue> {
+    let both = |(name, v, e): &(String, f64, f64)| {
+        [value(name, format!("{v:.6}")), value(&format!("{name}: standard error"), format!("{e:.6}"))]
+    };
+    identified.values.iter().flat_map(both).collect()
 }
 
 /// What the node waits for, if it waits: topics, types, QoS and how many publish there.

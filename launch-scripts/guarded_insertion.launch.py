@@ -1,0 +1,47 @@
+"""Needle driver, twin and guard: inserts the needle under the twin's eyes, and stops when in doubt."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    share = FindPackageShare("needle_twin")
+    namespace = LaunchConfiguration("namespace")
+    return LaunchDescription([
+        DeclareLaunchArgument("namespace", default_value=""),
+        DeclareLaunchArgument(
+            "twin_params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
+        ),
+        DeclareLaunchArgument(
+            "guard_params_file", default_value=PathJoinSubstitution([share, "parameters", "guard.yaml"])
+        ),
+        Node(
+            package="needle_twin",
+            executable="twin_node",
+            name="twin",
+            namespace=namespace,
+            output="screen",
+            parameters=[LaunchConfiguration("twin_params_file")],
+        ),
+        # Your own driver takes the place of this node.
+        Node(
+            package="needle_twin",
+            executable="rig_node",
+            name="rig",
+            namespace=namespace,
+            output="screen",
+            parameters=[PathJoinSubstitution([share, "parameters", "rig_driver.yaml"])],
+        ),
+        Node(
+            package="needle_twin",
+            executable="needle_twin",
+            arguments=["guard"],
+            name="guard",
+            namespace=namespace,
+            output="screen",
+            parameters=[LaunchConfiguration("guard_params_file")],
+        ),
+    ])

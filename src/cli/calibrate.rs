@@ -1,0 +1,305 @@
+//! `needle_twin calibrate`: values of scene keys from a recording, with their uncertainty.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::options::{SetOptions, ThreadOptions};
+use super::output::OutputFolder;
+use super::progress::Progress;
+use super::replay::{DEFAULT_SCENE, TopicOptions, foreign_frames};
+use super::{CliError, Outcome, print, scene_file, warn};
+use crate::bag::Recording;
+use crate::compare::uncertainty::FORCE_ERROR;
+use crate::compare::{Answer, ForceSeries, Watch};
+use crate::report;
+use crate::scene::Scene;
+use crate::study::calibrate::{self, Calibration, Estimate, HoldOut, LoadCell, Prediction, Task, Wanted, calibrate};
+
+/// Find the values of scene keys with which the twin's force comes nearest to the recorded one, and say how sure they are
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// rosbag2 folder or .mcap file
+    bag: PathBuf,
+
+    /// Key to find, with bounds where the key's own range is too wide: material.shear_modulus_pa or
+    /// instrument.deformation_coefficient=0.2..0.8 (may be repeated; the search begins at the scene's value)
+    #[arg(long, value_name = "KEY[=LOW..HIGH]", required = true, num_args = 1.., value_parser = wanted, help_heading = "Fit")]
+    fit: Vec<Wanted>,
+
+    /// What of the load cell is estimated alongside
+    #[arg(long, value_enum, default_value_t = Cell::Drift, help_heading = "Fit")]
+    load_cell: Cell,
+
+    /// Standard uncertainty of the force's size that no number of readings removes (discretisation, straightness of the load
+    /// cell), as a share of it; part of every standard error
+    #[arg(long, value_name = "SHARE", default_value_t = FORCE_ERROR, value_parser = share, help_heading = "Fit")]
+    force_error: f64,
+
+    /// Part of the recording that is not fitted
+    #[arg(long, value_enum, default_value_t = Held::None, help_heading = "Fit")]
+    hold_out: Held,
+
+    /// Another bag to predict with the values found, in the scene that it names
+    #[arg(long, value_name = "BAG", help_heading = "Fit")]
+    predict: Option<PathBuf>,
+
+    /// Preset or scene file [default: the one that the bag names, needle_insertion if it names none]
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
+    scene: Option<String>,
+
+    #[command(flatten)]
+    set: SetOptions,
+
+    #[command(flatten)]
+    topics: TopicOptions,
+
+    #[command(flatten)]
+    threads: ThreadOptions,
+
+    /// Write calibration.json, calibration.csv, calibration.png and .svg, and scene.toml with the values found into this
+    /// folder
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    out: Option<PathBuf>,
+
+    /// Print the result as JSON instead of a summary
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Cell {
+    /// Its reading without load and how that drifts
+    Drift,
+    /// Its reading without load
+    Offset,
+    /// Nothing: it is taken at its word
+    Exact,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Held {
+    /// Nothing: all of it is fitted
+    None,
+    /// The way out
+    Retraction,
+    /// The second half of the insertion, which is then predicted
+    Half,
+}
+
+fn wanted(text: &str) -> Result<Wanted, String> {
+    let Some((key, bounds)) = text.split_once('=') else {
+        return Ok(Wanted { key: text.trim().to_owned(), bounds: None });
+    };
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+    let both = bounds.split_once("..").and_then(|(low, high)| Some([number(low)?, number(high)?]));
+    let bounds = both.ok_or_else(|| "bounds are two numbers, as in KEY=0.2..0.8".to_owned())?;
+    Ok(Wanted { key: key.trim().to_owned(), bounds: Some(bounds) })
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|x| (0.0..1.0).contains(x));
+    number.ok_or_else(|| "a share from 0 to 1, as 0.01 for 1 %".to_owned())
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
+    refuse_repeats(&arguments.fit)?;
+    let recording = Recording::load(&arguments.bag, &arguments.topics.names())?;
+    let name = arguments.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
+    let scene = arguments.set.apply(&scene_file::load(name)?, [])?;
+    let other = arguments.predict.as_deref().map(|bag| other(arguments, bag, name)).transpose()?;
+    let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
+    let work = || found(arguments, &scene, &recording, other.as_ref());
+    let (calibration, prediction) = arguments.threads.install(work)??;
+    let json = report::calibration_json(&calibration, &recording.source, prediction.as_ref());
+    let files = match &folder {
+        Some(folder) => {
+            let scene = scene_toml(&calibration, &recording.source);
+            report::write_calibration(&folder.path, &calibration, &recording.source, &json, &scene)?
+        }
+        None => Vec::new(),
+    };
+    remarks(&calibration).iter().for_each(|remark| warn(remark));
+    recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    print(&if arguments.json { json } else { summary(&calibration, prediction.as_ref(), &recording.source, &files) })?;
+    Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+}
+
+fn refuse_repeats(fit: &[Wanted]) -> Result<(), CliError> {
+    let twice = fit.iter().enumerate().find(|(i, w)| fit[..*i].iter().any(|before| before.key == w.key));
+    twice.map_or(Ok(()), |(_, wanted)| {
+        let reason = "it is named twice; name it once".to_owned();
+        Err(calibrate::CalibrateError::Key { key: wanted.key.clone(), reason }.into())
+    })
+}
+
+/// The other bag with the scene that it names, or else the fitted one's.
+fn other(arguments: &Arguments, bag: &Path, fitted: &str) -> Result<(Recording, Scene), CliError> {
+    let recording = Recording::load(bag, &arguments.topics.names())?;
+    let scene = scene_file::load(recording.scene.as_deref().unwrap_or(fitted))?;
+    Ok((recording, scene))
+}
+
+fn found(
+    arguments: &Arguments,
+    scene: &Scene,
+    recording: &Recording,
+    other: Option<&(Recording, Scene)>,
+) -> Result<(Calibration, Option<Prediction>), CliError> {
+    let progress = Progress::preparing("building the model");
+    let readings = arguments.topics.readings(recording);
+    for warning in recording.warnings.iter().chain(&foreign_frames(recording, &readings)) {
+        progress.warn(warning);
+    }
+    let measured = series(recording);
+    let task = Task {
+        scene,
+        readings: &readings,
+        measured: &measured,
+        wanted: &arguments.fit,
+        load_cell: match arguments.load_cell {
+            Cell::Drift => LoadCell::Drift,
+            Cell::Offset => LoadCell::Offset,
+            Cell::Exact => LoadCell::Exact,
+        },
+        force_error: arguments.force_error,
+        part: match arguments.hold_out {
+            Held::None => HoldOut::Nothing,
+            Held::Retraction => HoldOut::Retraction,
+            Held::Half => HoldOut::Half,
+        },
+    };
+    let mut stop = Stop(&progress);
+    let calibration = calibrate(&task, &mut stop, &mut |what| progress.say(what))?;
+    let prediction = other.map(|(recording, scene)| {
+        progress.say("predicting the other bag");
+        let readings = arguments.topics.readings(recording);
+        calibrate::predict(&calibration, scene, &readings, &series(recording), &recording.source, &mut stop)
+    });
+    let prediction = prediction.transpose()?;
+    progress.finish();
+    Ok((calibration, prediction))
+}
+
+fn series(recording: &Recording) -> ForceSeries {
+    ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect())
+}
+
+/// Ends with Ctrl-C; what it does in between is said by run, not by pose.
+struct Stop<'a>(&'a Progress);
+
+impl Watch for Stop<'_> {
+    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        self.0.stop()
+    }
+}
+
+/// What the user must know before believing the numbers.
+fn remarks(calibration: &Calibration) -> Vec<String> {
+    let mut remarks = Vec::new();
+    for group in &calibration.indistinguishable {
+        remarks.push(format!(
+            "the data can't tell apart: {}. Their values and errors mean little: fit fewer of them, or fix one by --set from \
+             another test",
+            group.join(", ")
+        ));
+    }
+    for e in &calibration.estimates[..calibration.keys] {
+        if !e.has_effect {
+            remarks.push(format!("{} does not change the force of this recording: its value means nothing", e.name));
+        } else if e.at_bound() {
+            remarks.push(format!("{} ended at its bound {}: give other bounds, or doubt the model", e.name, e.value));
+        }
+    }
+    if !calibration.converged {
+        remarks.push(format!("the search ran out of steps after {}: start nearer with --set", calibration.iterations));
+    }
+    remarks
+}
+
+/// The scene file, with what was found above it.
+fn scene_toml(calibration: &Calibration, source: &str) -> String {
+    let mut text = format!("# Written by `needle_twin calibrate` from {source}.\n");
+    for e in &calibration.estimates {
+        let _ = writeln!(text, "# {}", line(e)); // writing to a String can't fail
+    }
+    let _ = writeln!(text, "# Root mean square of the residual {:.6} N.\n", calibration.rmse_n());
+    text + &calibration.scene.to_toml()
+}
+
+/// Value, standard error and where they come from.
+fn line(e: &Estimate) -> String {
+    let Some((error, [low, high])) = e.standard_error().zip(e.interval_95()) else {
+        return format!("{} = {:.6}, not determined by the data", e.name, e.value);
+    };
+    let share = |part: Option<f64>| part.unwrap_or(0.0);
+    format!(
+        "{} = {} ± {} (noise {}, systematic {}); 95 % within {} to {}",
+        e.name,
+        short(e.value, error),
+        short(error, error),
+        short(share(e.noise_error), error),
+        short(share(e.systematic_error), error),
+        short(low, error),
+        short(high, error),
+    )
+}
+
+/// As many decimals as show the error with two figures.
+fn short(value: f64, error: f64) -> String {
+    let decimals = (1.0 - error.log10().floor()).clamp(0.0, 12.0) as usize;
+    if error > 0.0 { format!("{value:.decimals$}") } else { format!("{value:.6}") }
+}
+
+fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &str, files: &[PathBuf]) -> String {
+    let mut lines = vec![("scene", format!("{}, {source}", calibration.scene.name))];
+    let (keys, cell) = calibration.estimates.split_at(calibration.keys);
+    lines.extend(keys.iter().map(|e| ("fit", line(e))));
+    lines.extend(cell.iter().map(|e| ("alongside", line(e))));
+    let tied = calibration.tied.iter();
+    lines.extend(tied.map(|(key, other)| ("tied", format!("{key} = {other}, as the scene had them equal"))));
+    for (a, b) in (0..keys.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
+        if let Some(correlation) = calibration.correlation[a][b] {
+            lines.push(("related", format!("{} and {}: correlation {correlation:.4}", keys[b].name, keys[a].name)));
+        }
+    }
+    let readings = calibration.parts.fitted.len();
+    let spikes = match calibration.left_out {
+        0 => String::new(),
+        n => format!(" (spikes among them, which were not fitted: {n})"),
+    };
+    lines.push(("residual", format!("rmse {:.6} N over {readings} readings{spikes}", calibration.rmse_n())));
+    if let (Some(held), Some(rmse)) = (&calibration.parts.held_out, calibration.held_out_rmse_n()) {
+        lines.push(("held out", format!("rmse {rmse:.6} N over {} readings that were not fitted", held.len())));
+    }
+    if let Some(p) = prediction {
+        let share = |rmse: f64| if p.peak_n > 0.0 { 100.0 * rmse / p.peak_n } else { 0.0 };
+        lines.push((
+            "predicted",
+            format!(
+                "{}: rmse {:.6} N ({:.2} % of the peak), {:.6} N ({:.2} %) with the scene's own values",
+                p.source,
+                p.rmse_n,
+                share(p.rmse_n),
+                p.rmse_before_n,
+                share(p.rmse_before_n)
+            ),
+        ));
+        if !p.left.is_empty() {
+            lines.push(("", format!("scene {} has no {}", p.scene, p.left.join(", "))));
+        }
+    }
+    lines.push(("search", format!("{} steps, {} runs of the twin", calibration.iterations, calibration.runs)));
+    if let Some(folder) = files.first().and_then(|f| f.parent()) {
+        let names: Vec<_> = files.iter().filter_map(|f| f.file_name()).map(|n| n.to_string_lossy()).collect();
+        lines.push(("files", format!("{}: {}", folder.display(), names.join(", "))));
+    }
+    let mut out = String::new();
+    for (label, text) in lines {
+        let _ = writeln!(out, "{label:>9}  {text}"); // writing to a String can't fail
+    }
+    out
+}

@@ -1,0 +1,260 @@
+//! A guard that inserts a needle and would rather stop: the controller between the twin and a needle driver.
+//!
+//! Every tick it looks at what it has heard and how long ago, and says where the needle shall be next:
+//!
+//! ```text
+//! waiting ──all is well──► moving ──at the goal, at rest──► arrived (and goes on following the goal)
+//!    ▲                       │  trouble
+//!    └── resume ── stopped ◄─┘  brakes at once, then holds
+//! ```
+//! It slows down before it stops: the speed falls in proportion to what is missing to the force limit, from
+//! [`SLOWS_AT`] of it on, and to a share of itself while the twin warns.
+//!
+//! The goal is a depth, or the depth of a target that moves with the tissue; the motion there is a [`Trajectory`], so a
+//! goal that moves is followed without passing it. No sockets and no clocks: times come in as ages.
+
+use std::fmt;
+
+use crate::rig::{MotionLimits, Trajectory};
+
+/// Share of the force limit from which the speed falls, to nothing at the limit.
+pub const SLOWS_AT: f64 = 0.8;
+/// Share of the force limit at which the guard stops for good: the rest is for what the braking adds.
+pub const STOPS_AT: f64 = 0.97;
+
+/// What the guard is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orders {
+    /// Limits of the motion; they must not be above those of the driver.
+    pub motion: MotionLimits,
+    /// Time between two ticks, s.
+    pub step_s: f64,
+    /// Largest force against the insertion, N.
+    pub force_limit_n: f64,
+    /// What is older is not known any more, s.
+    pub timeout_s: f64,
+    /// The same for a target, which comes at a lower rate, s.
+    pub target_timeout_s: f64,
+    /// Distance to the goal that counts as arrived, m.
+    pub tolerance_m: f64,
+    /// Time at the goal that counts as arrived, s.
+    pub dwell_s: f64,
+    /// Distance between setpoint and measured position at which the driver does not follow, m.
+    pub following_error_m: f64,
+    /// Share of the speed while the twin warns.
+    pub slow_factor: f64,
+    /// After a stop, go on by itself when all has been well for so long, s; 0: never.
+    pub resume_after_s: f64,
+}
+
+/// A value and how long ago it came, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heard<T> {
+    /// The value.
+    pub value: T,
+    /// s
+    pub age_s: f64,
+}
+
+/// What the guard has heard; `None`: never.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sight {
+    /// Measured depth, m.
+    pub depth_m: Option<Heard<f64>>,
+    /// Predicted force against the insertion, N.
+    pub force_n: Option<Heard<f64>>,
+    /// Whether the twin vouches for it.
+    pub safe: Option<Heard<bool>>,
+    /// Whether the twin warns.
+    pub warned: bool,
+    /// Depth to go to, m.
+    pub goal_m: Option<Heard<f64>>,
+    /// Whether the goal is a target of the twin, which grows old.
+    pub goal_moves: bool,
+}
+
+/// Why the needle must not move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Trouble {
+    /// No position for too long.
+    PositionLost,
+    /// No prediction for too long.
+    PredictionLost,
+    /// The twin says that it is not safe, or nothing.
+    NotVouched,
+    /// No target for too long.
+    TargetLost,
+    /// The predicted force, N.
+    ForceLimit(f64),
+    /// The driver is not where it was told to be, by so much, m.
+    NotFollowing(f64),
+}
+
+impl fmt::Display for Trouble {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::PositionLost => write!(f, "measured_js is silent: is the sensor's cable connected?"),
+            Self::PredictionLost => write!(f, "predicted_cf is silent: does the twin run?"),
+            Self::NotVouched => write!(f, "the twin does not vouch for its prediction (see its status)"),
+            Self::TargetLost => write!(f, "targets is silent or has no such target"),
+            Self::ForceLimit(force) => write!(f, "the predicted force, {force:.4} N, is at the limit"),
+            Self::NotFollowing(gap) => write!(f, "the driver is {gap:.6} m away from where it was told to be"),
+        }
+    }
+}
+
+/// What the guard is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Phase {
+    /// Until everything has been heard and is well. It says nothing to the driver.
+    Waiting(Option<Trouble>),
+    /// On the way.
+    Moving,
+    /// At the goal, and following it.
+    Arrived,
+    /// Braking or at rest, until it is told to go on.
+    Stopped(Trouble),
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Guard {
+    orders: Orders,
+    phase: Phase,
+    trajectory: Trajectory,
+    /// Time at the goal, s.
+    at_goal_s: f64,
+    /// Time without trouble after a stop, s.
+    well_s: f64,
+}
+
+impl Guard {
+    /// A guard that waits.
+    #[must_use]
+    pub fn new(orders: Orders) -> Self {
+        Self {
+            orders,
+            phase: Phase::Waiting(None),
+            trajectory: Trajectory::new(orders.motion, orders.step_s, 0.0),
+            at_goal_s: 0.0,
+            well_s: 0.0,
+        }
+    }
+
+    /// What it is doing.
+    #[must_use]
+    pub const fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Speed of the setpoint, m/s.
+    #[must_use]
+    pub const fn speed_m_per_s(&self) -> f64 {
+        self.trajectory.velocity_m_per_s()
+    }
+
+    /// After a stop: waits for all to be well, then goes on. False if it is not stopped.
+    pub fn resume(&mut self) -> bool {
+        let stopped = matches!(self.phase, Phase::Stopped(_)) && self.trajectory.is_at_rest();
+        if stopped {
+            self.phase = Phase::Waiting(None);
+        }
+        stopped
+    }
+
+    /// Brakes as if there were trouble: the setpoint until it stands, then `None`.
+    pub fn leave(&mut self) -> Option<f64> {
+        if matches!(self.phase, Phase::Waiting(_)) || self.trajectory.is_at_rest() {
+            return None;
+        }
+        self.trajectory.stop();
+        self.trajectory.step();
+        Some(self.trajectory.position_m())
+    }
+
+    /// One tick: where the needle shall be, m; `None` while waiting.
+    pub fn tick(&mut self, sight: &Sight) -> Option<f64> {
+        let trouble = self.trouble(sight);
+        match (self.phase, trouble, sight.depth_m) {
+            (Phase::Waiting(_), None, Some(depth)) => {
+                self.trajectory = Trajectory::new(self.orders.motion, self.orders.step_s, depth.value);
+                (self.at_goal_s, self.well_s) = (0.0, 0.0);
+                self.phase = Phase::Moving;
+            }
+            (Phase::Waiting(_), trouble, _) => {
+                self.phase = Phase::Waiting(trouble);
+                return None;
+            }
+            (Phase::Moving | Phase::Arrived, Some(trouble), _) => {
+                self.phase = Phase::Stopped(trouble);
+                self.trajectory.stop();
+                self.well_s = 0.0;
+            }
+            (Phase::Moving | Phase::Arrived, None, _) => self.go(sight),
+            (Phase::Stopped(_), trouble, _) => self.hold(trouble),
+        }
+        self.trajectory.step();
+        Some(self.trajectory.position_m())
+    }
+
+    /// Sets speed and goal.
+    fn go(&mut self, sight: &Sight) {
+        let Orders { motion, step_s, tolerance_m, dwell_s, slow_factor, .. } = self.orders;
+        let share = if sight.warned { slow_factor } else { 1.0 };
+        self.trajectory.limit_speed(motion.speed_m_per_s * share * self.force_share(sight));
+        let (Some(goal), Some(depth)) = (sight.goal_m, sight.depth_m) else { return };
+        self.trajectory.go_to(goal.value);
+        let here = (depth.value - goal.value).abs() <= tolerance_m;
+        self.at_goal_s = if here { self.at_goal_s + step_s } else { 0.0 };
+        if self.at_goal_s >= dwell_s {
+            self.phase = Phase::Arrived;
+        }
+    }
+
+    /// Counts the time without trouble.
+    fn hold(&mut self, trouble: Option<Trouble>) {
+        self.well_s = if trouble.is_none() { self.well_s + self.orders.step_s } else { 0.0 };
+        let after_s = self.orders.resume_after_s;
+        if after_s > 0.0 && self.well_s >= after_s {
+            self.resume();
+        }
+    }
+
+    /// Share of the speed that the force leaves.
+    fn force_share(&self, sight: &Sight) -> f64 {
+        let limit = self.orders.force_limit_n;
+        sight.force_n.map_or(0.0, |force| ((limit - force.value) / ((1.0 - SLOWS_AT) * limit)).clamp(0.0, 1.0))
+    }
+
+    /// Why the needle must not move, the gravest first.
+    fn trouble(&self, sight: &Sight) -> Option<Trouble> {
+        let Orders { timeout_s, target_timeout_s, force_limit_n, following_error_m, .. } = self.orders;
+        let Some(depth) = fresh(sight.depth_m, timeout_s).filter(|d| d.is_finite()) else {
+            return Some(Trouble::PositionLost);
+        };
+        let Some(force) = fresh(sight.force_n, timeout_s).filter(|f| f.is_finite()) else {
+            return Some(Trouble::PredictionLost);
+        };
+        if force >= STOPS_AT * force_limit_n {
+            return Some(Trouble::ForceLimit(force));
+        }
+        if fresh(sight.safe, timeout_s) != Some(true) {
+            return Some(Trouble::NotVouched);
+        }
+        let goal_timeout = if sight.goal_moves { target_timeout_s } else { f64::INFINITY };
+        if fresh(sight.goal_m, goal_timeout).is_none_or(|goal| !goal.is_finite()) {
+            return Some(Trouble::TargetLost);
+        }
+        let gap = (depth - self.trajectory.position_m()).abs();
+        let follows = matches!(self.phase, Phase::Waiting(_) | Phase::Stopped(_)) || gap <= following_error_m;
+        (!follows).then_some(Trouble::NotFollowing(gap))
+    }
+}
+
+fn fresh<T>(heard: Option<Heard<T>>, timeout_s: f64) -> Option<T> {
+    heard.filter(|heard| heard.age_s <= timeout_s).map(|heard| heard.value)
+}
+
+#[cfg(test)]
+mod tests;

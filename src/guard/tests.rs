@@ -1,0 +1,152 @@
+use super::*;
+
+const ORDERS: Orders = Orders {
+    motion: MotionLimits { speed_m_per_s: 0.002, acceleration_m_per_s2: 0.5, jerk_m_per_s3: 100.0 },
+    step_s: 0.004,
+    force_limit_n: 0.1,
+    timeout_s: 0.025,
+    target_timeout_s: 0.2,
+    tolerance_m: 1e-4,
+    dwell_s: 0.1,
+    following_error_m: 5e-4,
+    slow_factor: 0.5,
+    resume_after_s: 0.0,
+};
+
+fn now<T>(value: T) -> Option<Heard<T>> {
+    Some(Heard { value, age_s: 0.001 })
+}
+
+fn well(depth_m: f64) -> Sight {
+    Sight {
+        depth_m: now(depth_m),
+        force_n: now(0.01),
+        safe: now(true),
+        warned: false,
+        goal_m: now(0.005),
+        goal_moves: true,
+    }
+}
+
+/// Ticks with a driver that is where it was told to be, and something else changed in what is seen.
+fn run(guard: &mut Guard, depth_m: &mut f64, ticks: usize, change: impl Fn(&mut Sight)) {
+    for _ in 0..ticks {
+        let mut sight = well(*depth_m);
+        change(&mut sight);
+        *depth_m = guard.tick(&sight).unwrap_or(*depth_m);
+    }
+}
+
+fn moving() -> (Guard, f64) {
+    let (mut guard, mut depth_m) = (Guard::new(ORDERS), 0.001);
+    run(&mut guard, &mut depth_m, 100, |_| {});
+    assert_eq!(guard.phase(), Phase::Moving);
+    assert!((guard.speed_m_per_s() - 0.002).abs() < 1e-9);
+    (guard, depth_m)
+}
+
+#[test]
+fn it_starts_where_the_needle_is_and_arrives() {
+    let (mut guard, mut depth_m) = moving();
+    assert!(depth_m > 0.001 && depth_m < 0.002);
+    run(&mut guard, &mut depth_m, 600, |_| {});
+    assert_eq!((guard.phase(), depth_m), (Phase::Arrived, 0.005));
+    // the tissue has moved on
+    run(&mut guard, &mut depth_m, 200, |s| s.goal_m = now(0.0052));
+    assert_eq!(depth_m, 0.0052);
+}
+
+#[test]
+fn it_says_nothing_before_all_is_well() {
+    let mut guard = Guard::new(ORDERS);
+    assert_eq!(guard.tick(&Sight::default()), None);
+    assert_eq!(guard.phase(), Phase::Waiting(Some(Trouble::PositionLost)));
+    assert_eq!(guard.tick(&Sight { safe: now(false), ..well(0.0) }), None);
+    assert_eq!(guard.phase(), Phase::Waiting(Some(Trouble::NotVouched)));
+    assert!(guard.tick(&well(0.0)).is_some());
+}
+
+#[test]
+fn every_trouble_stops_it_within_the_braking_time_for_good() {
+    type Change = fn(&mut Sight);
+    let old = |age_s| Some(Heard { value: 0.0, age_s });
+    assert_eq!(old(1.0).map(|h| h.age_s), Some(1.0));
+    let troubles: [(Change, Trouble); 8] = [
+        (|s| s.depth_m = s.depth_m.map(|h| Heard { age_s: 0.026, ..h }), Trouble::PositionLost),
+        (|s| s.depth_m = now(f64::NAN), Trouble::PositionLost),
+        (|s| s.force_n = s.force_n.map(|h| Heard { age_s: 0.026, ..h }), Trouble::PredictionLost),
+        (|s| s.force_n = now(f64::NAN), Trouble::PredictionLost),
+        (|s| s.safe = now(false), Trouble::NotVouched),
+        (|s| s.safe = None, Trouble::NotVouched),
+        (|s| s.goal_m = s.goal_m.map(|h| Heard { age_s: 0.21, ..h }), Trouble::TargetLost),
+        (|s| s.force_n = now(0.099), Trouble::ForceLimit(0.099)),
+    ];
+    for (change, trouble) in troubles {
+        let (mut guard, mut depth_m) = moving();
+        // 2 sqrt(V/J) = 9 ms, in steps of 4 ms
+        run(&mut guard, &mut depth_m, 4, change);
+        assert_eq!(guard.phase(), Phase::Stopped(trouble));
+        assert_eq!(guard.speed_m_per_s(), 0.0, "{trouble}");
+        let stood = depth_m;
+        run(&mut guard, &mut depth_m, 500, |_| {});
+        assert_eq!((depth_m, guard.phase()), (stood, Phase::Stopped(trouble)), "until somebody says so");
+        assert!(guard.resume());
+        run(&mut guard, &mut depth_m, 1500, |_| {});
+        assert_eq!((depth_m, guard.phase()), (0.005, Phase::Arrived));
+    }
+}
+
+#[test]
+fn a_driver_that_does_not_follow_is_noticed() {
+    let (mut guard, depth_m) = moving();
+    for _ in 0..100 {
+        guard.tick(&well(depth_m));
+    }
+    assert!(matches!(guard.phase(), Phase::Stopped(Trouble::NotFollowing(gap)) if gap < 6e-4), "{:?}", guard.phase());
+}
+
+#[test]
+fn it_slows_down_before_it_stops() {
+    let (mut guard, mut depth_m) = moving();
+    run(&mut guard, &mut depth_m, 20, |s| s.warned = true);
+    assert!((guard.speed_m_per_s() - 0.001).abs() < 1e-9, "{}", guard.speed_m_per_s());
+    run(&mut guard, &mut depth_m, 20, |s| s.force_n = now(0.095));
+    assert!((guard.speed_m_per_s() - 0.0005).abs() < 1e-9, "{}", guard.speed_m_per_s());
+    assert_eq!(guard.phase(), Phase::Moving);
+}
+
+#[test]
+fn a_force_that_rises_with_depth_stays_under_the_limit() {
+    let (mut guard, mut depth_m) = (Guard::new(ORDERS), 0.0);
+    // 50 N/m, known 20 ms late
+    let mut forces = std::collections::VecDeque::from([0.0; 5]);
+    let mut most = 0.0_f64;
+    for _ in 0..5000 {
+        forces.push_back(50.0 * depth_m);
+        let heard = forces.pop_front().unwrap_or(0.0);
+        depth_m = guard.tick(&Sight { force_n: now(heard), ..well(depth_m) }).unwrap_or(depth_m);
+        most = most.max(50.0 * depth_m);
+    }
+    assert!(matches!(guard.phase(), Phase::Stopped(Trouble::ForceLimit(_))), "{:?}", guard.phase());
+    assert!(most < 0.1 && most > 0.09, "{most}");
+}
+
+#[test]
+fn it_goes_on_by_itself_only_when_told_so_and_when_all_has_been_well_for_long_enough() {
+    let mut guard = Guard::new(Orders { resume_after_s: 0.2, ..ORDERS });
+    let mut depth_m = 0.0;
+    run(&mut guard, &mut depth_m, 50, |_| {});
+    run(&mut guard, &mut depth_m, 10, |s| s.safe = now(false));
+    run(&mut guard, &mut depth_m, 49, |_| {});
+    assert_eq!(guard.phase(), Phase::Stopped(Trouble::NotVouched));
+    run(&mut guard, &mut depth_m, 3, |_| {});
+    assert_eq!(guard.phase(), Phase::Moving);
+}
+
+#[test]
+fn leaving_brakes_first() {
+    let (mut guard, depth_m) = moving();
+    let places: Vec<f64> = std::iter::from_fn(|| guard.leave()).collect();
+    assert!((2..=4).contains(&places.len()) && places.iter().all(|p| *p >= depth_m), "{places:?}");
+    assert_eq!(guard.speed_m_per_s(), 0.0);
+}

@@ -1,0 +1,200 @@
+//! The control thread: takes what has come, asks the guard, tells the driver.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, RecvTimeoutError};
+
+use super::declared::{Goal, Line};
+use crate::guard::{Guard, Heard, Phase, Sight, Trouble};
+use crate::ros::clock::wall_nanos;
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::ros::messages::geometry_msgs::{PoseArray, WrenchStamped};
+use crate::ros::messages::needle_twin::TwinStatus;
+use crate::ros::messages::sensor_msgs::JointState;
+use crate::ros::messages::std_msgs::{Bool, Header};
+use crate::ros::participant::{Input, Output, Participant, ParticipantError};
+use crate::ros::qos;
+
+/// Ticks that are made up for after a hold-up.
+const MADE_UP: u32 = 5;
+
+/// Endpoints of the thread.
+pub(super) struct Endpoints {
+    measured: Input<JointState>,
+    force: Input<WrenchStamped>,
+    safe: Input<Bool>,
+    status: Input<TwinStatus>,
+    targets: Input<PoseArray>,
+    servo: Output<JointState>,
+}
+
+impl Endpoints {
+    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+        Ok(Self {
+            measured: participant.subscription("measured_js", qos::sensor(10))?,
+            force: participant.subscription("predicted_cf", qos::sensor(10))?,
+            safe: participant.subscription("safe_to_go_on", qos::sensor(10))?,
+            status: participant.subscription("status", qos::sensor(10))?,
+            targets: participant.subscription("targets", qos::sensor(10))?,
+            servo: participant.publisher("servo_jp", qos::reliable(10))?,
+        })
+    }
+}
+
+/// What the threads of the node share.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    report: Mutex<Option<Report>>,
+    pub resume: AtomicBool,
+}
+
+/// What the guard is doing, for people.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Report {
+    pub phase: Phase,
+    pub sight: Sight,
+    pub speed_m_per_s: f64,
+    pub setpoint_m: Option<f64>,
+}
+
+impl Shared {
+    pub fn report(&self) -> Option<Report> {
+        *self.report.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What the thread needs to know.
+pub(super) struct Task {
+    pub guard: Guard,
+    pub goal: Goal,
+    pub line: Line,
+    pub joint: String,
+    pub period: Duration,
+    pub exit_when_done: bool,
+}
+
+/// Runs until the goal is reached (if it is to end there) or `stop` is closed; the setpoint is brought to rest
+/// first.
+pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: &Receiver<()>) {
+    let mut ears = Ears::default();
+    let mut due = Instant::now() + task.period;
+    while stop.recv_deadline(due) == Err(RecvTimeoutError::Timeout) {
+        let now = Instant::now();
+        due = if now > due + MADE_UP * task.period { now + task.period } else { due + task.period };
+        ears.listen(endpoints, &task);
+        if shared.resume.swap(false, Ordering::Relaxed) {
+            task.guard.resume();
+        }
+        let sight = ears.sight(&task);
+        let before = task.guard.phase();
+        let setpoint_m = task.guard.tick(&sight);
+        endpoints.say(&task.joint, setpoint_m);
+        tell(before, task.guard.phase(), sight.depth_m);
+        let report = Report { phase: task.guard.phase(), sight, speed_m_per_s: task.guard.speed_m_per_s(), setpoint_m };
+        *shared.report.lock().unwrap_or_else(PoisonError::into_inner) = Some(report);
+        if task.guard.phase() == Phase::Arrived && task.exit_when_done {
+            break;
+        }
+    }
+    while let Some(setpoint_m) = task.guard.leave() {
+        endpoints.say(&task.joint, Some(setpoint_m));
+        std::thread::sleep(task.period);
+    }
+}
+
+impl Endpoints {
+    fn say(&self, joint: &str, setpoint_m: Option<f64>) {
+        let Some(setpoint_m) = setpoint_m else { return };
+        self.servo.send(JointState {
+            header: Header { stamp: Time::from_nanos(wall_nanos()), ..Header::default() },
+            name: vec![joint.to_owned()],
+            position: vec![setpoint_m],
+            ..JointState::default()
+        });
+    }
+}
+
+/// Says what changes, once.
+fn tell(before: Phase, after: Phase, depth_m: Option<Heard<f64>>) {
+    let depth_m = depth_m.map_or(f64::NAN, |depth| depth.value);
+    match (before, after) {
+        (Phase::Waiting(_), Phase::Moving) => tracing::info!("moving, from depth {depth_m:.6} m"),
+        (Phase::Moving, Phase::Arrived) => tracing::info!("arrived, depth {depth_m:.6} m"),
+        (Phase::Moving | Phase::Arrived, Phase::Stopped(trouble)) => {
+            tracing::error!("stopped at depth {depth_m:.6} m: {trouble}. Call ~/resume when it is put right");
+        }
+        (Phase::Stopped(_), Phase::Waiting(_)) => tracing::info!("going on"),
+        (Phase::Waiting(a), Phase::Waiting(Some(trouble))) if a.map(name) != Some(name(trouble)) => {
+            tracing::info!("waiting: {trouble}");
+        }
+        _ => {}
+    }
+}
+
+fn name(trouble: Trouble) -> std::mem::Discriminant<Trouble> {
+    std::mem::discriminant(&trouble)
+}
+
+/// What has come, and when.
+#[derive(Debug, Default)]
+struct Ears {
+    depth_m: Option<(f64, Instant)>,
+    force: Option<([f64; 3], Instant)>,
+    safe: Option<(bool, Instant)>,
+    warned: bool,
+    goal_m: Option<(f64, Instant)>,
+}
+
+impl Ears {
+    fn listen(&mut self, endpoints: &Endpoints, task: &Task) {
+        let now = Instant::now();
+        while let Some(message) = endpoints.measured.take() {
+            self.depth_m = position(&message, &task.joint).map(|depth| (depth, now)).or(self.depth_m);
+        }
+        while let Some(message) = endpoints.force.take() {
+            self.force = Some((message.wrench.force.into(), now));
+        }
+        while let Some(message) = endpoints.safe.take() {
+            self.safe = Some((message.data, now));
+        }
+        while let Some(message) = endpoints.status.take() {
+            self.warned = message.health != TwinStatus::HEALTH_OK;
+        }
+        while let Some(message) = endpoints.targets.take() {
+            self.goal_m = depth_of_target(&message, task).map(|depth| (depth, now));
+        }
+    }
+
+    fn sight(&self, task: &Task) -> Sight {
+        let now = Instant::now();
+        let aged = |(value, then): (f64, Instant)| Heard { value, age_s: (now - then).as_secs_f64() };
+        let (goal_m, goal_moves) = match task.goal {
+            Goal::Depth(depth) => (Some(Heard { value: depth, age_s: 0.0 }), false),
+            Goal::Target(_) => (self.goal_m.map(aged), true),
+        };
+        Sight {
+            depth_m: self.depth_m.map(aged),
+            force_n: self.force.map(|(force, then)| aged((task.line.against_n(force), then))),
+            safe: self.safe.map(|(value, then)| Heard { value, age_s: (now - then).as_secs_f64() }),
+            warned: self.warned,
+            goal_m,
+            goal_moves,
+        }
+    }
+}
+
+/// The position of the joint; one position without a name is taken for it.
+fn position(message: &JointState, joint: &str) -> Option<f64> {
+    let index = match message.name.iter().position(|name| name == joint) {
+        None if message.name.is_empty() && message.position.len() == 1 => 0,
+        found => found?,
+    };
+    message.position.get(index).copied()
+}
+
+fn depth_of_target(message: &PoseArray, task: &Task) -> Option<f64> {
+    let Goal::Target(index) = task.goal else { return None };
+    message.poses.get(index).map(|pose| task.line.depth_m(pose.position.into()))
+}

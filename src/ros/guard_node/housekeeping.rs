@@ -1,0 +1,103 @@
+//! The housekeeping thread of the guard: `~/resume`, parameters, discovery, `/diagnostics`, `/rosout`.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, RecvTimeoutError};
+use ros2_client::NodeLoggingHandle;
+
+use super::control::{Report, Shared};
+use crate::guard::Phase;
+use crate::ros::clock::NodeClock;
+use crate::ros::graph::Graph;
+use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use crate::ros::messages::std_msgs::Header;
+use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
+use crate::ros::parameter_services::ParameterServices;
+use crate::ros::parameters::Parameters;
+use crate::ros::participant::{Output, Participant, ParticipantError};
+use crate::ros::qos;
+use crate::ros::rosout::Rosout;
+use crate::ros::service::Service;
+
+const TICK: Duration = Duration::from_millis(10);
+/// Time between two diagnostics.
+const DIAGNOSTICS: Duration = Duration::from_millis(200);
+
+pub(super) struct Housekeeping {
+    parameters: Arc<Parameters>,
+    parameter_services: ParameterServices,
+    resume: Service<TriggerRequest, TriggerResponse>,
+    diagnostics: Output<DiagnosticArray>,
+    graph: Graph,
+    node: String,
+}
+
+impl Housekeeping {
+    /// The last endpoints of the node.
+    pub fn new(participant: &mut Participant, parameters: &Arc<Parameters>) -> Result<Self, ParticipantError> {
+        Ok(Self {
+            parameters: Arc::clone(parameters),
+            parameter_services: ParameterServices::new(participant)?,
+            resume: participant.server("~/resume", "std_srvs", "Trigger")?,
+            diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
+            graph: participant.declared_graph(parameters),
+            node: participant.names().fully_qualified(),
+        })
+    }
+
+    pub fn run(mut self, shared: &Shared, logger: &NodeLoggingHandle, rosout: &Rosout, stop: &Receiver<()>) {
+        let clock = NodeClock::new(false);
+        let mut due = Instant::now();
+        loop {
+            self.graph.poll();
+            self.parameter_services.poll(&self.parameters, &clock, &mut |_, _| {});
+            self.resume.answer(|_| resume(shared));
+            rosout.publish(logger);
+            if Instant::now() >= due {
+                due = Instant::now() + DIAGNOSTICS;
+                if let Some(report) = shared.report() {
+                    self.diagnostics.send(DiagnosticArray {
+                        header: Header { stamp: clock.stamp(), ..Header::default() },
+                        status: vec![describe(&report, self.node.trim_start_matches('/'))],
+                    });
+                }
+            }
+            if !matches!(stop.recv_timeout(TICK), Err(RecvTimeoutError::Timeout)) {
+                rosout.publish(logger);
+                return;
+            }
+        }
+    }
+}
+
+fn resume(shared: &Shared) -> TriggerResponse {
+    let stopped = shared.report().is_some_and(|r| matches!(r.phase, Phase::Stopped(_)));
+    shared.resume.store(stopped, Ordering::Relaxed);
+    let message = if stopped { "goes on as soon as all is well" } else { "it is not stopped" };
+    TriggerResponse { success: stopped, message: message.to_owned() }
+}
+
+fn describe(report: &Report, node: &str) -> DiagnosticStatus {
+    let (level, message) = match report.phase {
+        Phase::Waiting(None) => (DiagnosticStatus::WARN, "waiting".to_owned()),
+        Phase::Waiting(Some(trouble)) => (DiagnosticStatus::WARN, format!("waiting: {trouble}")),
+        Phase::Moving => (DiagnosticStatus::OK, "moving".to_owned()),
+        Phase::Arrived => (DiagnosticStatus::OK, "arrived".to_owned()),
+        Phase::Stopped(trouble) => (DiagnosticStatus::ERROR, format!("stopped: {trouble}")),
+    };
+    let sight = &report.sight;
+    let known = [
+        ("depth (m)", sight.depth_m.map(|h| h.value)),
+        ("goal (m)", sight.goal_m.map(|h| h.value)),
+        ("setpoint (m)", report.setpoint_m),
+        ("setpoint speed (m/s)", Some(report.speed_m_per_s)),
+        ("predicted force (N)", sight.force_n.map(|h| h.value)),
+    ];
+    let values = known
+        .into_iter()
+        .filter_map(|(key, value)| value.map(|v| KeyValue { key: key.to_owned(), value: format!("{v:.6}") }))
+        .collect();
+    DiagnosticStatus { level, name: format!("{node}: guard"), message, hardware_id: String::new(), values }
+}

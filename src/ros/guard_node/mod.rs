@@ -1,0 +1,149 @@
+//! The guard as a ROS 2 node: `needle_twin guard`.
+//!
+//! ```text
+//! measured_js, predicted_cf, safe_to_go_on, status, targets ──► control thread ──► servo_jp
+//! housekeeping thread: ~/resume, parameters, discovery, diagnostics        main thread: signals
+//! ```
+//! It is a process of its own, so that it outlives the twin and notices its death; and the driver notices the guard's,
+//! since a stream of `servo_jp` that ceases stops it.
+
+mod control;
+mod declared;
+mod housekeeping;
+
+use std::ffi::OsString;
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::Parser;
+
+use self::control::{Endpoints, Shared, Task};
+use self::housekeeping::Housekeeping;
+use super::parameters::Parameters;
+use super::participant::Participant;
+use super::recorder::{Recorder, Recording};
+use super::signals::Signals;
+use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
+use super::threads::{join, spawn};
+use super::watchdog::Watchdog;
+use crate::guard::Guard;
+
+#[derive(Parser, Debug)]
+#[command(
+    name = "needle_twin guard",
+    about = "Inserts the needle to a depth or to a moving target under the twin's eyes, and stops when in doubt (a ROS 2 node)",
+    after_help = "ROS arguments: --ros-args [-r from:=to] [-r __ns:=/ns] [-p name:=value] [--params-file FILE] [--]\n\
+                  Parameters: goal_depth_m, or target_index with entry_m and axis; speed_m_per_s, force_limit_n, timeout_s,\n    \
+                  resume_after_s, ... (`ros2 param describe /guard NAME`).\n\
+                  Exit codes: 0 arrived or stopped by a signal, 1 failure, 2 wrong usage, 3 the recording has losses."
+)]
+struct Cli {}
+
+/// Runs the guard until it has arrived, or until SIGINT or SIGTERM, and returns the program's exit code. `arguments` has
+/// no program name.
+#[must_use]
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    // Before anything starts a thread: they inherit the mask.
+    let signals = match Signals::block() {
+        Ok(signals) => signals,
+        Err(error) => {
+            eprintln!("needle_twin guard: signals can't be blocked: {error}");
+            return FAILURE;
+        }
+    };
+    match start::start("guard", arguments).and_then(|start| guard(start, &signals)) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("needle_twin guard: {error}");
+            error.exit_code()
+        }
+    }
+}
+
+fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
+    let program = std::iter::once("needle_twin guard".to_owned());
+    if let Err(help) = Cli::try_parse_from(program.chain(start.own.drain(..))) {
+        let code = if help.use_stderr() { start::USAGE } else { SUCCESS };
+        let _ = help.print();
+        return Ok(code);
+    }
+    let node = start.names.fully_qualified();
+    let (parameters, warnings) = Parameters::declare(declared::declarations(), &start.ros.parameters, &node)?;
+    for warning in warnings {
+        tracing::warn!("{warning}");
+    }
+    if parameters.boolean("use_sim_time") {
+        tracing::warn!("use_sim_time has no effect on the guard: it minds the wall clock");
+    }
+    let parameters = Arc::new(parameters);
+    let orders = declared::orders(&parameters);
+    let task = Task {
+        guard: Guard::new(orders),
+        goal: declared::goal(&parameters),
+        line: declared::line(&parameters).map_err(NodeError::Usage)?,
+        joint: parameters.string("joint_name"),
+        period: Duration::from_secs_f64(orders.step_s),
+        exit_when_done: parameters.boolean("exit_when_done"),
+    };
+    tracing::info!(
+        "brakes from {:.4} m/s in {:.1} ms, {:.1} ms after the last word of what it needs",
+        orders.motion.speed_m_per_s,
+        1e3 * orders.motion.braking_time_s(),
+        1e3 * orders.timeout_s
+    );
+    work(start, &parameters, task, signals)
+}
+
+fn work(start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signals) -> Result<u8, NodeError> {
+    let rosout = start.ros.log.rosout.unwrap_or(true);
+    let mut participant = Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
+    let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
+    participant.set_mapping(mapping);
+    participant.set_recorder(Recorder::create(parameters)?);
+    let endpoints = Endpoints::new(&mut participant)?;
+    let housekeeping = Housekeeping::new(&mut participant, parameters)?;
+    for unused in participant.unused_qos_overrides() {
+        tracing::warn!("`{unused}` names no topic of this node");
+    }
+    start.announce(mapping);
+    let recording = participant.start_recording()?;
+    let shared = Arc::new(Shared::default());
+    let (stop, stopped) = crossbeam_channel::bounded::<()>(0);
+    let (stop_housekeeping, housekeeping_stopped) = crossbeam_channel::bounded::<()>(0);
+    let (done, finished) = crossbeam_channel::bounded(1);
+    let control = {
+        let shared = Arc::clone(&shared);
+        spawn("control", move || {
+            control::run(task, &endpoints, &shared, &stopped);
+            // Fails only if the node has given up.
+            let _ = done.send(());
+        })?
+    };
+    let logger = participant.node().logging_handle();
+    let keeper =
+        spawn("housekeeping", move || housekeeping.run(&shared, &logger, &start.rosout, &housekeeping_stopped))?;
+    let mut watchdog = Watchdog::new();
+    let failed = loop {
+        if let Some(signal) = signals.wait(Duration::from_millis(20)) {
+            tracing::info!("stopping ({signal:?})");
+            break None;
+        }
+        if let Err(reason) = watchdog.check() {
+            break Some(reason);
+        }
+        if control.is_finished() {
+            let gone = || "the control thread has ended unexpectedly".to_owned();
+            break finished.try_recv().err().map(|_| gone());
+        }
+    };
+    drop(stop);
+    join(control);
+    drop(stop_housekeeping);
+    join(keeper);
+    drop(participant);
+    let missing = recording.map_or(0, Recording::finish);
+    match failed {
+        Some(reason) => Err(NodeError::Other(reason)),
+        None => Ok(if missing > 0 { LOSSES } else { SUCCESS }),
+    }
+}

@@ -1,0 +1,167 @@
+//! The look-ahead thread: answers `~/look_ahead` with a double of the twin, at a lower priority than the twin's own.
+//!
+//! ```text
+//! request ──► inbox ──► solver thread: state copied between two poses ──► this thread: the motion ──► response
+//! ```
+//! The double belongs to the solver, goes out with its state and comes back through the inbox.
+
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::Receiver;
+
+use super::force::is_finite;
+use super::inbox::Inbox;
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::ros::messages::needle_twin::{LookAheadRequest, LookAheadResponse};
+use crate::ros::messages::std_msgs::Header;
+use crate::ros::service::Service;
+use crate::ros::threads::lower_priority;
+use crate::twin::{Motion, Prediction, StampedPose, Twin};
+
+/// The solver thread is asked between two poses; longer than this and something else is wrong.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// Speed of a motion that names none, m/s.
+const SPEED_M_PER_S: f64 = 0.001;
+/// Wall time for the steps of one answer, s: the rest of 50 ms is for the way there and back.
+const BUDGET_S: f64 = 0.035;
+/// With fewer steps the inertia of the tissue shows in the force (by a third with 50 steps for a millimetre of the needle
+/// in three dimensions): a model whose steps are slow answers late rather than wrong.
+const FEWEST_STEPS: f64 = 200.0;
+/// Farther than any sample is deep, m.
+const FARTHEST_M: f64 = 1.0;
+
+/// A double of the twin with the state of one moment.
+#[derive(Debug)]
+pub(super) struct Double {
+    pub twin: Twin,
+    /// Where the motion starts: the last pose that was answered.
+    pub from: Option<StampedPose>,
+    /// Its stamp.
+    pub stamp: Time,
+    pub depth_m: f64,
+    /// Wall time of one explicit step of late, s.
+    pub step_s: f64,
+    /// Which of the models that the solver has built this is a double of.
+    pub generation: u64,
+}
+
+/// The double, or why there is none to be had.
+pub(super) type Departure = Result<Box<Double>, &'static str>;
+/// The service.
+pub(super) type LookAhead = Service<LookAheadRequest, LookAheadResponse>;
+
+/// Runs until `stop` is closed.
+pub(super) fn run(
+    service: &LookAhead,
+    frame_id: &str,
+    inbox: &Inbox,
+    departures: &Receiver<Departure>,
+    stop: &smol::channel::Receiver<()>,
+) {
+    lower_priority();
+    let mut thread = LookAheadThread { frame_id, inbox, departures, way: Vec::new(), step_s: 0.0 };
+    loop {
+        let stopped = async {
+            // The channel is closed, never written to.
+            let _ = stop.recv().await;
+            None
+        };
+        let Some((caller, request)) = smol::block_on(smol::future::or(stopped, async { Some(service.next().await) }))
+        else {
+            return;
+        };
+        service.send(caller, &thread.answer(&request));
+    }
+}
+
+struct LookAheadThread<'a> {
+    frame_id: &'a str,
+    inbox: &'a Inbox,
+    departures: &'a Receiver<Departure>,
+    way: Vec<Prediction>,
+    /// Wall time of one explicit step in this thread of late, s.
+    step_s: f64,
+}
+
+impl LookAheadThread<'_> {
+    fn answer(&mut self, request: &LookAheadRequest) -> LookAheadResponse {
+        let begun = Instant::now();
+        match self.look(request) {
+            Ok(response) => LookAheadResponse { computed_s: begun.elapsed().as_secs_f64(), ..response },
+            Err(message) => LookAheadResponse { message, ..LookAheadResponse::default() },
+        }
+    }
+
+    fn look(&mut self, request: &LookAheadRequest) -> Result<LookAheadResponse, String> {
+        check(request)?;
+        // One that came too late for an earlier request.
+        while let Ok(departure) = self.departures.try_recv() {
+            self.give_back(departure);
+        }
+        self.inbox.look_ahead();
+        let mut double = self
+            .departures
+            .recv_timeout(PATIENCE)
+            .map_err(|_| "the solver is busy (is the model being built?): ask again".to_owned())??;
+        let outcome = self.go(&mut double, request);
+        self.inbox.give_back(double);
+        outcome
+    }
+
+    /// Explicit steps that there is time for; what they cost is known from the live twin's until there are own ones.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped
+    fn affordable(&self, step_s: f64) -> u32 {
+        let step_s = if self.step_s > 0.0 { self.step_s } else { step_s };
+        let steps = if step_s > 0.0 { BUDGET_S / step_s } else { f64::INFINITY };
+        steps.clamp(FEWEST_STEPS, f64::from(Motion::STEPS)) as u32
+    }
+
+    fn give_back(&self, departure: Departure) {
+        if let Ok(double) = departure {
+            self.inbox.give_back(double);
+        }
+    }
+
+    fn go(&mut self, double: &mut Double, request: &LookAheadRequest) -> Result<LookAheadResponse, String> {
+        let from = double.from.ok_or("no pose has been answered yet: move the instrument first")?;
+        let speed_m_per_s = if request.speed_m_per_s > 0.0 { request.speed_m_per_s } else { SPEED_M_PER_S };
+        let motion = Motion::new(request.distance_m, speed_m_per_s, self.affordable(double.step_s));
+        let (begun, before) = (Instant::now(), double.twin.steps());
+        double.twin.look_ahead(&from, &motion, &mut self.way).map_err(|halt| halt.to_string())?;
+        let steps = u32::try_from(double.twin.steps() - before).unwrap_or(u32::MAX);
+        let step_s = begun.elapsed().as_secs_f64() / f64::from(steps.max(1));
+        self.step_s += if self.step_s > 0.0 { 0.3 * (step_s - self.step_s) } else { step_s };
+        let mut targets = Vec::new();
+        double.twin.target_positions(&mut targets);
+        if !(self.way.iter().all(is_finite) && targets.iter().flatten().all(|x| x.is_finite())) {
+            return Err("the prediction is not finite".to_owned());
+        }
+        let axis = from.pose.axis;
+        let force = |p: &Prediction| -(0..3).map(|k| p.force_n[k] * axis[k]).sum::<f64>();
+        let forces_n: Vec<f64> = self.way.iter().map(force).collect();
+        Ok(LookAheadResponse {
+            success: true,
+            message: String::new(),
+            header: Header { stamp: double.stamp, frame_id: self.frame_id.to_owned() },
+            depth_m: double.depth_m,
+            steps,
+            depths_m: self.way.iter().map(|p| p.depth_m).collect(),
+            peak_force_n: forces_n.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            forces_n,
+            targets: targets.into_iter().map(Into::into).collect(),
+            computed_s: 0.0,
+        })
+    }
+}
+
+/// Whether a motion can be asked for.
+fn check(request: &LookAheadRequest) -> Result<(), String> {
+    let LookAheadRequest { distance_m, speed_m_per_s } = *request;
+    if !(distance_m.abs() > 0.0 && distance_m.abs() <= FARTHEST_M) {
+        return Err(format!("distance_m is {distance_m}: give a distance up to {FARTHEST_M} m, not 0"));
+    }
+    if !(speed_m_per_s >= 0.0 && speed_m_per_s.is_finite()) {
+        return Err(format!("speed_m_per_s is {speed_m_per_s}: give a speed in m/s, or 0 for {SPEED_M_PER_S}"));
+    }
+    Ok(())
+}

@@ -1,0 +1,42 @@
+//! Which part of a recording is fitted, and which is held out to be predicted.
+
+use std::ops::Range;
+
+use crate::compare::Run;
+
+/// Which part is fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HoldOut {
+    /// All of it.
+    Nothing,
+    /// Everything up to the end of the hold: the way out is neither fitted nor predicted.
+    Retraction,
+    /// Up to half of the deepest depth; the rest of the insertion is predicted.
+    Half,
+}
+
+/// Indices of answers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// Those that are fitted.
+    pub fitted: Range<usize>,
+    /// Those that are predicted from the fit.
+    pub held_out: Option<Range<usize>>,
+}
+
+impl Parts {
+    /// Parts of a run, from its depths alone.
+    pub(super) fn of(run: &Run, hold_out: HoldOut) -> Self {
+        let legs = run.legs();
+        match hold_out {
+            HoldOut::Nothing => Self { fitted: 0..legs.end, held_out: None },
+            HoldOut::Retraction => Self { fitted: 0..legs.retraction, held_out: None },
+            HoldOut::Half => {
+                let deepest = run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max);
+                let half = run.answers[..legs.hold].iter().position(|a| a.depth_m > 0.5 * deepest);
+                let half = half.unwrap_or(legs.hold);
+                Self { fitted: 0..half, held_out: Some(half..legs.hold) }
+            }
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! `calibrate`: what it prints, that what made a recording comes back, how sure it is, and what it refuses.
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use needle_twin::bag::make::{RigRecording, RigScene};
+use needle_twin::bag::{Recording, TopicNames};
+use needle_twin::compare::uncertainty::FORCE_ERROR;
+use needle_twin::compare::{Answer, At, ForceSeries, Reading, Watch};
+use needle_twin::scene::Scene;
+use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
+use serde_json::Value;
+
+const MODULUS: &str = "material.shear_modulus_pa";
+const COEFFICIENT: &str = "instrument.deformation_coefficient";
+
+fn shipped(bag: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(bag).display().to_string()
+}
+
+/// Exit code, stdout, stderr.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let done = Command::new(env!("CARGO_BIN_EXE_needle_twin")).arg("calibrate").args(arguments).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (done.status.code().unwrap(), text(&done.stdout), text(&done.stderr))
+}
+
+fn json(arguments: &[&str]) -> (Value, String) {
+    let (code, out, said) = run(&[arguments, &["--threads", "1", "--json"]].concat());
+    assert_eq!(code, 0, "{said}");
+    (serde_json::from_str(&out).unwrap(), said)
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+#[test]
+fn the_modulus_comes_back_from_the_compression_wherever_the_search_begins() {
+    let mut found = Vec::new();
+    for start in ["1678", "400", "9000"] {
+        let set = format!("{MODULUS}={start}");
+        let (result, said) = json(&[&shipped("compression"), "--fit", MODULUS, "--set", &set]);
+        assert_eq!(said, "", "nothing to remark");
+        let fit = &result["fit"][MODULUS];
+        let (value, error) = (number(&fit["value"]), number(&fit["standard_error"]));
+        println!("from {start} Pa: {value:.2} +- {error:.2} Pa, rmse {} N", result["rmse_n"]);
+        assert!((value / 1678.0 - 1.0).abs() <= 0.02, "{fit}");
+        assert!((value - 1678.0).abs() <= 1.96 * error && error < 0.02 * value, "{fit}");
+        assert!(number(&fit["noise_standard_error"]) > 0.0 && number(&fit["systematic_standard_error"]) > 0.0, "{fit}");
+        assert!(number(&result["rmse_n"]) < 0.003 && result["converged"] == true, "{result}");
+        assert!(result["runs"].as_u64().unwrap() <= 12, "linear in the modulus: few runs, {result}");
+        found.push(value);
+    }
+    assert!(found.iter().all(|v| (v / found[0] - 1.0).abs() < 1e-3), "{found:?}");
+}
+
+#[test]
+fn the_deformation_coefficient_comes_back_from_the_needle() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("fit").display().to_string();
+    let starts = ["--set", "instrument.deformation_coefficient=0.5", "--set", "instrument.retraction_coefficient=0.5"];
+    let bag = shipped("needle_insertion");
+    let (result, said) = json(&[&[&bag, "--fit", COEFFICIENT, "--out", &folder][..], &starts].concat());
+    let fit = &result["fit"][COEFFICIENT];
+    let (value, error) = (number(&fit["value"]), number(&fit["standard_error"]));
+    println!("{value:.5} +- {error:.5}, {said}");
+    assert!((value / 0.4 - 1.0).abs() <= 0.03, "{fit}");
+    assert!((value - 0.4).abs() <= 1.96 * error && error < 0.02 * value, "{fit}");
+    assert_eq!(result["tied"]["instrument.retraction_coefficient"], COEFFICIENT, "the scene had them equal");
+    // the scene that is written replays with the residual that was reported, but for the load cell's offset
+    let scene = PathBuf::from(&folder).join("scene.toml").display().to_string();
+    let replayed = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+        .args(["replay", &bag, "--scene", &scene, "--threads", "1", "--json"])
+        .output()
+        .unwrap();
+    let metrics: Value = serde_json::from_slice(&replayed.stdout).unwrap();
+    assert!(number(&metrics["force"]["rmse_n"]) < 0.0008, "{}", metrics["force"]);
+    for name in ["calibration.json", "calibration.csv", "calibration.png", "calibration.svg"] {
+        assert!(PathBuf::from(&folder).join(name).metadata().unwrap().len() > 1000, "{name}");
+    }
+}
+
+struct Still;
+
+impl Watch for Still {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+    fn stop(&self) -> bool {
+        false
+    }
+}
+
+/// A recording of another seed, 50 readings a second, and what comes back from it.
+fn from_seed(scene: RigScene, key: &str, seed: u64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("bag");
+    RigRecording { seed, rate_hz: 50.0, ..RigRecording::of(scene) }.write(&bag).unwrap();
+    let recording = Recording::load(&bag, &TopicNames::default()).unwrap();
+    let readings: Vec<Reading> =
+        recording.depths.iter().map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
+    let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
+    let task = Task {
+        scene: &Scene::preset(scene.name()).unwrap(),
+        readings: &readings,
+        measured: &measured,
+        wanted: &[Wanted { key: key.to_owned(), bounds: None }],
+        load_cell: LoadCell::Drift,
+        force_error: FORCE_ERROR,
+        part: HoldOut::Nothing,
+    };
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    one_thread.install(|| calibrate(&task, &mut Still, &mut |_| {})).unwrap()
+}
+
+#[test]
+fn the_truth_lies_in_the_95_percent_interval_of_nineteen_seeds_of_twenty() {
+    for (scene, key, truth) in [(RigScene::Compression, MODULUS, 1678.0), (RigScene::NeedleInsertion, COEFFICIENT, 0.4)]
+    {
+        let (mut inside, mut worst, mut widest, mut offset_inside) = (0, 0.0_f64, 0.0_f64, 0);
+        for seed in 101..121 {
+            let found = from_seed(scene, key, seed);
+            let estimate = found.estimate(key).unwrap();
+            let [low, high] = estimate.interval_95().unwrap();
+            inside += u32::from(low <= truth && truth <= high);
+            worst = worst.max((estimate.value / truth - 1.0).abs());
+            widest = widest.max(0.5 * (high - low) / truth);
+            let [low, high] = found.estimate("load_cell.offset_n").unwrap().interval_95().unwrap();
+            offset_inside += u32::from(low <= 3e-4 && 3e-4 <= high);
+        }
+        println!(
+            "{key}: {inside} of 20 inside, worst {:.2} %, interval +- {:.2} %; offset {offset_inside} of 20 inside",
+            100.0 * worst,
+            100.0 * widest
+        );
+        assert!(inside >= 19, "{key}: {inside}");
+        assert!(worst <= if key == MODULUS { 0.02 } else { 0.03 }, "{key}: {worst}");
+        assert!(widest <= 0.04, "an interval that holds everything says nothing: {widest}");
+        assert!(offset_inside >= 19, "{key}: offset {offset_inside}");
+    }
+}
+
+#[test]
+fn what_the_data_cannot_tell_apart_or_tell_at_all_is_named() {
+    let bag = shipped("needle_insertion");
+    let (result, said) = json(&[&bag, "--fit", COEFFICIENT, MODULUS]);
+    let groups = result["indistinguishable"].as_array().unwrap();
+    let names: Vec<&str> = groups.iter().flat_map(|g| g.as_array().unwrap()).filter_map(Value::as_str).collect();
+    assert!(names.contains(&MODULUS) && names.contains(&COEFFICIENT), "{result}");
+    assert!(said.contains("can't tell apart") && said.contains(MODULUS) && said.contains(COEFFICIENT), "{said}");
+    let correlation = number(&result["correlation"]["matrix"][0][1]);
+    assert!(correlation < -0.9, "{correlation}");
+    // masses are scaled: the density is not in the force
+    let density = "material.density_kg_per_m3";
+    let (result, said) = json(&[&shipped("compression"), "--fit", MODULUS, density]);
+    assert_eq!(result["without_effect"], serde_json::json!([density]));
+    assert!(result["fit"][density]["standard_error"].is_null() && said.contains(density), "{said}");
+    assert!((number(&result["fit"][MODULUS]["value"]) / 1678.0 - 1.0).abs() < 0.02, "the other is found all the same");
+}
+
+#[test]
+fn two_keys_with_effects_of_their_own_come_back_together() {
+    let ratio = "material.poisson_ratio";
+    let set = ["--set", "material.poisson_ratio=0.47"];
+    let (result, said) =
+        json(&[&[&shipped("compression"), "--fit", MODULUS, "material.poisson_ratio=0.4..0.499"][..], &set].concat());
+    println!("{} {said}", result["fit"]);
+    for (key, truth) in [(MODULUS, 1678.0), (ratio, 0.49)] {
+        let fit = &result["fit"][key];
+        assert!((number(&fit["value"]) - truth).abs() <= 1.96 * number(&fit["standard_error"]), "{key}: {fit}");
+        assert!((number(&fit["value"]) / truth - 1.0).abs() < 0.03, "{key}: {fit}");
+    }
+}
+
+#[test]
+fn what_was_held_out_and_another_bag_are_predicted() {
+    let set = format!("{MODULUS}=1000");
+    let (bag, other) = (shipped("compression"), shipped("indentation"));
+    let (result, _) = json(&[&bag, "--fit", MODULUS, "--set", &set, "--hold-out", "half", "--predict", &other]);
+    let (held, other) = (&result["hold_out"], &result["prediction"]);
+    println!("{held} {other}");
+    let counts = ["fitted_readings", "predicted_readings"].map(|key| held[key].as_u64().unwrap());
+    assert!(counts.iter().all(|n| *n > 200), "{held}");
+    assert!(number(&held["predicted_rmse_n"]) > 0.0 && number(&held["predicted_nrmse"]) < 0.01, "{held}");
+    assert!((number(&held["fitted_rmse_n"]) - number(&result["rmse_n"])).abs() < 1e-15, "{held}");
+    assert_eq!((&other["scene"], &other["carried"]), (&"indentation".into(), &serde_json::json!([MODULUS])));
+    assert!(number(&other["nrmse"]) < 0.01, "{other}");
+    // held against the needle, what only a plate has is left behind
+    let (result, _) = json(&[&bag, "--fit", MODULUS, "sample.height_m=0.016..0.018", "--hold-out", "retraction"]);
+    assert!(result["hold_out"].is_null() && result["readings"].as_u64().unwrap() < 1200, "{result}");
+}
+
+#[test]
+fn a_bound_holds_and_is_said() {
+    let fit = format!("{MODULUS}=2000..3000");
+    let (result, said) = json(&[&shipped("compression"), "--fit", &fit]);
+    let found = &result["fit"][MODULUS];
+    assert_eq!((number(&found["value"]), &found["at_bound"]), (2000.0, &Value::Bool(true)));
+    assert!(said.contains("ended at its bound 2000"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused_with_the_remedy() {
+    let bag = shipped("compression");
+    for (arguments, code, words) in [
+        (vec!["--fit", "material.shear_modulus"], 1, vec![MODULUS]),
+        (vec!["--fit", "discretisation.method"], 1, vec!["only a single number", "mmls"]),
+        (vec!["--fit", COEFFICIENT], 1, vec!["has no such key"]),
+        (vec!["--fit", "material.poisson_ratio=0.2..0.7"], 1, vec!["0.7", "out of range"]),
+        (vec!["--fit", "material.poisson_ratio=0.4..0.3"], 1, vec!["nothing between"]),
+        (vec!["--fit", MODULUS, "--fit", MODULUS], 1, vec!["twice"]),
+        (vec!["--fit", "material.poisson_ratio=a..b"], 2, vec!["0.2..0.8"]),
+        (vec!["--fit", MODULUS, "--force-error", "2"], 2, vec!["0.01 for 1 %"]),
+        (vec![], 2, vec!["--fit"]),
+    ] {
+        let (exit, out, said) = run(&[&[bag.as_str()][..], &arguments].concat());
+        assert_eq!((exit, out.as_str()), (code, ""), "{arguments:?}: {said}");
+        for word in words {
+            assert!(said.contains(word), "{arguments:?}: {said}");
+        }
+    }
+    let (exit, _, said) = run(&["no/such/bag", "--fit", MODULUS]);
+    assert!(exit == 1 && said.contains("no/such/bag"), "{said}");
+}
