@@ -110,6 +110,8 @@ pub struct ShapeTable {
     pub cell: Vec<u32>,
     /// What the rows describe.
     pub form: Form,
+    /// Cells that resist folding, see `solver::fold`.
+    pub guarded: Vec<u32>,
 }
 
 impl ShapeTable {

@@ -1,10 +1,13 @@
 //! What a scene may ask for and is unlikely to get: said when it is checked or built, and no error.
 
-use super::{DeformationRule, InstrumentKind, Scene, VolumeRatio};
+use super::{DeformationRule, Dimension, InstrumentKind, Scene, VolumeRatio};
 
 /// Way that captured tissue can be pushed ahead of the tip before cells turn inside out there, m: runs ended at 1.6 to 2.1 mm,
 /// whatever the capture radius (`docs/stability.md`).
 const FURTHEST_PUSH: f64 = 1.5e-3;
+/// Depth over the sample's height from which cells at a fine edge in three dimensions may stay folded on the way back: 10 of
+/// 17 mm with 7962 nodes, 13 with 2649 and 5040 (`docs/stability.md`).
+const FOLDING: f64 = 0.55;
 /// Depth over the sample's height to which every volume ratio goes on; the shallowest run without the projected one ended
 /// at 0.29 (`docs/stability.md`).
 const ANY_VOLUME_RATIO: f64 = 0.28;
@@ -22,9 +25,24 @@ impl Scene {
             InstrumentKind::Needle(_) => Vec::new(),
             InstrumentKind::Plate | InstrumentKind::Indenter { .. } => {
                 let height = self.sample.shape.height().map_or(f64::INFINITY, |h| h.get());
-                crushed(self.discretisation.volume_ratio, depth / height)
+                let mut advice = crushed(self.discretisation.volume_ratio, depth / height);
+                if motion.retract && depth / height > FOLDING {
+                    advice.extend(self.folding());
+                }
+                advice
             }
         }
+    }
+}
+
+impl Scene {
+    fn folding(&self) -> Option<String> {
+        let guarded = self.discretisation.fold_guard || self.dimension().dimension == Dimension::Axisymmetric;
+        (!guarded).then(|| {
+            "cells at the edge of contact may fold at that depth and stay so on the way back, displaced by up to 0.8 mm: \
+             discretisation.fold_guard = true brings them back"
+                .to_owned()
+        })
     }
 }
 
@@ -72,5 +90,9 @@ mod tests {
         let pointwise = ("discretisation.volume_ratio", "pointwise");
         assert!(advice("indentation", &[pointwise]).contains("\"projected\" goes on"));
         assert_eq!(advice("indentation", &[pointwise, ("motion.depth_m", "0.004")]), "");
+        let back = [("motion.retract", "true"), ("discretisation.dimension", "full")];
+        assert!(advice("indentation", &back).contains("fold_guard"));
+        assert_eq!(advice("indentation", &back[..1]), "");
+        assert_eq!(advice("indentation", &[back[0], back[1], ("discretisation.fold_guard", "true")]), "");
     }
 }

@@ -96,6 +96,7 @@ fn discretisation(v: &Values) -> Result<Discretisation, SceneError> {
         points_per_cell: whole(v, "discretisation.points_per_cell")?,
         cells_per_point: whole(v, "discretisation.cells_per_point")?,
         volume_ratio: word(v, "discretisation.volume_ratio", VolumeRatio::from_word)?,
+        fold_guard: matches!(v.value("discretisation.fold_guard")?, Value::Boolean(true)),
         precision: word(v, "discretisation.precision", Precision::from_word)?,
     })
 }
@@ -288,5 +289,6 @@ fn put_discretisation(v: &mut Values, d: &Discretisation) {
     v.put("discretisation.points_per_cell", d.points_per_cell);
     v.put("discretisation.cells_per_point", d.cells_per_point);
     v.put("discretisation.volume_ratio", d.volume_ratio.as_str());
+    v.put("discretisation.fold_guard", d.fold_guard);
     v.put("discretisation.precision", d.precision.as_str());
 }

@@ -224,6 +224,11 @@ pub static KEYS: &[Key] = &[
         "Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged (over each node) half-way.",
     )
     .or("projected"),
+    Key::boolean(
+        "discretisation.fold_guard",
+        "Whether cells at the edge of a plate or indenter resist folding, so that they come back from any depth; not in the half plane.",
+    )
+    .or("false"),
     Key::word("discretisation.precision", Precision::WORDS, "Precision of the internal-force kernel.").or("f32"),
     // stepping
     Key::real(

@@ -256,6 +256,8 @@ pub struct Discretisation {
     pub cells_per_point: u32,
     /// Cure for volumetric locking.
     pub volume_ratio: VolumeRatio,
+    /// Whether cells at the edge of contact resist folding.
+    pub fold_guard: bool,
     /// Precision of the internal-force kernel.
     pub precision: Precision,
 }

@@ -15,6 +15,7 @@ use crate::scene::VolumeRatio;
 
 use super::block::{Block, Shares};
 use super::dilatation::{Dilatation, POINTWISE_BULK};
+use super::fold::{self, Guard, Resistance};
 use super::lanes::{LANES, Lanes, Loop, run};
 use super::memory::Memory;
 use super::points::{Constants, Relaxing};
@@ -36,6 +37,9 @@ pub struct Kernel<T: Real> {
     node_shares: Shares,
     projection: Projection<T>,
     pressure: Pressure<T>,
+    guard: Guard,
+    /// Of the guarded cells at the last evaluation.
+    resistance: Vec<Resistance>,
     nodes: usize,
     pub(super) constants: Constants,
 }
@@ -68,6 +72,8 @@ pub struct Parts<'a, T: Real> {
     dilation: Dealt<'a, T>,
     coarse: Dealt<'a, T>,
     nodal: Dealt<'a, T>,
+    resistance: Dealt<'a, Resistance>,
+    pub(super) guard: &'a Guard,
     node_shares: &'a Shares,
     projection: &'a Projection<T>,
     nodes: usize,
@@ -108,6 +114,8 @@ impl<T: Real> Kernel<T> {
                 nodal: vec![T::default(); LANES * projection.to_nodes.groups()],
             },
             projection,
+            resistance: vec![Resistance::default(); table.guarded.len()],
+            guard: Guard::new(&table.guarded, cells, points, POINTWISE_BULK * mu),
             nodes,
             constants: Constants {
                 law: *law,
@@ -127,6 +135,8 @@ impl<T: Real> Kernel<T> {
             dilation: Dealt::new(&mut self.pressure.dilation),
             coarse: Dealt::new(&mut self.pressure.coarse),
             nodal: Dealt::new(&mut self.pressure.nodal),
+            resistance: Dealt::new(&mut self.resistance),
+            guard: &self.guard,
             node_shares: &self.node_shares,
             projection: &self.projection,
             nodes: self.nodes,
@@ -174,7 +184,8 @@ impl<T: Real> Kernel<T> {
         } else {
             0.0
         };
-        self.blocks.iter().map(|b| b.energy).sum::<f64>() + projected
+        let resisting: f64 = self.resistance.iter().map(|r| r.energy).sum();
+        self.blocks.iter().map(|b| b.energy).sum::<f64>() + projected + resisting
     }
 
     /// Calls `visit(point, F, P, V)` for every integration point of the last evaluation: deformation gradient and first
@@ -237,8 +248,25 @@ impl<T: Real> Parts<'_, T> {
         } else {
             &[]
         };
-        team.claim(count, |b| unsafe { self.blocks.get(b) }.stress(pressures, &self.constants));
+        team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
+            None => unsafe { self.blocks.get(i) }.stress(pressures, &self.constants),
+            Some(deal) => self.resist(deal, |cell| self.guard.resistance(cell, u)),
+        });
         team.barrier();
+    }
+
+    /// Shares of a pass over the guarded cells.
+    pub(super) fn guard_deals(&self) -> usize {
+        self.guard.len().div_ceil(fold::CELLS_PER_DEAL)
+    }
+
+    /// Keeps what the guarded cells of one deal resist with.
+    pub(super) fn resist(&self, deal: usize, of: impl Fn(usize) -> Resistance) {
+        let first = deal * fold::CELLS_PER_DEAL;
+        for cell in first..(first + fold::CELLS_PER_DEAL).min(self.guard.len()) {
+            // SAFETY: as in `force`.
+            unsafe { *self.resistance.get(cell) = of(cell) };
+        }
     }
 
     /// V_a (J_a - 1) of one deal of nodes.
@@ -259,11 +287,15 @@ impl<T: Real> Parts<'_, T> {
     #[inline]
     pub unsafe fn node_force(&self, n: usize) -> [f64; 3] {
         // SAFETY: blocks are only read now, by the caller's promise.
-        let blocks = unsafe { self.blocks.read() };
+        let (blocks, resistance) = unsafe { (self.blocks.read(), self.resistance.read()) };
         let mut sum = [0.0; 3];
         for &(b, l) in self.node_shares.of_index(n) {
             let share = blocks[b as usize].force[l as usize];
             (0..3).for_each(|k| sum[k] += share[k].get());
+        }
+        for &(cell, corner) in self.guard.of_node(n) {
+            let share = resistance[cell as usize].force[corner as usize];
+            (0..3).for_each(|k| sum[k] += share[k]);
         }
         sum
     }

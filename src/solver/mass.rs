@@ -31,9 +31,10 @@ impl Solver {
         let mass = Dealt::new(&mut self.mass);
         with_kernel!(&mut self.kernel, k => {
             let parts = k.parts();
+            let u = &self.state.u;
             // SAFETY: each block, then each deal of nodes, is claimed by one thread.
             self.pool.run(&|team: &Team| {
-                parts.bound(team);
+                parts.bound(team, u);
                 team.claim(count.div_ceil(NODES_PER_DEAL), |deal| {
                     for n in deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(count) {
                         let (m, needed) = unsafe { (mass.get(n), scale * parts.node_force(n)[0]) };
@@ -50,9 +51,13 @@ impl Solver {
 
 impl<T: Real> Parts<'_, T> {
     /// Leaves each block's shares of the masses, over s, in the first component of its forces.
-    fn bound(&self, team: &Team) {
+    fn bound(&self, team: &Team, u: &[[f64; 3]]) {
+        let count = self.blocks.len();
         // SAFETY: each block is claimed by one thread.
-        team.claim(self.blocks.len(), |b| run(Bound(unsafe { self.blocks.get(b) }, &self.constants)));
+        team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
+            None => run(Bound(unsafe { self.blocks.get(i) }, &self.constants)),
+            Some(deal) => self.resist(deal, |cell| self.guard.bound(cell, u)),
+        });
         team.barrier();
     }
 }

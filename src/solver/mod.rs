@@ -3,6 +3,7 @@
 pub mod block;
 pub mod dilatation;
 mod double;
+mod fold;
 mod group;
 pub mod kernel;
 pub mod lanes;

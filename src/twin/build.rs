@@ -12,7 +12,7 @@ use crate::solver::{Role, Solver, SolverSettings};
 use super::pace::Pace;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Body, BuildError, Phase, Twin, axisymmetric};
+use super::{Body, BuildError, Phase, Twin, axisymmetric, edge};
 
 /// What a model brings to the twin.
 pub(super) struct Built {
@@ -74,7 +74,8 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     held.iter().for_each(|&n| interpolating[n as usize] = true);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
-    let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
+    let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
+    table.guarded = guarded(scene, cloud, held);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
@@ -109,6 +110,16 @@ pub(super) fn settings(scene: &Scene) -> Settings {
         support_factor: d.support_factor,
         points_per_cell: d.points_per_cell,
         cells_per_point: d.cells_per_point,
+    }
+}
+
+/// Cells to guard against folding, if the scene asks for it: those at the edge of a bonded instrument.
+fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32]) -> Vec<u32> {
+    let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
+    if bonded && scene.discretisation.fold_guard {
+        edge::cells(cloud.points.len(), &cloud.cells, &cloud.surface, held)
+    } else {
+        Vec::new()
     }
 }
 

@@ -4,6 +4,7 @@ mod axisymmetric;
 mod body;
 mod build;
 mod contain;
+mod edge;
 mod look_ahead;
 mod mesh;
 mod observe;
