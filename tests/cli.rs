@@ -124,6 +124,66 @@ fn files_of_a_run_are_named_and_whole() {
 }
 
 #[test]
+fn a_time_series_has_a_frame_per_interval() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let summary = stdout(&[&["solve", "--depth-m", "0.0005", "--out", out, "--save-every", "0.01"], SMALL].concat());
+    assert!(summary.contains("series.pvd"), "{summary}");
+    let series = std::fs::read_to_string(folder.path().join("series.pvd")).unwrap();
+    let times: Vec<f64> =
+        series.split("timestep=\"").skip(1).map(|rest| rest.split('"').next().unwrap().parse().unwrap()).collect();
+    // 50 ms of motion; `tests/vtu.rs` reads the files with meshio
+    assert_eq!(times.len(), 6, "{times:?}");
+    assert!(times.windows(2).all(|t| (t[1] - t[0] - 0.01).abs() < 1e-9), "{times:?}");
+    assert!((0..6).all(|i| folder.path().join(format!("series/frame_{i:04}.vtu")).exists()));
+    for wrong in ["0", "-1", "nan", "1e-9"] {
+        let every = format!("--save-every={wrong}");
+        let output = needle_twin().args([&["solve", "--out", out, &every], SMALL].concat()).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{wrong}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains("--save-every"), "{wrong}");
+    }
+    let nowhere = needle_twin().args([&["solve", "--save-every", "1"], SMALL].concat()).output().unwrap();
+    assert_eq!(nowhere.status.code(), Some(2), "a series needs a folder");
+}
+
+/// Runs the program with a terminal for stderr, gives what it drew there.
+const IN_A_TERMINAL: &str = "
+import os, pty, subprocess, sys, threading
+ours, theirs = pty.openpty()
+drawn = []
+def read():
+    while True:
+        try:
+            piece = os.read(ours, 65536)
+        except OSError:
+            return
+        if not piece:
+            return
+        drawn.append(piece)
+thread = threading.Thread(target=read)
+thread.start()
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=theirs).returncode
+os.close(theirs)
+thread.join()
+sys.stdout.buffer.write(b''.join(drawn))
+sys.exit(code)
+";
+
+#[test]
+fn a_terminal_shows_the_curves_while_they_come() {
+    let program = env!("CARGO_BIN_EXE_needle_twin");
+    let run = ["-c", IN_A_TERMINAL, program, "solve", "--depth-m", "0.004", "--threads", "1"];
+    let output =
+        Command::new("python3").args([&run[..], SMALL].concat()).env("TERM", "xterm-256color").output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let drawn = String::from_utf8_lossy(&output.stdout);
+    assert!(drawn.chars().any(|c| ('\u{2801}'..'\u{28ff}').contains(&c)), "no curve: {drawn}");
+    for word in ["predicted", "measured", "times real time", "steps per pose", "poses"] {
+        assert!(drawn.contains(word), "{word}: {drawn}");
+    }
+}
+
+#[test]
 fn a_shown_scene_is_a_scene_file() {
     let folder = TempDir::new().unwrap();
     for name in ["compression", "indentation", "needle_insertion"] {

@@ -39,7 +39,8 @@ fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
 fn solve(scene: &Scene, threads: usize) -> Run {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
         let (mut twin, build_s) = compare::build(scene).unwrap();
-        let collector = Collector::new(&twin, "test", build_s, Keep { fields: true, duration_s: None });
+        let collector =
+            Collector::new(&twin, "test", build_s, Keep { fields: true, duration_s: None, save_every_s: None });
         let readings = scene.motion.unwrap().poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
         compare::drive(&mut twin, readings, None, collector, &mut Quiet)
     })

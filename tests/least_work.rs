@@ -27,7 +27,8 @@ fn scene(preset: &str) -> Scene {
 fn solved(scene: &Scene, fields: bool) -> (Run, Work, usize) {
     alone(|| {
         let (mut twin, build_s) = compare::build(scene).unwrap();
-        let collector = Collector::new(&twin, "test", build_s, Keep { fields, duration_s: Some(1.0) });
+        let collector =
+            Collector::new(&twin, "test", build_s, Keep { fields, duration_s: Some(1.0), save_every_s: None });
         let motion = scene.motion.unwrap();
         let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
         let run = compare::drive(&mut twin, readings, None, collector, &mut Unwatched);

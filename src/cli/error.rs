@@ -41,6 +41,16 @@ pub enum CliError {
         /// Its name.
         scene: String,
     },
+    /// No time series with that interval.
+    #[error(
+        "--save-every {every}: a positive number of seconds is needed, for this motion at least {shortest:.3} (2000 files)"
+    )]
+    SaveEvery {
+        /// What was asked for, s.
+        every: f64,
+        /// Shortest interval, s.
+        shortest: f64,
+    },
     /// The bag can't be read.
     #[error(transparent)]
     Bag(#[from] BagError),

@@ -4,6 +4,7 @@
 
 mod bag;
 mod calibrate;
+mod curves;
 mod demo;
 mod error;
 mod interrupt;

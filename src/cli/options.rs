@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::CliError;
+use crate::compare::Keep;
 use crate::scene::{Override, Scene};
 
 /// Changes to a scene.
@@ -36,6 +37,31 @@ pub(super) struct OutputOptions {
     /// Print the metrics as JSON instead of a summary
     #[arg(long)]
     pub json: bool,
+}
+
+/// Most files of a time series.
+const MOST_FRAMES: f64 = 2000.0;
+
+/// The deformed sample over time.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Output")]
+pub(super) struct SeriesOptions {
+    /// Write series.pvd with the deformed sample every so many seconds of the motion, for ParaView (with --out)
+    #[arg(long, value_name = "SECONDS", requires = "out")]
+    pub save_every: Option<f64>,
+}
+
+impl SeriesOptions {
+    /// What a run of that length keeps.
+    pub(super) fn keep(&self, fields: bool, duration_s: Option<f64>) -> Result<Keep, CliError> {
+        if let Some(every) = self.save_every {
+            let shortest = duration_s.unwrap_or(0.0) / MOST_FRAMES;
+            if !(every.is_finite() && every > 0.0 && every >= shortest) {
+                return Err(CliError::SaveEvery { every, shortest });
+            }
+        }
+        Ok(Keep { fields, duration_s, save_every_s: self.save_every })
+    }
 }
 
 /// How many threads step the tissue.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::options::OutputOptions;
+use super::options::{OutputOptions, SeriesOptions};
 use super::{CliError, Outcome, print, summary, warn};
 use crate::compare::Run;
 use crate::report;
@@ -37,8 +37,17 @@ pub(super) fn prepare(options: &OutputOptions) -> Result<Option<OutputFolder>, C
 }
 
 /// Writes the files and tells the user.
-pub(super) fn deliver(run: &Run, folder: Option<&OutputFolder>, json: bool) -> Result<Outcome, CliError> {
-    let files = folder.map(|folder| report::write_all(&folder.path, run)).transpose()?.unwrap_or_default();
+pub(super) fn deliver(
+    run: &Run,
+    folder: Option<&OutputFolder>,
+    series: &SeriesOptions,
+    json: bool,
+) -> Result<Outcome, CliError> {
+    let mut files = folder.map(|folder| report::write_all(&folder.path, run)).transpose()?.unwrap_or_default();
+    if let (Some(folder), Some(_)) = (folder, series.save_every) {
+        report::write_series(&folder.path, run)?;
+        files.push(folder.path.join("series.pvd"));
+    }
     for loss in &run.losses {
         warn(loss);
     }

@@ -1,19 +1,25 @@
-//! Progress of a run on stderr: a bar where that is a terminal, nothing where it isn't.
+//! Progress of a run on stderr: curves and a bar where that is a terminal, nothing where it isn't.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::curves::Curves;
 use super::interrupt::Interrupt;
 use crate::compare::{Answer, Watch};
 
 /// Answers between two looks at the bar: it must not cost time that the steps could have.
-const STRIDE: usize = 64;
+const STRIDE: usize = 16;
+/// Time between two pictures.
+const REDRAW: Duration = Duration::from_millis(100);
 
 /// A progress bar that ends with Ctrl-C.
 pub(super) struct Progress {
     bar: ProgressBar,
     interrupt: Interrupt,
+    curves: Curves,
+    begun: Instant,
+    drawn: Instant,
 }
 
 impl Progress {
@@ -21,12 +27,17 @@ impl Progress {
     pub(super) fn preparing(what: &str) -> Self {
         let bar = ProgressBar::new_spinner().with_message(what.to_owned());
         bar.enable_steady_tick(Duration::from_millis(100));
-        Self { bar, interrupt: Interrupt::listen() }
+        Self::of(bar)
     }
 
     /// Shows nothing, and only listens for Ctrl-C.
     pub(super) fn silent() -> Self {
-        Self { bar: ProgressBar::hidden(), interrupt: Interrupt::listen() }
+        Self::of(ProgressBar::hidden())
+    }
+
+    fn of(bar: ProgressBar) -> Self {
+        let now = Instant::now();
+        Self { bar, interrupt: Interrupt::listen(), curves: Curves::default(), begun: now, drawn: now }
     }
 
     /// Says what is going on, in the place of the poses.
@@ -35,9 +46,10 @@ impl Progress {
     }
 
     /// Goes over to counting poses.
-    pub(super) fn count(&self, poses: usize) {
+    pub(super) fn count(&mut self, poses: usize) {
+        self.begun = Instant::now();
         self.bar.disable_steady_tick();
-        let style = ProgressStyle::with_template("{bar:40} {percent:>3}% {pos}/{len} poses, {eta} left  {msg}");
+        let style = ProgressStyle::with_template("{msg}\n{bar:40} {percent:>3}% {pos}/{len} poses, {eta} left");
         self.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         self.bar.set_length(poses as u64);
         self.bar.set_message("");
@@ -59,15 +71,23 @@ impl Watch for Progress {
         if !done.is_multiple_of(STRIDE) || self.bar.is_hidden() {
             return;
         }
-        self.bar.set_position(done as u64);
-        if let Some(answer) = answer {
-            let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {n:.4} N"));
-            self.bar.set_message(format!(
-                "depth {:.2} mm, predicted {:.4} N{measured}",
-                1e3 * answer.depth_m,
-                answer.predicted_n
-            ));
+        let Some(answer) = answer else { return };
+        self.curves.add(answer.depth_m, Some(answer.predicted_n), answer.measured_n);
+        if self.drawn.elapsed() < REDRAW {
+            return;
         }
+        self.drawn = Instant::now();
+        self.bar.set_position(done as u64);
+        let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {n:.4} N"));
+        self.bar.set_message(format!(
+            "{}\n{}: depth {:.2} mm, predicted {:.4} N{measured}, {:.1} times real time, {} steps per pose",
+            self.curves.picture(),
+            answer.phase.as_str(),
+            1e3 * answer.depth_m,
+            answer.predicted_n,
+            answer.time_s / self.begun.elapsed().as_secs_f64(),
+            answer.steps
+        ));
     }
 
     fn stop(&self) -> bool {

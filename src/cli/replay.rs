@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::options::{OutputOptions, SetOptions, ThreadOptions};
+use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
 use crate::bag::{Recording, TopicNames};
@@ -41,6 +41,9 @@ pub(super) struct Arguments {
     seed: Option<u64>,
 
     #[command(flatten)]
+    series: SeriesOptions,
+
+    #[command(flatten)]
     output: OutputOptions,
 }
 
@@ -71,15 +74,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let scene = arguments.set.apply(&scene_file::load(name)?, [])?;
     let folder = output::prepare(&arguments.output)?;
     let readings = arguments.topics.readings(&recording);
-    let run = arguments.threads.install(|| replay(&scene, &recording, readings, folder.is_some()))??;
-    output::deliver(&run, folder.as_ref(), arguments.output.json)
+    let keep = arguments.series.keep(folder.is_some(), duration_s(&readings))?;
+    let run = arguments.threads.install(|| replay(&scene, &recording, readings, keep))??;
+    output::deliver(&run, folder.as_ref(), &arguments.series, arguments.output.json)
 }
 
 /// Plays a recording offline as another command (`demo --no-dds`), fields and all.
 pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Result<Run, CliError> {
     let depths = recording.depths.iter();
-    let readings = depths.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
-    let mut run = replay(scene, recording, readings, true)?;
+    let readings: Vec<Reading> = depths.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
+    let keep = Keep { fields: true, duration_s: duration_s(&readings), save_every_s: None };
+    let mut run = replay(scene, recording, readings, keep)?;
     command.clone_into(&mut run.command);
     Ok(run)
 }
@@ -105,7 +110,12 @@ impl TopicOptions {
     }
 }
 
-fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, fields: bool) -> Result<Run, CliError> {
+/// Time from the first reading to the last, s.
+fn duration_s(readings: &[Reading]) -> Option<f64> {
+    readings.first().zip(readings.last()).map(|(first, last)| last.time_s - first.time_s)
+}
+
+fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, keep: Keep) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
     for warning in recording.warnings.iter().chain(&foreign_frames(recording, &readings)) {
         progress.warn(warning);
@@ -114,8 +124,7 @@ fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, fields: 
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     twin.warnings().iter().for_each(|warning| progress.warn(warning));
     progress.count(readings.len());
-    let duration_s = readings.first().zip(readings.last()).map(|(first, last)| last.time_s - first.time_s);
-    let mut collector = Collector::new(&twin, "replay", build_s, Keep { fields, duration_s });
+    let mut collector = Collector::new(&twin, "replay", build_s, keep);
     recording.losses.iter().for_each(|loss| collector.lost(loss.to_string()));
     let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
     if !measured.is_empty() {

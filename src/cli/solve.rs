@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::options::{OutputOptions, SetOptions, ThreadOptions};
+use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
 use crate::compare::{self, At, Collector, Keep, Reading, Run};
@@ -34,6 +34,9 @@ pub(super) struct Arguments {
     threads: ThreadOptions,
 
     #[command(flatten)]
+    series: SeriesOptions,
+
+    #[command(flatten)]
     output: OutputOptions,
 }
 
@@ -41,8 +44,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, arguments.motion())?;
     let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
     let folder = output::prepare(&arguments.output)?;
-    let run = arguments.threads.install(|| solve(&scene, &motion, folder.is_some()))??;
-    output::deliver(&run, folder.as_ref(), arguments.output.json)
+    let duration_s = Some((motion.pose_count() - 1.0) / motion.pose_rate.get());
+    let keep = arguments.series.keep(folder.is_some(), duration_s)?;
+    let run = arguments.threads.install(|| solve(&scene, &motion, keep))??;
+    output::deliver(&run, folder.as_ref(), &arguments.series, arguments.output.json)
 }
 
 impl Arguments {
@@ -58,14 +63,13 @@ impl Arguments {
     }
 }
 
-fn solve(scene: &Scene, motion: &Motion, fields: bool) -> Result<Run, CliError> {
+fn solve(scene: &Scene, motion: &Motion, keep: Keep) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     twin.warnings().iter().for_each(|warning| progress.warn(warning));
     progress.count(motion.pose_count() as usize);
-    let duration_s = Some((motion.pose_count() - 1.0) / motion.pose_rate.get());
-    let collector = Collector::new(&twin, "solve", build_s, Keep { fields, duration_s });
+    let collector = Collector::new(&twin, "solve", build_s, keep);
     let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
     let run = compare::drive(&mut twin, readings, None, collector, &mut progress);
     progress.finish();

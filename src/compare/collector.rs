@@ -21,6 +21,8 @@ pub struct Keep {
     pub fields: bool,
     /// Length of the run, s, where it is known beforehand.
     pub duration_s: Option<f64>,
+    /// Time between two snapshots, s; `None`: some forty of the run.
+    pub save_every_s: Option<f64>,
 }
 
 /// Puts a [`Run`] together.
@@ -70,7 +72,9 @@ impl Collector {
             imbalance_n: 0.0,
             peak_n: 0.0,
             first_time_s: None,
-            snapshot_interval_s: keep.duration_s.map_or(FIRST_INTERVAL_S, |duration| duration / SNAPSHOTS),
+            snapshot_interval_s: keep
+                .save_every_s
+                .unwrap_or_else(|| keep.duration_s.map_or(FIRST_INTERVAL_S, |duration| duration / SNAPSHOTS)),
             refused: 0,
             first_refusal: String::new(),
         }
@@ -129,7 +133,8 @@ impl Collector {
             self.run.targets.push(TargetRow { time_s, depth_m, positions });
         }
         let due = match self.run.snapshots.last() {
-            Some(last) => time_s - last.time_s >= self.snapshot_interval_s,
+            // stamps are not exact
+            Some(last) => time_s - last.time_s >= (1.0 - 1e-6) * self.snapshot_interval_s,
             None => true,
         };
         if self.keep.fields && due {
@@ -142,7 +147,7 @@ impl Collector {
         twin.displacements(&mut snapshot.displacement);
         twin.jacobian(&mut snapshot.jacobian);
         self.run.snapshots.push(snapshot);
-        if self.run.snapshots.len() > MOST_SNAPSHOTS {
+        if self.keep.save_every_s.is_none() && self.run.snapshots.len() > MOST_SNAPSHOTS {
             let mut index = 0;
             self.run.snapshots.retain(|_| {
                 index += 1;

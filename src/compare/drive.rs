@@ -102,5 +102,5 @@ fn stamped(twin: &Twin, reading: Reading) -> StampedPose {
 
 impl Keep {
     /// Answers only: no field is computed.
-    pub const ANSWERS: Self = Self { fields: false, duration_s: None };
+    pub const ANSWERS: Self = Self { fields: false, duration_s: None, save_every_s: None };
 }

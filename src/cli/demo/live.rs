@@ -1,19 +1,26 @@
-//! Predicted against measured, drawn line by line while it happens.
+//! Predicted against measured while it happens: curves in a terminal, line by line where there is none.
 
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::cli::curves::Curves;
 use crate::ros::messages::needle_twin::TwinStatus;
 use crate::ros::observer::Observations;
 
 /// Width of a bar of the chart, characters.
 const WIDTH: usize = 22;
 
-/// The display on stderr: a line per second that stays, and on a terminal a bar that moves.
+/// Time between two pictures.
+const REDRAW: Duration = Duration::from_millis(100);
+
+/// The display on stderr: a picture that grows over a bar that moves, or a line per second.
 pub(super) struct Live {
     bar: ProgressBar,
+    curves: Curves,
+    /// Predictions that are in the curves.
+    drawn: usize,
     full_scale_n: f64,
     begun: Option<Instant>,
     next_line: Duration,
@@ -23,10 +30,10 @@ impl Live {
     /// `full_scale_n` is the force that fills a bar, `duration` how long the recording plays.
     pub fn new(full_scale_n: f64, duration: Duration) -> Self {
         let bar = ProgressBar::new(duration.as_millis() as u64);
-        let style = ProgressStyle::with_template("{spinner} {bar:40} {percent:>3}%  {msg}");
+        let style = ProgressStyle::with_template("{msg}\n{spinner} {bar:40} {percent:>3}%");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(100));
-        Self { bar, full_scale_n, begun: None, next_line: Duration::ZERO }
+        Self { bar, curves: Curves::default(), drawn: 0, full_scale_n, begun: None, next_line: Duration::ZERO }
     }
 
     /// Says what is being done.
@@ -44,6 +51,11 @@ impl Live {
         self.bar.set_position(begun.elapsed().as_millis() as u64);
         let Some(depth) = heard.depths.last() else { return };
         if begun.elapsed() < self.next_line {
+            return;
+        }
+        if !self.bar.is_hidden() {
+            self.next_line = begun.elapsed() + REDRAW;
+            self.draw(heard);
             return;
         }
         if self.next_line.is_zero() {
@@ -72,6 +84,32 @@ impl Live {
         ));
     }
 
+    /// Redraws the curves: each prediction at the depth that was heard last before it.
+    fn draw(&mut self, heard: &Observations) {
+        for predicted in &heard.predicted[self.drawn..] {
+            let before = |stamps: usize| stamps.checked_sub(1);
+            let depth = before(heard.depths.partition_point(|d| d.stamp_ns <= predicted.stamp_ns));
+            let measured = before(heard.measured.partition_point(|f| f.stamp_ns <= predicted.stamp_ns));
+            if let Some(depth) = depth {
+                let measured = measured.map(|i| heard.measured[i].value[2]);
+                self.curves.add(heard.depths[depth].value, Some(predicted.value[2]), measured);
+            }
+        }
+        self.drawn = heard.predicted.len();
+        let now = heard.status.last().map_or_else(String::new, |s| {
+            let s = &s.value;
+            format!(
+                "{}: depth {:.2} mm, {:.1} times real time, {:.1} steps per pose, health {}",
+                phase(s),
+                1e3 * heard.depths.last().map_or(0.0, |d| d.value),
+                s.real_time_factor,
+                s.steps_per_pose,
+                health(s)
+            )
+        });
+        self.bar.set_message(format!("{}\n{now}", self.curves.picture()));
+    }
+
     /// Takes the bar away.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
@@ -89,6 +127,13 @@ impl Live {
         let (whole, part) = (cells as usize, ((cells.fract() * 8.0) as usize).min(7));
         let drawn = whole + usize::from(part > 0);
         format!("{}{}{}", "█".repeat(whole), EIGHTHS[part], " ".repeat(WIDTH.saturating_sub(drawn)))
+    }
+}
+
+fn health(status: &TwinStatus) -> String {
+    match status.health {
+        TwinStatus::HEALTH_OK => "ok".to_owned(),
+        _ => status.reasons.join("; "),
     }
 }
 

@@ -12,6 +12,7 @@ use ros2_client::ServiceMapping;
 
 use self::live::Live;
 use self::nodes::Node;
+use super::options::SeriesOptions;
 use super::output::OutputFolder;
 use super::{CliError, Outcome, output, replay, scene_file};
 use crate::bag::{BagWriter, Recording, TopicNames, WriterOptions, embedded};
@@ -57,12 +58,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let folder = OutputFolder::prepare(&arguments.out)?;
     if arguments.no_dds {
         let run = replay::offline(&scene, &recording, "demo")?;
-        return output::deliver(&run, Some(&folder), false);
+        return output::deliver(&run, Some(&folder), &SeriesOptions::default(), false);
     }
     // Before anything starts a thread: RustDDS must not see a signal.
     let signals = Signals::block().map_err(|e| CliError::Demo(format!("signals can't be blocked: {e}")))?;
     let run = Stage::prepare(&arguments.out, &signals)?.play(&scene, &recording)?;
-    output::deliver(&run, Some(&folder), false)
+    output::deliver(&run, Some(&folder), &SeriesOptions::default(), false)
 }
 
 /// Everything that the play needs.
