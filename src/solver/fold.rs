@@ -128,7 +128,7 @@ mod tests {
         let points = [[0.0, 0.0, 0.0], [1.1, 0.1, 0.0], [0.2, 0.9, 0.1], [0.1, 0.3, 1.2]];
         let guard = Guard::new(&[0], &[[0, 1, 2, 3]], &points, 3.0);
         // from untouched over crushed to inside out
-        for push in [0.1, 0.7, 1.0, 1.6] {
+        for push in [0.1, 0.9, 1.0, 1.6] {
             let u = [[0.0; 3], [0.02, -0.01, 0.03], [0.0, 0.05, 0.02], [0.04, -0.02, -push * 1.1]];
             let at = guard.resistance(0, &u);
             let total: [f64; 3] = std::array::from_fn(|k| at.force.iter().map(|f| f[k]).sum());

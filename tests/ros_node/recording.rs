@@ -89,7 +89,7 @@ fn a_folder_that_is_not_empty_is_refused() {
 fn a_full_disk_ends_the_recording_and_not_the_node_and_the_bag_is_closed() {
     let folder = tempfile::tempdir().unwrap();
     // `wait` may miss a signal that comes just before it sleeps; a trap between two commands does not
-    let script = r#"mount -t tmpfs -o size=1500k none "$1" && shift || exit 99
+    let script = r#"mount -t tmpfs -o size=800k none "$1" && shift || exit 99
         check=$1; bag=$2; shift 2
         "$@" & twin=$!
         trap 'kill -INT $twin' INT
