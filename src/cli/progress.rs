@@ -19,7 +19,8 @@ pub(super) struct Progress {
     interrupt: Interrupt,
     curves: Curves,
     begun: Instant,
-    drawn: Instant,
+    /// When the last picture was drawn.
+    drawn: Option<Instant>,
 }
 
 impl Progress {
@@ -36,8 +37,7 @@ impl Progress {
     }
 
     fn of(bar: ProgressBar) -> Self {
-        let now = Instant::now();
-        Self { bar, interrupt: Interrupt::listen(), curves: Curves::default(), begun: now, drawn: now }
+        Self { bar, interrupt: Interrupt::listen(), curves: Curves::default(), begun: Instant::now(), drawn: None }
     }
 
     /// Says what is going on, in the place of the poses.
@@ -73,10 +73,10 @@ impl Watch for Progress {
         }
         let Some(answer) = answer else { return };
         self.curves.add(answer.depth_m, Some(answer.predicted_n), answer.measured_n);
-        if self.drawn.elapsed() < REDRAW {
+        if self.drawn.is_some_and(|drawn| drawn.elapsed() < REDRAW) {
             return;
         }
-        self.drawn = Instant::now();
+        self.drawn = Some(Instant::now());
         self.bar.set_position(done as u64);
         let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {n:.4} N"));
         self.bar.set_message(format!(
