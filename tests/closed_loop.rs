@@ -297,7 +297,12 @@ fn a_killed_guard_stops_it() {
 #[test]
 fn the_predicted_force_stays_under_its_limit() {
     let _alone = alone();
-    let run = start(false, &[], &[], &["-p", "goal_depth_m:=0.009", "-p", "force_limit_n:=0.05"]);
+    let run = start(
+        false,
+        &[],
+        &[],
+        &["-p", "goal_depth_m:=0.009", "-p", "force_limit_n:=0.05", "-p", "resume_after_s:=0.3"],
+    );
     run.judge.wait_for(0.001, "force");
     let begun = Instant::now();
     let mut before = 0.0;
