@@ -215,10 +215,16 @@ impl RosLayer {
             return self.level;
         }
         // RustDDS speaks of itself at length: a loopback without multicast alone gives 30 errors per second
-        // ("No locators for RtpsReaderProxy"), and leaving gives two. Neither is anything that a user can act on.
+        // ("No locators for RtpsReaderProxy"), and leaving gives two, on a busy machine one more per endpoint ("Cannot
+        // remove Reader"). None is anything that a user can act on; what can't be made is returned as an error.
         // And what goes to /rosout is said here once more by who publishes it.
-        const NOISE: [&str; 4] =
-            ["rustdds::rtps::writer", "rustdds::network", "rustdds::discovery", "ros2_client::rosout"];
+        const NOISE: [&str; 5] = [
+            "rustdds::rtps::writer",
+            "rustdds::network",
+            "rustdds::discovery",
+            "rustdds::dds::pubsub",
+            "ros2_client::rosout",
+        ];
         if NOISE.iter().any(|n| target.starts_with(n)) { Severity::Fatal } else { Severity::Error }
     }
 }
