@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::options::{SetOptions, ThreadOptions};
+use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Progress;
-use super::replay::{DEFAULT_SCENE, TopicOptions, foreign_frames};
+use super::replay::{RecordedOptions, foreign_frames};
+use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
 use crate::bag::Recording;
 use crate::compare::uncertainty::FORCE_ERROR;
@@ -20,8 +21,8 @@ use crate::study::calibrate::{self, Calibration, Estimate, HoldOut, LoadCell, Pr
 /// Find the values of scene keys with which the twin's force comes nearest to the recorded one, and say how sure they are
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// rosbag2 folder or .mcap file
-    bag: PathBuf,
+    #[command(flatten)]
+    recorded: RecordedOptions,
 
     /// Key to find, with bounds where the key's own range is too wide: material.shear_modulus_pa or
     /// instrument.deformation_coefficient=0.2..0.8 (may be repeated; the search begins at the scene's value)
@@ -44,16 +45,6 @@ pub(super) struct Arguments {
     /// Another bag to predict with the values found, in the scene that it names
     #[arg(long, value_name = "BAG", help_heading = "Fit")]
     predict: Option<PathBuf>,
-
-    /// Preset or scene file [default: the one that the bag names, needle_insertion if it names none]
-    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
-    scene: Option<String>,
-
-    #[command(flatten)]
-    set: SetOptions,
-
-    #[command(flatten)]
-    topics: TopicOptions,
 
     #[command(flatten)]
     threads: ThreadOptions,
@@ -105,10 +96,8 @@ fn share(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     refuse_repeats(&arguments.fit)?;
-    let recording = Recording::load(&arguments.bag, &arguments.topics.names())?;
-    let name = arguments.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
-    let scene = arguments.set.apply(&scene_file::load(name)?, [])?;
-    let other = arguments.predict.as_deref().map(|bag| other(arguments, bag, name)).transpose()?;
+    let (recording, scene) = arguments.recorded.load()?;
+    let other = arguments.predict.as_deref().map(|bag| other(arguments, bag, &scene)).transpose()?;
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let work = || found(arguments, &scene, &recording, other.as_ref());
     let (calibration, prediction) = arguments.threads.install(work)??;
@@ -135,9 +124,9 @@ fn refuse_repeats(fit: &[Wanted]) -> Result<(), CliError> {
 }
 
 /// The other bag with the scene that it names, or else the fitted one's.
-fn other(arguments: &Arguments, bag: &Path, fitted: &str) -> Result<(Recording, Scene), CliError> {
-    let recording = Recording::load(bag, &arguments.topics.names())?;
-    let scene = scene_file::load(recording.scene.as_deref().unwrap_or(fitted))?;
+fn other(arguments: &Arguments, bag: &Path, fitted: &Scene) -> Result<(Recording, Scene), CliError> {
+    let recording = Recording::load(bag, &arguments.recorded.topics.names())?;
+    let scene = recording.scene.as_deref().map_or_else(|| Ok(fitted.clone()), scene_file::load)?;
     Ok((recording, scene))
 }
 
@@ -148,7 +137,7 @@ fn found(
     other: Option<&(Recording, Scene)>,
 ) -> Result<(Calibration, Option<Prediction>), CliError> {
     let progress = Progress::preparing("building the model");
-    let readings = arguments.topics.readings(recording);
+    let readings = arguments.recorded.topics.readings(recording);
     for warning in recording.warnings.iter().chain(&foreign_frames(recording, &readings)) {
         progress.warn(warning);
     }
@@ -174,7 +163,7 @@ fn found(
     let calibration = calibrate(&task, &mut stop, &mut |what| progress.say(what))?;
     let prediction = other.map(|(recording, scene)| {
         progress.say("predicting the other bag");
-        let readings = arguments.topics.readings(recording);
+        let readings = arguments.recorded.topics.readings(recording);
         calibrate::predict(&calibration, scene, &readings, &series(recording), &recording.source, &mut stop)
     });
     let prediction = prediction.transpose()?;
@@ -293,13 +282,6 @@ fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &
         }
     }
     lines.push(("search", format!("{} steps, {} runs of the twin", calibration.iterations, calibration.runs)));
-    if let Some(folder) = files.first().and_then(|f| f.parent()) {
-        let names: Vec<_> = files.iter().filter_map(|f| f.file_name()).map(|n| n.to_string_lossy()).collect();
-        lines.push(("files", format!("{}: {}", folder.display(), names.join(", "))));
-    }
-    let mut out = String::new();
-    for (label, text) in lines {
-        let _ = writeln!(out, "{label:>9}  {text}"); // writing to a String can't fail
-    }
-    out
+    lines.extend(files.first().map(|first| ("files", written(first, files))));
+    screen(&lines)
 }

@@ -12,7 +12,7 @@ use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
 use crate::scene::Scene;
 
 /// Scene of a bag that doesn't say which it was made for.
-pub(super) const DEFAULT_SCENE: &str = "needle_insertion";
+const DEFAULT_SCENE: &str = "needle_insertion";
 /// Frame of poses and wrenches.
 const FRAME: &str = "sample";
 
@@ -20,18 +20,8 @@ const FRAME: &str = "sample";
 /// allows; the same bag, scene and settings give the same checksum
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// rosbag2 folder or .mcap file
-    bag: PathBuf,
-
-    /// Preset or scene file [default: the one that the bag names, needle_insertion if it names none]
-    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
-    scene: Option<String>,
-
     #[command(flatten)]
-    set: SetOptions,
-
-    #[command(flatten)]
-    topics: TopicOptions,
+    recorded: RecordedOptions,
 
     #[command(flatten)]
     threads: ThreadOptions,
@@ -45,6 +35,33 @@ pub(super) struct Arguments {
 
     #[command(flatten)]
     output: OutputOptions,
+}
+
+/// A recording and the scene that it is run with.
+#[derive(Debug, Args)]
+pub(super) struct RecordedOptions {
+    /// rosbag2 folder or .mcap file
+    bag: PathBuf,
+
+    /// Preset or scene file [default: the one that the bag names, needle_insertion if it names none]
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
+    scene: Option<String>,
+
+    #[command(flatten)]
+    set: SetOptions,
+
+    #[command(flatten)]
+    pub topics: TopicOptions,
+}
+
+impl RecordedOptions {
+    /// Reads both.
+    pub(super) fn load(&self) -> Result<(Recording, Scene), CliError> {
+        let recording = Recording::load(&self.bag, &self.topics.names())?;
+        let name = self.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
+        let scene = self.set.apply(&scene_file::load(name)?, [])?;
+        Ok((recording, scene))
+    }
 }
 
 /// Which topics of the bag are taken.
@@ -69,11 +86,9 @@ pub(super) struct TopicOptions {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
-    let recording = Recording::load(&arguments.bag, &arguments.topics.names())?;
-    let name = arguments.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
-    let scene = arguments.set.apply(&scene_file::load(name)?, [])?;
+    let (recording, scene) = arguments.recorded.load()?;
     let folder = output::prepare(&arguments.output)?;
-    let readings = arguments.topics.readings(&recording);
+    let readings = arguments.recorded.topics.readings(&recording);
     let keep = arguments.series.keep(folder.is_some(), duration_s(&readings))?;
     let run = arguments.threads.install(|| replay(&scene, &recording, readings, keep))??;
     output::deliver(&run, folder.as_ref(), &arguments.series, arguments.output.json)

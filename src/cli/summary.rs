@@ -35,9 +35,12 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
     lines.push(("speed", speed(run)));
     lines.push(("health", health(run)));
     lines.push(("checksum", run.checksum.clone()));
-    if let Some(first) = files.first() {
-        lines.push(("files", written(first, files)));
-    }
+    lines.extend(files.first().map(|first| ("files", written(first, files))));
+    screen(&lines)
+}
+
+/// Labels and texts, a line each.
+pub(super) fn screen(lines: &[(&str, String)]) -> String {
     let mut out = String::new();
     for (label, text) in lines {
         let _ = writeln!(out, "{label:>9}  {text}"); // writing to a String can't fail
@@ -105,7 +108,8 @@ fn health(run: &Run) -> String {
     )
 }
 
-fn written(first: &std::path::Path, files: &[PathBuf]) -> String {
+/// The folder of the first file, and the names of all.
+pub(super) fn written(first: &std::path::Path, files: &[PathBuf]) -> String {
     let folder = first.parent().map(|p| p.display().to_string()).unwrap_or_default();
     let names: Vec<_> = files.iter().filter_map(|f| f.file_name()).map(|n| n.to_string_lossy()).collect();
     format!("{folder}: {}", names.join(", "))

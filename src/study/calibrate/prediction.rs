@@ -1,7 +1,7 @@
 //! What was found on one recording, held against another.
 
-use super::{CalibrateError, Calibration, carried, rmse};
-use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run, Watch};
+use super::{CalibrateError, Calibration, carried, problem, rmse};
+use crate::compare::{ForceSeries, Reading, Run, Watch};
 use crate::scene::Scene;
 use crate::twin::Phase;
 
@@ -40,8 +40,8 @@ pub fn predict(
     watch: &mut dyn Watch,
 ) -> Result<Prediction, CalibrateError> {
     let changes = carried(calibration, scene);
-    let before = run(scene, readings, measured, watch)?;
-    let after = run(&scene.with(&changes)?, readings, measured, watch)?;
+    let before = whole(scene, readings, measured, watch)?;
+    let after = whole(&scene.with(&changes)?, readings, measured, watch)?;
     let first_contact = before.answers.iter().position(|a| a.phase != Phase::Approach).unwrap_or(0);
     let idle: Vec<f64> = before.answers[..first_contact].iter().filter_map(|a| a.measured_n).collect();
     let offset_n = if idle.is_empty() { 0.0 } else { idle.iter().sum::<f64>() / idle.len() as f64 };
@@ -66,19 +66,13 @@ pub fn predict(
     })
 }
 
-fn run(
+fn whole(
     scene: &Scene,
     readings: &[Reading],
     measured: &ForceSeries,
     watch: &mut dyn Watch,
 ) -> Result<Run, CalibrateError> {
-    let built = compare::build(scene);
-    let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
-    let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
-    let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, watch);
-    if watch.stop() {
-        return Err(CalibrateError::Interrupted);
-    }
+    let run = problem::run(scene, readings, measured, watch)?;
     if let Some(reason) = run.diverged {
         return Err(CalibrateError::Diverged(reason));
     }

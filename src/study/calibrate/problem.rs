@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::{CalibrateError, Forces, LoadCell, Parts, Task};
-use crate::compare::{self, Answer, Collector, Keep, Run, Watch, least_squares::Problem};
+use crate::compare::{self, Answer, Collector, ForceSeries, Keep, Reading, Run, Watch, least_squares::Problem};
 use crate::scene::{Override, Scene};
 use crate::twin::Phase;
 
@@ -188,20 +188,19 @@ impl<'a> Recorded<'a> {
     /// All forces, those with the values x among them.
     pub fn forces(&mut self, x: &[f64]) -> Result<Forces, CalibrateError> {
         let model_n = self.predicted(x)?.ok_or_else(|| self.beyond_start())?;
-        let term = |k: usize| x[self.task.wanted.len() + k];
-        let added = |t: f64| self.terms.iter().enumerate().map(|(k, c)| term(k) * c.at(t)).sum::<f64>();
-        let fitted_n = model_n.iter().zip(&self.forces.time_s).map(|(f, &t)| f + added(t)).collect();
+        let fitted_n = model_n.iter().zip(&self.forces.time_s).map(|(f, &t)| f + self.added(x, t)).collect();
         Ok(Forces { model_n, fitted_n, ..self.forces.clone() })
     }
 
     fn run(&mut self, scene: &Scene) -> Result<Run, CalibrateError> {
         self.runs += 1;
-        let (mut twin, build_s) =
-            compare::build(scene).map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
-        let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
-        let readings = self.task.readings.iter().copied();
-        let run = compare::drive(&mut twin, readings, Some(self.task.measured), collector, self.watch);
-        if self.watch.stop() { Err(CalibrateError::Interrupted) } else { Ok(run) }
+        run(scene, self.task.readings, self.task.measured, self.watch)
+    }
+
+    /// What the load cell adds at a time, with the unknowns x.
+    fn added(&self, x: &[f64], time_s: f64) -> f64 {
+        let terms = self.terms.iter().zip(&x[self.task.wanted.len()..]);
+        terms.map(|(term, value)| value * term.at(time_s)).sum()
     }
 
     /// Predicted force at every row; `None` where the scene can't be, diverges or refuses poses.
@@ -234,6 +233,20 @@ impl<'a> Recorded<'a> {
     }
 }
 
+/// A run of a scene over a recording.
+pub(super) fn run(
+    scene: &Scene,
+    readings: &[Reading],
+    measured: &ForceSeries,
+    watch: &mut dyn Watch,
+) -> Result<Run, CalibrateError> {
+    let built = compare::build(scene);
+    let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
+    let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
+    let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, watch);
+    if watch.stop() { Err(CalibrateError::Interrupted) } else { Ok(run) }
+}
+
 /// Which answers are not of a tissue that an instrument has just let go.
 fn at_rest(answers: &[Answer]) -> Vec<bool> {
     let mut left_s = f64::NEG_INFINITY;
@@ -259,23 +272,15 @@ impl Problem for Recorded<'_> {
 
     fn residuals(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
         let Some(force) = self.predicted(x)? else { return Ok(None) };
-        let keys = self.task.wanted.len();
-        let residual = |i: usize| {
-            let terms = self.terms.iter().zip(&x[keys..]);
-            let added: f64 = terms.map(|(term, value)| value * term.at(self.forces.time_s[i])).sum();
-            force[i] + added - self.forces.measured_n[i]
-        };
+        let residual = |i: usize| force[i] + self.added(x, self.forces.time_s[i]) - self.forces.measured_n[i];
         Ok(Some(DVector::from_iterator(self.fitted.len(), self.fitted.iter().map(|&i| residual(i)))))
     }
 
     fn jacobian(&mut self, x: &[f64], r: &DVector<f64>) -> Result<Option<DMatrix<f64>>, CalibrateError> {
         let keys = self.task.wanted.len();
         let rows = self.fitted.clone();
-        let added = |i: usize| -> f64 {
-            let terms = self.terms.iter().zip(&x[keys..]);
-            terms.map(|(term, value)| value * term.at(self.forces.time_s[i])).sum()
-        };
-        let force: Vec<f64> = rows.iter().zip(r).map(|(&i, r)| r + self.forces.measured_n[i] - added(i)).collect();
+        let without = |i: usize| self.forces.measured_n[i] - self.added(x, self.forces.time_s[i]);
+        let force: Vec<f64> = rows.iter().zip(r).map(|(&i, r)| r + without(i)).collect();
         let mut jacobian = DMatrix::zeros(rows.len(), x.len());
         for k in 0..keys {
             let column = if self.task.wanted[k].key == PROPORTIONAL {
