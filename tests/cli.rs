@@ -256,13 +256,16 @@ fn ctrl_c_keeps_what_is_done() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    sleep(Duration::from_secs(2));
+    // long enough for a line of how it goes, where there is no terminal
+    sleep(Duration::from_secs(8));
     let pid = child.id().to_string();
     assert!(std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(3), "finished, but not all of it: {stderr}");
     assert!(stderr.contains("interrupted after"), "{stderr}");
+    let line = stderr.lines().next().unwrap();
+    assert!(line.contains(" of 1000001 poses, indentation: depth 0.") && line.contains("times real time"), "{stderr}");
     let metrics: Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
     assert!(metrics["losses"][0].as_str().unwrap().contains("interrupted"));
 }

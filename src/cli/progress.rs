@@ -1,5 +1,6 @@
-//! Progress of a run on stderr: curves and a bar where that is a terminal, nothing where it isn't.
+//! Progress of a run on stderr: curves and a bar where that is a terminal, now and then a line where it isn't.
 
+use std::io::Write as _;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -12,6 +13,8 @@ use crate::compare::{Answer, Watch};
 const STRIDE: usize = 16;
 /// Time between two pictures.
 const REDRAW: Duration = Duration::from_millis(100);
+/// Time between two lines where there is no terminal; what ends before the first leaves stderr empty.
+const LINE: Duration = Duration::from_secs(5);
 
 /// A progress bar that ends with Ctrl-C.
 pub(super) struct Progress {
@@ -19,8 +22,9 @@ pub(super) struct Progress {
     interrupt: Interrupt,
     curves: Curves,
     begun: Instant,
-    /// When the last picture was drawn.
-    drawn: Option<Instant>,
+    /// When the next picture or line is due, after the beginning; `None` where nothing is shown.
+    due: Option<Duration>,
+    poses: usize,
 }
 
 impl Progress {
@@ -28,16 +32,18 @@ impl Progress {
     pub(super) fn preparing(what: &str) -> Self {
         let bar = ProgressBar::new_spinner().with_message(what.to_owned());
         bar.enable_steady_tick(Duration::from_millis(100));
-        Self::of(bar)
+        let due = if bar.is_hidden() { LINE } else { Duration::ZERO };
+        Self::of(bar, Some(due))
     }
 
     /// Shows nothing, and only listens for Ctrl-C.
     pub(super) fn silent() -> Self {
-        Self::of(ProgressBar::hidden())
+        Self::of(ProgressBar::hidden(), None)
     }
 
-    fn of(bar: ProgressBar) -> Self {
-        Self { bar, interrupt: Interrupt::listen(), curves: Curves::default(), begun: Instant::now(), drawn: None }
+    fn of(bar: ProgressBar, due: Option<Duration>) -> Self {
+        let interrupt = Interrupt::listen();
+        Self { bar, interrupt, curves: Curves::default(), begun: Instant::now(), due, poses: 0 }
     }
 
     /// Says what is going on, in the place of the poses.
@@ -47,7 +53,7 @@ impl Progress {
 
     /// Goes over to counting poses.
     pub(super) fn count(&mut self, poses: usize) {
-        self.begun = Instant::now();
+        (self.begun, self.poses) = (Instant::now(), poses);
         self.bar.disable_steady_tick();
         let style = ProgressStyle::with_template("{msg}\n{bar:40} {percent:>3}% {pos}/{len} poses, {eta} left");
         self.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -68,26 +74,32 @@ impl Progress {
 
 impl Watch for Progress {
     fn progress(&mut self, done: usize, answer: Option<&Answer>) {
-        if !done.is_multiple_of(STRIDE) || self.bar.is_hidden() {
+        let (Some(due), Some(answer), true) = (self.due, answer, done.is_multiple_of(STRIDE)) else { return };
+        let live = !self.bar.is_hidden();
+        if live {
+            self.curves.add(answer.depth_m, Some(answer.predicted_n), answer.measured_n);
+        }
+        let elapsed = self.begun.elapsed();
+        if elapsed < due {
             return;
         }
-        let Some(answer) = answer else { return };
-        self.curves.add(answer.depth_m, Some(answer.predicted_n), answer.measured_n);
-        if self.drawn.is_some_and(|drawn| drawn.elapsed() < REDRAW) {
-            return;
-        }
-        self.drawn = Some(Instant::now());
-        self.bar.set_position(done as u64);
+        self.due = Some(elapsed + if live { REDRAW } else { LINE });
         let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {n:.4} N"));
-        self.bar.set_message(format!(
-            "{}\n{}: depth {:.2} mm, predicted {:.4} N{measured}, {:.1} times real time, {} steps per pose",
-            self.curves.picture(),
+        let now = format!(
+            "{}: depth {:.2} mm, predicted {:.4} N{measured}, {:.1} times real time, {} steps per pose",
             answer.phase.as_str(),
             1e3 * answer.depth_m,
             answer.predicted_n,
-            answer.time_s / self.begun.elapsed().as_secs_f64(),
+            answer.time_s / elapsed.as_secs_f64(),
             answer.steps
-        ));
+        );
+        if live {
+            self.bar.set_position(done as u64);
+            self.bar.set_message(format!("{}\n{now}", self.curves.picture()));
+        } else {
+            // nowhere left to say that it can't be said
+            let _ = writeln!(std::io::stderr(), "{done} of {} poses, {now}", self.poses);
+        }
     }
 
     fn stop(&self) -> bool {
