@@ -18,8 +18,8 @@ use crate::ros::participant::{Input, Participant, ParticipantError, Wish};
 use crate::ros::qos;
 use crate::twin::Pose;
 
-/// A stamp so far ahead of the node's clock is refused.
-const FUTURE_S: f64 = 10.0;
+/// A stamp so far ahead of the node's clock is refused. `/clock` comes at 1 Hz at the slowest.
+const FUTURE_S: f64 = 2.0;
 
 /// The subscriptions.
 pub(super) struct Inputs {
@@ -101,6 +101,8 @@ struct Intake<'a> {
     shared: &'a Shared,
     inbox: &'a Inbox,
     last_stamp: Option<i64>,
+    /// Stamp of a pose from long before the last one: a straggler, or the first one of a time that starts again.
+    straggler: Option<i64>,
     /// Topic that poses are taken from; the other one is ignored until this one is silent.
     source: Option<(&'static str, Instant)>,
     warnings: BTreeMap<Reject, Throttle>,
@@ -115,6 +117,7 @@ impl<'a> Intake<'a> {
             shared,
             inbox,
             last_stamp: None,
+            straggler: None,
             source: None,
             warnings: BTreeMap::new(),
             unstamped: Throttle::new(Duration::from_secs(60)),
@@ -221,7 +224,10 @@ impl<'a> Intake<'a> {
             && nanos <= last
         {
             let back = (last - nanos) as f64 * 1e-9;
-            if back <= settings.input_timeout_s {
+            // One late message is no reason to throw the tissue's history away: time has gone back when the next pose
+            // says so too.
+            let confirmed = self.straggler.replace(nanos).is_some_and(|before| nanos > before);
+            if back <= settings.input_timeout_s || !confirmed {
                 return self.reject(Reject::OutOfOrder, || {
                     format!("its stamp is {back:.6} s before that of the pose before it; is {source} published twice?")
                 });
@@ -229,6 +235,7 @@ impl<'a> Intake<'a> {
             self.jump_back(back);
         }
         self.last_stamp = Some(nanos);
+        self.straggler = None;
         let pose = PoseInput { stamp: Time::from_nanos(nanos), received, place };
         let handoff = self.inbox.put_pose(pose);
         self.shared.lock().pose(handoff, age_s, now);
@@ -349,8 +356,14 @@ mod tests {
         intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]));
         intake.joint_state(&joint(99, 900_000_000, &["insertion"], &[0.001]));
         assert_eq!(shared.lock().rejects[&Reject::OutOfOrder], 2);
+        // a straggler, and the stream goes on
+        intake.joint_state(&joint(40, 0, &["insertion"], &[0.0]));
+        intake.joint_state(&joint(100, 10, &["insertion"], &[0.001]));
+        assert_eq!((shared.lock().received, shared.lock().rejects[&Reject::OutOfOrder]), (2, 3));
+        // time starts again
+        intake.joint_state(&joint(49, 0, &["insertion"], &[0.0]));
         intake.joint_state(&joint(50, 0, &["x", "insertion"], &[0.0, 0.002]));
-        assert_eq!(shared.lock().received, 2);
+        assert_eq!(shared.lock().received, 3);
         assert!(matches!(inbox.next(), Work::Reset(_)));
         assert!(matches!(inbox.next(), Work::Pose(p) if p.place == Where::Depth(0.002)));
     }
