@@ -1,6 +1,8 @@
 //! Faults provoked for real on a running twin: nothing is lost without a word, nothing false is said. The promises stand
 //! in `docs/faults.md`.
 
+#[path = "faults/disk.rs"]
+mod disk;
 #[path = "faults/input.rs"]
 mod input;
 #[path = "faults/load_cell.rs"]

@@ -71,6 +71,7 @@ struct State {
     /// What the solver has been given so far, and whether it is at it.
     given: u64,
     at_work: bool,
+    building: bool,
     /// A pose was answered since the last wish was fulfilled.
     wish_turn: bool,
 }
@@ -144,11 +145,11 @@ impl Inbox {
         self.wake.notify_one();
     }
 
-    /// A number that stands for what the solver is at, and changes with it; `None` while it waits or builds a model,
-    /// which may take as long as it takes.
+    /// A number that stands for what the solver is at, or should take up, and that changes when it does; `None` while
+    /// there is nothing to do, and while a model is built, which may take as long as it takes.
     pub fn at_work(&self) -> Option<u64> {
         let state = self.lock();
-        state.at_work.then_some(state.given)
+        (state.at_work || (state.pose.is_some() && !state.building)).then_some(state.given)
     }
 
     /// Waits for work. A wish for a snapshot or a look ahead waits for two poses at most.
@@ -157,10 +158,12 @@ impl Inbox {
         state.answering = false;
         state.missed = false;
         state.at_work = false;
+        state.building = false;
         loop {
             if let Some(work) = take(&mut state) {
                 state.given += 1;
-                state.at_work = !matches!(work, Work::Build);
+                state.building = matches!(work, Work::Build);
+                state.at_work = !state.building;
                 return work;
             }
             state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);

@@ -84,7 +84,8 @@ impl Supervisor {
         let same_s = pulse.look(self.inbox.at_work()).as_secs_f64();
         if same_s >= settings.solver_timeout_s {
             return Err(NodeError::Other(format!(
-                "the solver has not come back from one pose for {same_s:.1} s (solver_timeout_s): start the node again"
+                "the solver has not come back from one pose for {same_s:.1} s: start the node again, with a coarser \
+                 discretisation or a longer solver_timeout_s if the model is that slow"
             )));
         }
         let stuck_s = (same_s > settings.input_timeout_s).then_some(same_s);
