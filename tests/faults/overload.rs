@@ -12,12 +12,12 @@ fn it_skips_to_the_newest_pose_says_so_with_the_error_and_recovers() {
     // in three dimensions: milliseconds for a pose
     let heavy = [
         "--scene",
-        "needle_insertion",
+        "indentation",
         "--ros-args",
         "-p",
         "discretisation.dimension:=full",
         "-p",
-        "discretisation.spacing_m:=0.003",
+        "discretisation.spacing_m:=0.0025",
         "-p",
         "look_ahead:=false",
     ];
@@ -58,16 +58,18 @@ fn it_skips_to_the_newest_pose_says_so_with_the_error_and_recovers() {
         nanos += 50_000_000;
         force = peer.steps(&[(nanos, 0.0015)])[0].unwrap_or(force);
     }
+    let stated = loaded["force_imbalance"].as_f64().unwrap();
     println!(
         "skipped {} of {} poses, median latency {:.1} ms; well {:.1} s after the load; force at its end {last:.5} N, at rest \
-         {force:.5} N: {:.1} % off",
+         {force:.5} N: {:.1} % off; the status had stated {:.1} %",
         loaded["poses_coalesced"],
         loaded["poses_received"],
         1e3 * run["median_s"].as_f64().unwrap(),
         well.as_secs_f64(),
-        100.0 * (last - force).abs() / force
+        100.0 * (last - force).abs() / force,
+        100.0 * stated
     );
     assert!(run["unasked"] == 0 && force > 0.0);
-    assert!((last - force).abs() < 0.25 * force, "{last} N under load, {force} N at rest");
+    assert!((last - force).abs() < (0.05 + 3.0 * stated) * force, "{last} N under load, {force} N at rest, {stated}");
     assert_eq!(node.stop("INT").0, Some(0));
 }
