@@ -139,12 +139,14 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
 }
 
 /// Skipped poses, and what that does to the force: while the tissue has not caught up with the instrument, what the
-/// instrument feels and what the base holds differ.
+/// instrument feels and what the base holds differ. That gap is a sign of the force's error and less than it: 20% of the
+/// force were seen with a gap of 5% (docs/faults.md).
 fn skipped(live: &Live, share: f64) -> String {
     let gap = live.last.map_or(0.0, |answer| 100.0 * answer.prediction.health.force_imbalance);
     format!(
         "{share:.0}% of the poses are skipped: the twin is slower than they come. Force and base reaction differ by \
-         {gap:.1}% of the peak: take that for the error of the force until it rests, or choose a coarser discretisation"
+         {gap:.1}% of the peak, and the force may be off by several times that until it rests: choose a coarser \
+         discretisation"
     )
 }
 
