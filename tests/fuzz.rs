@@ -143,7 +143,7 @@ fn run(target: &str, exercise: Exercise, from: u64, count: u64) {
         if wrong.len() > 20 {
             break;
         }
-        if (index + 1 - from) % 100_000 == 0 {
+        if (index + 1 - from).is_multiple_of(100_000) {
             eprintln!("{target}: {} inputs in {:.0} s", index + 1 - from, begun.elapsed().as_secs_f64());
         }
     }
