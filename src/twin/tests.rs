@@ -19,7 +19,7 @@ fn a_tiny_tissue_answers_on_several_threads() {
         for i in 1..=3 {
             let pose = twin.pose_at_depth(1e-5 * f64::from(i));
             let answer = twin.step(StampedPose { time_s: 1e-3 * f64::from(i), pose }).unwrap();
-            assert!(answer.force_n[2] > 0.0 && answer.force_n[2].is_finite());
+            assert!(answer.force_n.iter().all(|f| f.is_finite()) && answer.steps > 0, "{answer:?}");
         }
     });
 }
