@@ -122,7 +122,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/TwinStatus",
         include_str!("../../msg/TwinStatus.msg"),
-        "RIHS01_54f7d2a23daead594d86a0a65049a8e2720c1d3628339fbf058de5f56a0c3384",
+        "RIHS01_ecc4156fd3c4281031e9b1de688498a9dcc650eacd15f738fd9fab5d996e06e2",
     ),
 ];
 

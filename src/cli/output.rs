@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::options::{OutputOptions, SeriesOptions};
 use super::{CliError, Outcome, print, summary, warn};
 use crate::compare::Run;
-use crate::report;
+use crate::report::{self, ReportError};
 
 /// A folder for results that is known to be writable. If nothing is ever written, it goes again.
 pub(super) struct OutputFolder {
@@ -36,18 +36,29 @@ pub(super) fn prepare(options: &OutputOptions) -> Result<Option<OutputFolder>, C
     options.out.as_deref().map(OutputFolder::prepare).transpose()
 }
 
-/// Writes the files and tells the user.
+fn write(run: &Run, folder: &Path, series: &SeriesOptions) -> Result<Vec<PathBuf>, ReportError> {
+    let mut files = report::write_all(folder, run)?;
+    if series.save_every.is_some() {
+        report::write_series(folder, run)?;
+        files.push(folder.join("series.pvd"));
+    }
+    Ok(files)
+}
+
+/// Writes the files and tells the user. Files that can't be written are a loss, not the end.
 pub(super) fn deliver(
     run: &Run,
     folder: Option<&OutputFolder>,
     series: &SeriesOptions,
     json: bool,
 ) -> Result<Outcome, CliError> {
-    let mut files = folder.map(|folder| report::write_all(&folder.path, run)).transpose()?.unwrap_or_default();
-    if let (Some(folder), Some(_)) = (folder, series.save_every) {
-        report::write_series(&folder.path, run)?;
-        files.push(folder.path.join("series.pvd"));
+    let written = folder.map(|folder| write(run, &folder.path, series)).transpose();
+    if let Err(error) = &written {
+        // A run may have taken hours: what it found goes to stdout even when the disk is full.
+        warn(&format!("{error}: its files are not complete, but the figures of the run follow on stdout"));
     }
+    let all_written = written.is_ok();
+    let files = written.ok().flatten().unwrap_or_default();
     for loss in &run.losses {
         warn(loss);
     }
@@ -55,6 +66,6 @@ pub(super) fn deliver(
         warn(&format!("diverged: {reason}"));
     }
     print(&if json { report::metrics_json(run) } else { summary::summary(run, &files) })?;
-    let complete = run.losses.is_empty() && run.diverged.is_none();
+    let complete = run.losses.is_empty() && run.diverged.is_none() && all_written;
     Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
 }

@@ -72,6 +72,22 @@ fn kind<M>(error: &WriteError<M>) -> &'static str {
     }
 }
 
+/// Messages that can't be read: the first is said, and one of a hundred thousand.
+#[derive(Debug, Default)]
+pub(super) struct Unreadable(AtomicU64);
+
+impl Unreadable {
+    fn note(&self, topic: &str, error: &impl std::fmt::Display) {
+        let before = self.0.fetch_add(1, Ordering::Relaxed);
+        if before.is_multiple_of(100_000) {
+            tracing::warn!(
+                "`{topic}`: a message can't be read ({error}): does its publisher speak another type? Further ones are \
+                 skipped without a word, {before} were so far"
+            );
+        }
+    }
+}
+
 /// A subscription that knows how many publishers it has.
 pub struct Input<M> {
     pub(super) subscription: Subscription<M>,
@@ -80,6 +96,7 @@ pub struct Input<M> {
     pub(super) type_name: &'static str,
     pub(super) qos: String,
     pub(super) tap: Option<Tap>,
+    pub(super) unreadable: Unreadable,
 }
 
 impl<M: RosMessage + 'static> Input<M> {
@@ -121,7 +138,7 @@ impl<M: RosMessage + 'static> Input<M> {
                         (message, times)
                     });
                 }
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
+                Err(error) => self.unreadable.note(&self.topic, &error),
             }
         }
     }
@@ -150,7 +167,7 @@ impl<M: RosMessage + 'static> Input<M> {
                     self.note(&message, &info);
                     return message;
                 }
-                Err(error) => tracing::warn!("`{}`: a message can't be read: {error}", self.topic),
+                Err(error) => self.unreadable.note(&self.topic, &error),
             }
         }
     }

@@ -182,23 +182,10 @@ impl Console {
 
 /// `2026-01-31 13:05:09.042` on this machine's clock.
 fn local_time(wall_nanos: i64) -> String {
-    let seconds = libc::time_t::from(wall_nanos.div_euclid(1_000_000_000));
-    // SAFETY: `tm` is plain data, and both pointers are valid for the call.
-    let tm = unsafe {
-        let mut tm: libc::tm = std::mem::zeroed();
-        libc::localtime_r(&raw const seconds, &raw mut tm);
-        tm
-    };
-    format!(
-        "{:04}-{:02}-{:02} {:02}:{:02}:{:02}.{:03}",
-        tm.tm_year + 1900,
-        tm.tm_mon + 1,
-        tm.tm_mday,
-        tm.tm_hour,
-        tm.tm_min,
-        tm.tm_sec,
-        wall_nanos.rem_euclid(1_000_000_000) / 1_000_000
-    )
+    chrono::DateTime::from_timestamp_nanos(wall_nanos)
+        .with_timezone(&chrono::Local)
+        .format("%Y-%m-%d %H:%M:%S%.3f")
+        .to_string()
 }
 
 impl RosLayer {

@@ -188,7 +188,15 @@ impl Participant {
             self.node.create_subscription::<M>(&handle, None).map_err(|e| middleware(&*topic)(e.to_string()))?;
         let matched = self.record(Side::Subscription, subscription.guid(), &topic, &type_name, &profile);
         let tap = self.tap(name, &topic, bag::schema(M::TYPE).as_ref(), &profile)?;
-        Ok(Input { subscription, matched, topic, type_name: M::TYPE, qos: qos::describe(&profile), tap })
+        Ok(Input {
+            subscription,
+            matched,
+            topic,
+            type_name: M::TYPE,
+            qos: qos::describe(&profile),
+            tap,
+            unreadable: Default::default(),
+        })
     }
 
     fn tap(

@@ -112,11 +112,14 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
 }
 
 impl Start {
-    /// Says once what is exposed to whom.
+    /// Says once what is exposed to whom: whoever is within reach can do everything that a peer can do.
     pub fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
             Reach::Localhost => "this machine's loopback (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network)",
-            Reach::Subnet => "every network of this machine",
+            Reach::Subnet => {
+                "every network of this machine: whoever is on them can read, send poses, change parameters and stop the \
+                 node, since DDS has no passwords here (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST closes it)"
+            }
         };
         tracing::info!(
             "{} on domain {}, heard by {reach}, services as {}",

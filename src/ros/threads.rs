@@ -1,6 +1,7 @@
 //! Threads with names.
 
 use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use super::start::NodeError;
 
@@ -23,12 +24,24 @@ pub(super) fn join(thread: JoinHandle<()>) {
     }
 }
 
+/// Waits for the end of a thread until `deadline`; false if it has not come, and the thread is left to itself.
+#[must_use]
+pub(super) fn join_before(thread: JoinHandle<()>, deadline: Instant) -> bool {
+    while !thread.is_finished() {
+        if Instant::now() >= deadline {
+            tracing::warn!("the {} thread is still busy and is left behind", thread.thread().name().unwrap_or("?"));
+            return false;
+        }
+        thread::sleep(Duration::from_millis(1));
+    }
+    join(thread);
+    true
+}
+
 /// Lets the other threads of the machine go first. Where the system does not know priorities of threads, nothing
 /// changes.
 pub(super) fn lower_priority() {
     #[cfg(target_os = "linux")]
-    // SAFETY: takes three integers; 0 is the calling thread, on Linux.
-    unsafe {
-        libc::setpriority(libc::PRIO_PROCESS, 0, 3);
-    }
+    // On Linux no process means the calling thread. It fails only if it would raise the priority.
+    let _ = rustix::process::setpriority_process(None, 3);
 }

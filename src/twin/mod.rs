@@ -10,6 +10,8 @@ mod mesh;
 mod observe;
 mod pace;
 mod step;
+#[cfg(test)]
+mod tests;
 mod tissue;
 mod work;
 

@@ -36,6 +36,27 @@ pub fn coarse_twin(domain: u16, more: &[&str], environment: &[(&str, &str)]) -> 
     Program::start(TWIN, &[&COARSE, more].concat(), domain, environment)
 }
 
+/// Sends a signal to a process.
+pub fn signal(process: u32, name: &str) {
+    let sent = Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status().unwrap();
+    assert!(sent.success(), "kill -{name} {process}");
+}
+
+/// A running coarse twin that has built its model, and a peer that is connected with it.
+pub fn connected_twin(domain: u16, more: &[&str]) -> (Program, Peer) {
+    let node = coarse_twin(domain, more, &[]);
+    let mut peer = Peer::start(domain);
+    peer.connect();
+    (node, peer)
+}
+
+/// Resident memory of a process, MB.
+pub fn resident_mb(process: u32) -> f64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let line = status.lines().find(|l| l.starts_with("VmRSS")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap() / 1024.0
+}
+
 /// A pose as a displacement sensor says it.
 pub fn joint_state(sec: i64, nanosec: i64, depth_m: f64) -> Value {
     serde_json::json!({
@@ -171,6 +192,40 @@ impl Peer {
         let mut line = String::new();
         self.stdout.read_line(&mut line).unwrap();
         serde_json::from_str(&line).unwrap_or_else(|e| panic!("the peer said `{line}`: {e}"))
+    }
+
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Writes poses, reads forces and status; waits for the twin's model.
+    pub fn connect(&mut self) {
+        use serde_json::json;
+        for (topic, kind, qos) in [
+            ("/tissue_model", "needle_twin/msg/TissueModel", "latched"),
+            ("/predicted_cf", "geometry_msgs/msg/WrenchStamped", "reliable"),
+            ("/status", "needle_twin/msg/TwinStatus", "reliable"),
+        ] {
+            self.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": qos}));
+        }
+        self.ask(json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState"}));
+        let model = self.ask(json!({"op": "take", "topic": "/tissue_model", "timeout": 60.0}));
+        assert_eq!(model["messages"].as_array().unwrap().len(), 1, "the twin has a model");
+        let topics = ["/measured_js", "/predicted_cf", "/status"];
+        assert_eq!(self.ask(json!({"op": "wait_matched", "topics": topics}))["missing"], json!([]));
+    }
+
+    /// Poses, one after the other: stamps (ns) and depths (m). The force that answered each, N.
+    pub fn steps(&mut self, poses: &[(i64, f64)]) -> Vec<Option<f64>> {
+        let answer = self.ask(serde_json::json!({
+            "op": "steps", "topic": "/measured_js", "joint": "insertion", "poses": poses, "answers": "/predicted_cf",
+        }));
+        answer["forces"].as_array().unwrap().iter().map(Value::as_f64).collect()
+    }
+
+    /// The newest `status`.
+    pub fn status(&mut self) -> Value {
+        self.ask(serde_json::json!({"op": "last", "topic": "/status", "seconds": 0.5}))["message"].clone()
     }
 
     /// One operation of `peer.py`; panics if it failed there.

@@ -27,6 +27,8 @@ QOS = {
 
 
 def qos(name, depth=2000):
+    if name == "full":  # takes `depth` samples, then makes its writers wait
+        return Qos(*QOS["reliable"], Policy.History.KeepAll, Policy.ResourceLimits(depth, 1, depth))
     return Qos(*QOS[name], Policy.History.KeepLast(depth))
 
 
@@ -89,6 +91,39 @@ class Peer:
             value["position"] = [float(v) for v in value["position"]]
         writer.write(ros_types.from_dict(cls, value))
         return {}
+
+    def steps(self, topic, joint, poses, answers, wrench_topic=None, wrenches=None, timeout=3.0):
+        """Poses [nanos, depth_m] one after the other, each answered before the next. The force along z that answers
+        each, None where none came in time; a wrench [x, y, z] (NaN as text) or null goes out before each pose."""
+        writer, cls = self.writers[topic]
+        forces = []
+        for i, (nanos, depth) in enumerate(poses):
+            if wrenches and wrenches[i]:
+                x, y, z = map(float, wrenches[i])
+                self.publish(wrench_topic, {"header": {"stamp": stamp(nanos), "frame_id": "sample"},
+                                            "wrench": {"force": {"x": x, "y": y, "z": z}}})
+            writer.write(ros_types.from_dict(
+                cls, {"header": {"stamp": stamp(nanos), "frame_id": ""}, "name": [joint], "position": [float(depth)]}))
+            answered, end = {}, time.monotonic() + timeout
+            while nanos not in answered and time.monotonic() < end:
+                self._note(answers, answered)
+                time.sleep(0.0005)
+            forces.append(answered[nanos][1][2] if nanos in answered else None)
+        return {"forces": forces}
+
+    def burst(self, topic, joint, poses, rate_hz, depth_m, first_nanos, step_nanos):
+        """Poses as fast as asked for, made beforehand; how long it took and the last stamp."""
+        writer, cls = self.writers[topic]
+        last = first_nanos + (poses - 1) * step_nanos
+        made = [ros_types.from_dict(cls, {"header": {"stamp": stamp(first_nanos + i * step_nanos), "frame_id": ""},
+                                          "name": [joint], "position": [float(depth_m * i / poses)]})
+                for i in range(poses)]
+        begun = time.monotonic()
+        for i, message in enumerate(made):
+            while time.monotonic() < begun + i / rate_hz:
+                pass
+            writer.write(message)
+        return {"seconds": time.monotonic() - begun, "last_nanos": last}
 
     def insert(self, topic, joint, poses, rate_hz, depth_m, from_m=0.0, force_topic=None, force_n=0.0, n_per_m=0.0,
                answers=None, first_nanos=None):

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use rustix::process::{Pid, Signal, kill_process};
+
 use super::super::CliError;
 
 /// Lines of a node's log that an error shows.
@@ -64,10 +66,8 @@ impl Node {
         if let Some(status) = self.ended() {
             return Some(status);
         }
-        if let Ok(pid) = libc::pid_t::try_from(self.child.id()) {
-            // SAFETY: a plain system call; the child has not been waited for, so the id is still its own.
-            unsafe { libc::kill(pid, libc::SIGINT) };
-        }
+        // The child has not been waited for, so the id is still its own.
+        let _ = kill_process(Pid::from_child(&self.child), Signal::INT);
         let begun = Instant::now();
         while begun.elapsed() < patience {
             if let Some(status) = self.ended() {

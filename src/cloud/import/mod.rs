@@ -79,25 +79,33 @@ pub struct Wanted<'a> {
 /// # Errors
 /// [`ImportError`]: the file can't be read, or is not of a form that is read here.
 pub fn read(path: &Path, wanted: &[&str]) -> Result<Imported, ImportError> {
-    let in_file = |flaw: Flaw| ImportError {
+    let reader = reader_of(path)?;
+    let bytes = content(path).map_err(|reason| ImportError { place: path.display().to_string(), reason })?;
+    parse(path, reader, &bytes, wanted)
+}
+
+type Reader = fn(&[u8], &[&str]) -> Result<Imported, Flaw>;
+
+fn reader_of(path: &Path) -> Result<Reader, ImportError> {
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match ending.as_str() {
+        "msh" => Ok(msh::read),
+        "vtu" => Ok(vtu::read),
+        _ => Err(ImportError {
+            place: path.display().to_string(),
+            reason: "neither .msh nor .vtu: save the mesh as Gmsh 4.1 ASCII or as VTK XML unstructured grid".to_owned(),
+        }),
+    }
+}
+
+fn parse(path: &Path, reader: Reader, bytes: &[u8], wanted: &[&str]) -> Result<Imported, ImportError> {
+    reader(bytes, wanted).map_err(|flaw| ImportError {
         place: match flaw.line {
             Some(line) => format!("{}:{line}", path.display()),
             None => path.display().to_string(),
         },
         reason: flaw.reason,
-    };
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let reader = match ending.as_str() {
-        "msh" => msh::read,
-        "vtu" => vtu::read,
-        _ => {
-            return Err(in_file(Flaw::of_file(
-                "neither .msh nor .vtu: save the mesh as Gmsh 4.1 ASCII or as VTK XML unstructured grid",
-            )));
-        }
-    };
-    let bytes = content(path).map_err(|reason| in_file(Flaw::of_file(reason)))?;
-    reader(&bytes, wanted).map_err(in_file)
+    })
 }
 
 fn content(path: &Path) -> Result<Vec<u8>, String> {
@@ -119,7 +127,21 @@ fn content(path: &Path) -> Result<Vec<u8>, String> {
 /// # Errors
 /// [`ImportError`]: the file can't be read, lacks a group, or its cells don't make one body.
 pub fn load(path: &Path, wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), ImportError> {
-    let groups: Vec<&str> = std::iter::once(wanted.base).chain(wanted.contact).collect();
-    let imported = read(path, &groups)?;
+    assemble_from(path, read(path, &groups(wanted))?, wanted)
+}
+
+/// As [`load`], from the content of a file. `path` only says its form, and where it is from.
+///
+/// # Errors
+/// [`ImportError`], as [`load`].
+pub fn from_bytes(path: &Path, bytes: &[u8], wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), ImportError> {
+    assemble_from(path, parse(path, reader_of(path)?, bytes, &groups(wanted))?, wanted)
+}
+
+fn groups<'a>(wanted: &Wanted<'a>) -> Vec<&'a str> {
+    std::iter::once(wanted.base).chain(wanted.contact).collect()
+}
+
+fn assemble_from(path: &Path, imported: Imported, wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), ImportError> {
     assemble::assemble(imported, wanted).map_err(|reason| ImportError { place: path.display().to_string(), reason })
 }

@@ -168,6 +168,8 @@ pub struct TwinStatus {
     pub force_imbalance: f64,
     /// Largest distance between the field and what is prescribed, m.
     pub constraint_error_m: f64,
+    /// Host and process that speaks, `host:4711`.
+    pub instance: String,
 }
 
 impl TwinStatus {

@@ -8,8 +8,8 @@
 use std::time::{Duration, Instant};
 
 use super::declared::Settings;
+use super::judgement::{Around, judge};
 use super::shared::Shared;
-use super::status::{Around, judge};
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Bool;
 use crate::ros::participant::{Output, Participant, ParticipantError};
@@ -53,6 +53,11 @@ impl Said {
 impl Assurance {
     pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
         Ok(Self { output: participant.publisher("safe_to_go_on", qos::reliable(10))? })
+    }
+
+    /// Says that it is not safe.
+    pub fn deny(&self) {
+        self.output.send(Bool { data: false });
     }
 
     pub fn publish(&self, said: &Said, shared: &Shared) {

@@ -7,7 +7,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError};
 use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
 use super::identification::Identification;
-use super::shared::{Reject, Shared};
+use super::shared::{Live, Reject, Shared};
 use super::solver::{Answer, Event};
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
 use crate::ros::messages::needle_twin::ForceComparison;
@@ -15,6 +15,9 @@ use crate::ros::messages::std_msgs::Header;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
 use crate::twin::Prediction;
+
+/// A first pose deeper than this is no beginning: a driver at 100 mm/s goes so far between two poses of 100 Hz.
+const SEEN_FROM_M: f64 = 1e-3;
 
 /// The publishers.
 pub(super) struct ForceOutputs {
@@ -72,7 +75,11 @@ pub(super) fn run(
                 let _ = reply.send(comparator.tare());
             }
             Err(RecvTimeoutError::Timeout) => {}
-            Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => return,
+            Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => {
+                // The last word: who goes vouches for nothing.
+                outputs.assurance.deny();
+                return;
+            }
         }
         compare(outputs, frame_id, shared, &mut comparator, &mut said);
         let now = Instant::now();
@@ -116,6 +123,7 @@ fn answered(
     let late = (answer.done - answer.received).as_secs_f64() > timeout;
     let withheld = {
         let mut live = shared.lock();
+        notice_gap(&mut live, answer, timeout);
         live.answer(answer);
         // After a divergence nothing goes out until the reset; a node that is not active is silent.
         let withheld = late || live.halted.is_some() || !shared.is_active();
@@ -133,6 +141,35 @@ fn answered(
     shared.lock().total.record(Instant::now() - answer.received);
     comparator.predicted(*answer);
     true
+}
+
+/// Says what was not seen of the instrument's way: before the first pose, and while no poses came.
+fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
+    let depth_m = answer.prediction.depth_m;
+    let Some(last) = live.last else {
+        if depth_m > SEEN_FROM_M {
+            live.first_seen_m = Some(depth_m);
+            tracing::warn!(
+                "the first pose is {depth_m:.6} m deep: the way there and the puncture were not seen. The tissue is taken \
+                 there at once, and its force is right when it rests"
+            );
+        }
+        return;
+    };
+    if depth_m <= 0.0 {
+        live.first_seen_m = None;
+    }
+    let gap_s = answer.received.saturating_duration_since(last.received).as_secs_f64();
+    if gap_s > timeout_s {
+        let from_m = last.prediction.depth_m;
+        live.gaps.count += 1;
+        live.gaps.longest_s = live.gaps.longest_s.max(gap_s);
+        live.gaps.unseen_m += (depth_m - from_m).abs();
+        tracing::warn!(
+            "no pose for {gap_s:.3} s: the instrument went from {from_m:.6} m to {depth_m:.6} m unseen, and the tissue is \
+             taken there at once"
+        );
+    }
 }
 
 fn refused(shared: &Shared, depth_m: f64, reason: String) {

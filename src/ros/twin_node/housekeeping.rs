@@ -10,6 +10,8 @@ use ros2_client::NodeLoggingHandle;
 use super::declared::Settings;
 use super::force::ForceOutputs;
 use super::inbox::Inbox;
+use super::judgement::{Around, judge};
+use super::rivals::{self, Rivals};
 use super::shared::Shared;
 use super::solver::Event;
 use super::status;
@@ -48,6 +50,8 @@ pub(super) struct Housekeeping {
     graph: Graph,
     shared: Arc<Shared>,
     wishes: [Wish; 4],
+    rivals: Rivals,
+    instance: String,
     node: String,
     /// The poses that came have stopped.
     lost: bool,
@@ -76,6 +80,7 @@ impl Housekeeping {
         parameters: &Arc<Parameters>,
         shared: &Arc<Shared>,
         wishes: [Wish; 4],
+        rivals: Rivals,
     ) -> Result<Self, ParticipantError> {
         Ok(Self {
             parameters: Arc::clone(parameters),
@@ -89,6 +94,8 @@ impl Housekeeping {
             graph: participant.declared_graph(parameters),
             shared: Arc::clone(shared),
             wishes,
+            rivals,
+            instance: rivals::instance(),
             node: participant.names().fully_qualified(),
             lost: false,
             warned_of_clocks: false,
@@ -114,6 +121,7 @@ impl Housekeeping {
             }
             self.manage(context, None);
             self.watch_input();
+            self.rivals.poll(&self.shared);
             let now = Instant::now();
             self.shared.lock().roll(now);
             if now >= status_due {
@@ -136,6 +144,10 @@ impl Housekeeping {
                 Err(RecvTimeoutError::Timeout) => {}
                 _ => break,
             }
+        }
+        if self.shared.lock().dying.is_some() {
+            self.publish_status(context, model.as_deref());
+            self.publish_diagnostics(context, model.as_deref());
         }
         context.rosout.publish(&context.logger);
     }
@@ -208,9 +220,9 @@ impl Housekeeping {
         }
     }
 
-    fn around(&self, failed_outputs: u64) -> status::Around {
+    fn around(&self, failed_outputs: u64) -> Around {
         let clock_gone = self.shared.clock.is_simulated() && self.wishes[3].publishers() == 0;
-        status::Around { failed_outputs, clock_gone }
+        Around { failed_outputs, clock_gone }
     }
 
     fn serve(&self, context: &Context) {
@@ -241,8 +253,8 @@ impl Housekeeping {
         let settings = self.shared.settings();
         let message = {
             let live = self.shared.lock();
-            let judgement = status::judge(&live, &self.shared, &settings, self.around(Self::failed(context)));
-            status::status(&live, &judgement, model, &context.frame_id)
+            let judgement = judge(&live, &self.shared, &settings, self.around(Self::failed(context)));
+            status::status(&live, &judgement, model, &context.frame_id, &self.instance)
         };
         self.status.send(message);
     }
@@ -250,7 +262,7 @@ impl Housekeeping {
     fn publish_diagnostics(&self, context: &Context, model: Option<&Model>) {
         let settings = self.shared.settings();
         let around = self.around(Self::failed(context));
-        let judgement = status::judge(&self.shared.lock(), &self.shared, &settings, around);
+        let judgement = judge(&self.shared.lock(), &self.shared, &settings, around);
         self.diagnostics.send(status::diagnostics(&self.shared, &judgement, model, &self.node, &self.wishes, around));
     }
 }

@@ -68,6 +68,10 @@ struct State {
     stop: bool,
     answering: bool,
     missed: bool,
+    /// What the solver has been given so far, and whether it is at it.
+    given: u64,
+    at_work: bool,
+    building: bool,
     /// A pose was answered since the last wish was fulfilled.
     wish_turn: bool,
 }
@@ -141,43 +145,60 @@ impl Inbox {
         self.wake.notify_one();
     }
 
+    /// A number that stands for what the solver is at, or should take up, and that changes when it does; `None` while
+    /// there is nothing to do, and while a model is built, which may take as long as it takes.
+    pub fn at_work(&self) -> Option<u64> {
+        let state = self.lock();
+        (state.at_work || (state.pose.is_some() && !state.building)).then_some(state.given)
+    }
+
     /// Waits for work. A wish for a snapshot or a look ahead waits for two poses at most.
     pub fn next(&self) -> Work {
         let mut state = self.lock();
         state.answering = false;
         state.missed = false;
+        state.at_work = false;
+        state.building = false;
         loop {
-            if state.stop {
-                return Work::Stop;
-            }
-            if std::mem::take(&mut state.discard) {
-                return Work::Discard;
-            }
-            if std::mem::take(&mut state.build) {
-                return Work::Build;
-            }
-            if let Some(reason) = state.reset.take() {
-                return Work::Reset(reason);
-            }
-            if let Some(double) = state.back.take() {
-                return Work::Back(double);
-            }
-            if std::mem::take(&mut state.wish_turn) || state.pose.is_none() {
-                if std::mem::take(&mut state.look_ahead) {
-                    return Work::LookAhead;
-                }
-                if let Some(snapshot) = state.snapshot.take() {
-                    return Work::Snapshot(snapshot);
-                }
-            }
-            if let Some(pose) = state.pose.take() {
-                state.answering = true;
-                state.wish_turn = true;
-                return Work::Pose(pose);
+            if let Some(work) = take(&mut state) {
+                state.given += 1;
+                state.building = matches!(work, Work::Build);
+                state.at_work = !state.building;
+                return work;
             }
             state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
     }
+}
+
+fn take(state: &mut State) -> Option<Work> {
+    if state.stop {
+        return Some(Work::Stop);
+    }
+    if std::mem::take(&mut state.discard) {
+        return Some(Work::Discard);
+    }
+    if std::mem::take(&mut state.build) {
+        return Some(Work::Build);
+    }
+    if let Some(reason) = state.reset.take() {
+        return Some(Work::Reset(reason));
+    }
+    if let Some(double) = state.back.take() {
+        return Some(Work::Back(double));
+    }
+    if std::mem::take(&mut state.wish_turn) || state.pose.is_none() {
+        if std::mem::take(&mut state.look_ahead) {
+            return Some(Work::LookAhead);
+        }
+        if let Some(snapshot) = state.snapshot.take() {
+            return Some(Work::Snapshot(snapshot));
+        }
+    }
+    let pose = state.pose.take()?;
+    state.answering = true;
+    state.wish_turn = true;
+    Some(Work::Pose(pose))
 }
 
 #[cfg(test)]

@@ -18,8 +18,8 @@ use crate::ros::participant::{Input, Participant, ParticipantError, Wish};
 use crate::ros::qos;
 use crate::twin::Pose;
 
-/// A stamp so far ahead of the node's clock is refused.
-const FUTURE_S: f64 = 10.0;
+/// A stamp so far ahead of the node's clock is refused. `/clock` comes at 1 Hz at the slowest.
+const FUTURE_S: f64 = 2.0;
 
 /// The subscriptions.
 pub(super) struct Inputs {
@@ -95,12 +95,23 @@ fn stamp_or_now(shared: &Shared, stamp: Time) -> i64 {
     if stamp.is_zero() { shared.clock.now_nanos().unwrap_or(0) } else { stamp.nanos() }
 }
 
+/// A pose that may be taken.
+#[derive(Clone, Copy)]
+struct Arrival {
+    pose: PoseInput,
+    age_s: f64,
+    /// The node's time when it came, ns.
+    now: Option<i64>,
+}
+
 /// Judges poses.
 struct Intake<'a> {
     frame_id: String,
     shared: &'a Shared,
     inbox: &'a Inbox,
     last_stamp: Option<i64>,
+    /// A pose from long before the last one: a straggler, or the first one of a time that starts again.
+    straggler: Option<Arrival>,
     /// Topic that poses are taken from; the other one is ignored until this one is silent.
     source: Option<(&'static str, Instant)>,
     warnings: BTreeMap<Reject, Throttle>,
@@ -115,6 +126,7 @@ impl<'a> Intake<'a> {
             shared,
             inbox,
             last_stamp: None,
+            straggler: None,
             source: None,
             warnings: BTreeMap::new(),
             unstamped: Throttle::new(Duration::from_secs(60)),
@@ -217,21 +229,43 @@ impl<'a> Intake<'a> {
                 format!("its stamp is {age_s:.3} s old, max_pose_age_s is {}", settings.max_pose_age_s)
             });
         }
-        if let Some(last) = self.last_stamp
-            && nanos <= last
-        {
-            let back = (last - nanos) as f64 * 1e-9;
-            if back <= settings.input_timeout_s {
-                return self.reject(Reject::OutOfOrder, || {
-                    format!("its stamp is {back:.6} s before that of the pose before it; is {source} published twice?")
-                });
+        let arrival = Arrival { pose: PoseInput { stamp: Time::from_nanos(nanos), received, place }, age_s, now };
+        match self.last_stamp {
+            Some(last) if nanos <= last => {
+                let back_s = (last - nanos) as f64 * 1e-9;
+                if back_s <= settings.input_timeout_s {
+                    return self.out_of_order(back_s, source);
+                }
+                // One late message is no reason to throw the tissue's history away: it waits until the next one, or
+                // /clock, says whether time has gone back.
+                let Some(first) = self.straggler.replace(arrival) else { return };
+                if nanos <= first.pose.stamp.nanos() {
+                    return self.out_of_order(back_s, source);
+                }
+                self.straggler = None;
+                self.jump_back(back_s);
+                self.take(first);
             }
-            self.jump_back(back);
+            Some(last) => {
+                if let Some(late) = self.straggler.take() {
+                    self.out_of_order((last - late.pose.stamp.nanos()) as f64 * 1e-9, source);
+                }
+            }
+            None => {}
         }
-        self.last_stamp = Some(nanos);
-        let pose = PoseInput { stamp: Time::from_nanos(nanos), received, place };
-        let handoff = self.inbox.put_pose(pose);
-        self.shared.lock().pose(handoff, age_s, now);
+        self.take(arrival);
+    }
+
+    fn out_of_order(&mut self, back_s: f64, source: &str) {
+        self.reject(Reject::OutOfOrder, || {
+            format!("its stamp is {back_s:.6} s before that of the pose before it; is {source} published twice?")
+        });
+    }
+
+    fn take(&mut self, arrival: Arrival) {
+        self.last_stamp = Some(arrival.pose.stamp.nanos());
+        let handoff = self.inbox.put_pose(arrival.pose);
+        self.shared.lock().pose(handoff, arrival.age_s, arrival.now);
     }
 
     /// One topic at a time: two sensors of the same needle would make it jump.
@@ -273,7 +307,11 @@ impl<'a> Intake<'a> {
             Tick::Back(nanos) if clock.is_simulated() => {
                 // It came in a time that has not been yet.
                 self.shared.lock().last_pose = None;
+                let first = self.straggler.take();
                 self.jump_back(nanos as f64 * 1e-9);
+                if let Some(first) = first {
+                    self.take(first);
+                }
             }
             Tick::Started if clock.is_simulated() => tracing::info!("simulated time has started"),
             _ => {}
@@ -292,66 +330,4 @@ fn forward(q: Quaternion) -> Option<[f64; 3]> {
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::*;
-    use crate::ros::clock::NodeClock;
-    use crate::ros::messages::std_msgs::Header;
-    use crate::ros::parameters::Parameters;
-    use crate::ros::twin_node::declared::{Settings, declarations};
-    use crate::ros::twin_node::inbox::Work;
-
-    fn shared() -> Shared {
-        let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
-        let shared = Shared::new(Settings::of(&parameters), NodeClock::new(false));
-        shared.set_state(crate::ros::lifecycle::State::Active);
-        shared
-    }
-
-    fn joint(sec: i32, nanosec: u32, names: &[&str], positions: &[f64]) -> JointState {
-        JointState {
-            header: Header { stamp: Time { sec, nanosec }, frame_id: String::new() },
-            name: names.iter().map(|n| (*n).to_owned()).collect(),
-            position: positions.to_vec(),
-            ..JointState::default()
-        }
-    }
-
-    #[test]
-    fn straight_down_is_half_a_turn_about_x() {
-        let axis = forward(Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 }).unwrap();
-        assert!((axis[2] + 1.0).abs() < 1e-12);
-        assert_eq!(forward(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 0.0 }), None);
-        assert_eq!(forward(Quaternion { x: f64::NAN, y: 0.0, z: 0.0, w: 1.0 }), None);
-    }
-
-    #[test]
-    fn what_is_no_pose_is_refused_and_counted() {
-        let (shared, inbox) = (shared(), Inbox::default());
-        let mut intake = Intake::new("sample", &shared, &inbox);
-        intake.joint_state(&joint(10, 0, &["insertion"], &[f64::NAN]));
-        intake.joint_state(&joint(10, 0, &["elbow"], &[0.1]));
-        intake.joint_state(&joint(10, 0, &["insertion"], &[]));
-        intake.pose_stamped(&PoseStamped::default());
-        intake.joint_state(&joint(i32::MAX, 0, &["insertion"], &[0.001]));
-        let live = shared.lock();
-        assert_eq!((live.rejected, live.received), (5, 0));
-        assert_eq!(live.rejects[&Reject::NoSuchJoint], 2);
-        assert_eq!(live.rejects[&Reject::WrongFrame], 1);
-        assert_eq!(live.rejects[&Reject::Future], 1);
-    }
-
-    #[test]
-    fn order_is_kept_and_a_jump_back_resets() {
-        let (shared, inbox) = (shared(), Inbox::default());
-        let mut intake = Intake::new("sample", &shared, &inbox);
-        intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]));
-        intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]));
-        intake.joint_state(&joint(99, 900_000_000, &["insertion"], &[0.001]));
-        assert_eq!(shared.lock().rejects[&Reject::OutOfOrder], 2);
-        intake.joint_state(&joint(50, 0, &["x", "insertion"], &[0.0, 0.002]));
-        assert_eq!(shared.lock().received, 2);
-        assert!(matches!(inbox.next(), Work::Reset(_)));
-        assert!(matches!(inbox.next(), Work::Pose(p) if p.place == Where::Depth(0.002)));
-    }
-}
+mod tests;

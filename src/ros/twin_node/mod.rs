@@ -18,7 +18,10 @@ mod housekeeping;
 mod identification;
 mod inbox;
 mod inputs;
+mod judgement;
 mod look_ahead;
+mod pulse;
+mod rivals;
 mod shared;
 mod solver;
 mod status;
@@ -27,6 +30,7 @@ mod tissue;
 
 use std::ffi::OsString;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 
@@ -37,8 +41,9 @@ use self::identification::Identification;
 use self::inbox::Inbox;
 use self::inputs::Inputs;
 use self::look_ahead::LookAhead;
+use self::rivals::Rivals;
 use self::shared::Shared;
-use self::solver::Outlets;
+use self::solver::{Event, Outlets};
 use self::supervisor::Supervisor;
 use self::tissue::TissueOutputs;
 use super::arguments::ParameterOverride;
@@ -49,12 +54,14 @@ use super::recorder::{Recorder, Recording};
 use super::scene_parameters;
 use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
-use super::threads::{join, spawn};
+use super::threads::{join, join_before, spawn};
 use crate::scene::Scene;
 use ros2_client::ParameterValue;
 
 /// Answers that may wait for the force thread, seconds at any sensible rate.
 const EVENTS: usize = 8192;
+/// A thread that is in the middle of something long when the node stops (building a model) is left behind after this.
+const LEAVING: Duration = Duration::from_millis(400);
 
 #[derive(Parser, Debug)]
 #[command(
@@ -156,6 +163,7 @@ impl Node {
             Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
         let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
         participant.set_mapping(mapping);
+        let rivals = Rivals::new(&mut participant)?;
         participant.set_recorder(Recorder::create(parameters)?);
         let clock = NodeClock::new(parameters.boolean("use_sim_time"));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
@@ -163,7 +171,7 @@ impl Node {
         let force = ForceOutputs::new(&mut participant)?;
         let tissue = TissueOutputs::new(&mut participant)?;
         let look_ahead = participant.server("~/look_ahead", "needle_twin", "LookAhead")?;
-        let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes())?;
+        let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes(), rivals)?;
         for unused in participant.unused_qos_overrides() {
             tracing::warn!("`{unused}` names no topic of this node");
         }
@@ -224,6 +232,7 @@ impl Node {
             let (inbox, frame, stopped) = (Arc::clone(&inbox), frame_id.clone(), inputs_stopped.clone());
             spawn("look-ahead", move || look_ahead::run(&look_ahead, &frame, &inbox, &departures, &stopped))?
         };
+        let last_word = event_sender.clone();
         let input = {
             let (shared, inbox, frame) = (Arc::clone(&shared), Arc::clone(&inbox), frame_id.clone());
             spawn("input", move || inputs::run(&inputs, &frame, &shared, &inbox, &event_sender, &inputs_stopped))?
@@ -231,13 +240,19 @@ impl Node {
         let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification))?;
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
-        let outcome = supervisor.run(signals, [&solver, &force]);
+        let outcome = supervisor.run(signals, &[&solver, &force, &input, &look_ahead, &housekeeping]);
         // Inputs first, so that nothing new comes while the others finish.
         drop(stop_inputs);
-        join(input);
-        join(look_ahead);
         inbox.stop();
-        [Some(solver), Some(force), supervisor.tissue_thread.take()].into_iter().flatten().for_each(join);
+        let deadline = Instant::now() + LEAVING;
+        for thread in [input, look_ahead, solver] {
+            let _ = join_before(thread, deadline);
+        }
+        // The solver says it as well, if it can.
+        let _ = last_word.try_send(Event::Stop);
+        for thread in [Some(force), supervisor.tissue_thread.take()].into_iter().flatten() {
+            let _ = join_before(thread, deadline + LEAVING / 2);
+        }
         drop(stop_housekeeping);
         join(housekeeping);
         // Endpoints before the node, the node before the participant: peers see the node leave at once.

@@ -105,6 +105,15 @@ pub(super) struct Live {
     pub last: Option<Answer>,
     pub puncture_depth_m: Option<f64>,
     pub halted: Option<String>,
+    /// The solver does not come back: for so long, s.
+    pub stuck_s: Option<f64>,
+    /// Why the node is about to end by itself.
+    pub dying: Option<String>,
+    /// Other twins on the same names.
+    pub rivals: Vec<String>,
+    /// The instrument was this deep (m) when it was first seen.
+    pub first_seen_m: Option<f64>,
+    pub gaps: Gaps,
     pub refused: Option<String>,
     pub last_pose: Option<LastPose>,
     pub last_clock: Option<Instant>,
@@ -120,6 +129,15 @@ pub(super) struct Live {
     pub last_window: Window,
     window_begun: Option<Instant>,
     last_stamp_nanos: Option<i64>,
+}
+
+/// Times without a pose, beyond `input_timeout_s` each.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gaps {
+    pub count: u64,
+    pub longest_s: f64,
+    /// Ways of the instrument that were not seen, in all, m.
+    pub unseen_m: f64,
 }
 
 /// What the identification knows, for people.
@@ -208,6 +226,9 @@ impl Live {
             last_pose: self.last_pose,
             last_clock: self.last_clock,
             load_cell: self.load_cell,
+            stuck_s: self.stuck_s,
+            dying: self.dying.take(),
+            rivals: std::mem::take(&mut self.rivals),
             ..Self::default()
         };
     }

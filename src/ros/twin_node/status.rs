@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use super::declared::Settings;
+use super::judgement::{Around, Judgement, load_cell_problem};
 use super::shared::{Identified, Live, Shared};
 use super::solver::LOST_ANSWERS;
 use super::tissue::Model;
-use crate::ros::clock::NodeClock;
 use crate::ros::environment::Reach;
 use crate::ros::lifecycle::State;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
@@ -14,144 +14,6 @@ use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
 use crate::ros::messages::std_msgs::Header;
 use crate::ros::participant::Wish;
 use crate::twin::Phase;
-
-/// Health and the reasons for it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Judgement {
-    pub health: u8,
-    pub reasons: Vec<String>,
-}
-
-impl Judgement {
-    fn add(&mut self, health: u8, reason: String) {
-        self.health = worse(self.health, health);
-        self.reasons.push(reason);
-    }
-
-    /// The twin answers and vouches for what it says.
-    pub fn vouches(&self) -> bool {
-        self.health <= TwinStatus::HEALTH_WARN
-    }
-}
-
-/// What the housekeeping thread sees beside the shared figures.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Around {
-    /// Messages that reliable readers were too slow for.
-    pub failed_outputs: u64,
-    /// Simulated time is used, and nobody publishes it (any more).
-    pub clock_gone: bool,
-}
-
-/// ERROR is worse than STALE, which is worse than WARN.
-fn worse(a: u8, b: u8) -> u8 {
-    let rank = |h| match h {
-        TwinStatus::HEALTH_ERROR => 3,
-        TwinStatus::HEALTH_STALE => 2,
-        other => u8::from(other == TwinStatus::HEALTH_WARN),
-    };
-    if rank(a) >= rank(b) { a } else { b }
-}
-
-#[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
-pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> Judgement {
-    let mut judgement = Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new() };
-    let clock = &shared.clock;
-    if let Some(reason) = not_active(shared.state()) {
-        judgement.add(TwinStatus::HEALTH_STALE, reason);
-    }
-    if let Some(reason) = &live.halted {
-        judgement.add(TwinStatus::HEALTH_ERROR, format!("{reason}: retract the instrument and call ~/reset"));
-    }
-    let silent = live.silence_s(clock, around.clock_gone);
-    if silent.is_none_or(|s| s > settings.input_timeout_s) {
-        judgement.add(TwinStatus::HEALTH_STALE, silence(silent, clock, around));
-    }
-    let window = &live.last_window;
-    if window.withheld > 0 {
-        judgement.add(
-            TwinStatus::HEALTH_ERROR,
-            format!(
-                "{} answers of the last second came later than input_timeout_s after their pose and were withheld: \
-                 choose a coarser discretisation or fewer steps",
-                window.withheld
-            ),
-        );
-    } else if window.coalesced * 10 > window.received {
-        let share = 100.0 * window.coalesced as f64 / window.received.max(1) as f64;
-        judgement.add(
-            TwinStatus::HEALTH_WARN,
-            format!("{share:.0}% of the poses are skipped: the twin is slower than they come"),
-        );
-    }
-    if window.rejected > 0 {
-        let most = live.rejects.iter().max_by_key(|(_, n)| **n).map_or("", |(why, _)| why.word());
-        judgement
-            .add(TwinStatus::HEALTH_WARN, format!("{} poses refused in the last second ({most})", window.rejected));
-    }
-    if let Some(reason) = load_cell_problem(live) {
-        judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());
-    }
-    if let Some((residual_n, ..)) = live.residual
-        && settings.residual_band_n > 0.0
-        && residual_n.abs() > 0.5 * settings.residual_band_n
-    {
-        let band = settings.residual_band_n;
-        judgement.add(
-            TwinStatus::HEALTH_WARN,
-            format!(
-                "predicted and measured force differ by {residual_n:.4} N, more than half of residual_band_n ({band} N): \
-                 the tissue is not as modelled, or the load cell is not tared"
-            ),
-        );
-    }
-    if let Some(reason) = live.identified.as_ref().map(|i| i.reason.as_str()).filter(|reason| !reason.is_empty()) {
-        judgement.add(
-            TwinStatus::HEALTH_WARN,
-            format!(
-                "identification has stopped: {reason}. It goes on when the residual is right again, or after ~/reset"
-            ),
-        );
-    }
-    if around.failed_outputs > 0 {
-        let failed = around.failed_outputs;
-        judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
-    }
-    judgement
-}
-
-fn not_active(state: State) -> Option<String> {
-    match state {
-        State::Active => None,
-        State::Configuring => Some("the model is being built".to_owned()),
-        other => Some(format!(
-            "the node is {}: a lifecycle manager has to activate it (or start it with autostart)",
-            other.label()
-        )),
-    }
-}
-
-fn silence(silent: Option<f64>, clock: &NodeClock, around: Around) -> String {
-    if clock.is_simulated() && clock.now_nanos().is_none() {
-        return "use_sim_time is set and /clock has not said anything".to_owned();
-    }
-    match silent {
-        None => "no pose has come yet".to_owned(),
-        Some(s) if around.clock_gone => format!("input lost: no pose for {s:.1} s, and nobody publishes /clock"),
-        Some(s) => format!("input lost: no pose for {s:.1} s"),
-    }
-}
-
-fn load_cell_problem(live: &Live) -> Option<&'static str> {
-    match live.load_cell? {
-        // It is optional: only one that has spoken before can be missed.
-        ForceComparison::LOAD_CELL_MISSING if live.measured > 0 => Some("load cell: no reading near the pose's stamp"),
-        ForceComparison::LOAD_CELL_NOT_FINITE => Some("load cell: the reading is not a number"),
-        ForceComparison::LOAD_CELL_STUCK => Some("load cell: the reading does not change"),
-        ForceComparison::LOAD_CELL_SATURATED => Some("load cell: the reading is at the end of its range"),
-        _ => None,
-    }
-}
 
 fn phase(phase: Phase) -> u8 {
     match phase {
@@ -167,7 +29,13 @@ fn ratio(a: f64, b: f64) -> f64 {
 }
 
 #[allow(clippy::cast_precision_loss)] // counts of one second
-pub(super) fn status(live: &Live, judgement: &Judgement, model: Option<&Model>, frame_id: &str) -> TwinStatus {
+pub(super) fn status(
+    live: &Live,
+    judgement: &Judgement,
+    model: Option<&Model>,
+    frame_id: &str,
+    instance: &str,
+) -> TwinStatus {
     let window = &live.last_window;
     let mut message = TwinStatus {
         header: Header { stamp: live.last.map(|a| a.stamp).unwrap_or_default(), frame_id: frame_id.to_owned() },
@@ -191,6 +59,7 @@ pub(super) fn status(live: &Live, judgement: &Judgement, model: Option<&Model>, 
         latency_p50_s: live.total.quantile(0.5),
         latency_p99_s: live.total.quantile(0.99),
         latency_max_s: live.total.max(),
+        instance: instance.to_owned(),
         ..TwinStatus::default()
     };
     if let Some(answer) = &live.last {
@@ -324,6 +193,9 @@ fn input_values(live: &Live) -> Vec<KeyValue> {
         milliseconds("input age p50 (ms)", live.input_age.quantile(0.5)),
         milliseconds("input age p99 (ms)", live.input_age.quantile(0.99)),
     ];
+    values.push(value("times without a pose", live.gaps.count));
+    values.push(value("longest of them (s)", format!("{:.3}", live.gaps.longest_s)));
+    values.push(value("way not seen (m)", format!("{:.6}", live.gaps.unseen_m)));
     values.extend(live.rejects.iter().map(|(why, n)| value(&format!("rejected: {}", why.word()), n)));
     values
 }

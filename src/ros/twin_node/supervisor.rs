@@ -7,6 +7,7 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender};
 
 use super::inbox::Inbox;
+use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
 use super::tissue::{self, Model, Snapshot, TissueOutputs};
@@ -38,15 +39,26 @@ impl Supervisor {
     /// Returns when a signal comes.
     ///
     /// # Errors
-    /// [`NodeError`] if the model can't be built, a thread has ended, or the middleware has died.
-    pub fn run(&mut self, signals: &Signals, threads: [&JoinHandle<()>; 2]) -> Result<u8, NodeError> {
+    /// [`NodeError`] if the model can't be built, a thread has ended or hangs, or the middleware has died.
+    pub fn run(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
+        let outcome = self.supervise(signals, threads);
+        if let Err(error) = &outcome {
+            // The last status and the last `safe_to_go_on` say so.
+            self.shared.lock().dying = Some(error.to_string());
+        }
+        outcome
+    }
+
+    fn supervise(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
         let mut watchdog = Watchdog::new();
+        let mut pulse = Pulse::new(TICK);
         loop {
             if let Some(signal) = signals.wait(TICK) {
                 tracing::info!("stopping ({signal:?})");
                 return Ok(SUCCESS);
             }
             watchdog.check().map_err(NodeError::Other)?;
+            self.feel(&mut pulse)?;
             match self.built.try_recv() {
                 Ok(Ok(model)) => self.take(Arc::from(model))?,
                 Ok(Err(reason)) if self.autostart => return Err(NodeError::Other(reason)),
@@ -54,12 +66,34 @@ impl Supervisor {
                     tracing::error!("the model can't be built: {reason}");
                     self.tell(None);
                 }
-                Err(_) if threads.iter().any(|thread| thread.is_finished()) => {
-                    return Err(NodeError::Other("a thread of the node has ended unexpectedly".to_owned()));
-                }
                 Err(_) => {}
             }
+            if let Some(thread) = threads.iter().find(|thread| thread.is_finished()) {
+                let name = thread.thread().name().unwrap_or("?");
+                return Err(NodeError::Other(format!(
+                    "the {name} thread has ended unexpectedly (a panic above says where): start the node again, and \
+                     report it with the recording"
+                )));
+            }
         }
+    }
+
+    /// A solver that hangs is said after `input_timeout_s` and ends the node after `solver_timeout_s`.
+    fn feel(&self, pulse: &mut Pulse) -> Result<(), NodeError> {
+        let settings = self.shared.settings();
+        let same_s = pulse.look(self.inbox.at_work()).as_secs_f64();
+        if same_s >= settings.solver_timeout_s {
+            return Err(NodeError::Other(format!(
+                "the solver has not come back from one pose for {same_s:.1} s: start the node again, with a coarser \
+                 discretisation or a longer solver_timeout_s if the model is that slow"
+            )));
+        }
+        let stuck_s = (same_s > settings.input_timeout_s).then_some(same_s);
+        let before = std::mem::replace(&mut self.shared.lock().stuck_s, stuck_s);
+        if stuck_s.is_some() && before.is_none() {
+            tracing::error!("the solver does not come back from a pose: predicted_cf is silent");
+        }
+        Ok(())
     }
 
     fn take(&mut self, model: Arc<Model>) -> Result<(), NodeError> {

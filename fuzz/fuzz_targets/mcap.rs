@@ -1,0 +1,9 @@
+//! Bags and their metadata: no input panics, hangs or takes much memory.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+#[path = "../../tests/fuzz/mcap.rs"]
+mod mcap;
+
+fuzz_target!(|data: &[u8]| mcap::exercise(data));

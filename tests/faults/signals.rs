@@ -1,0 +1,62 @@
+//! SIGINT and SIGTERM at any moment of a node's life.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::time::{Duration, Instant};
+
+use crate::ros::{COARSE, Program, TWIN, free_domain};
+use needle_twin::bag::BagReader;
+
+const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
+const BAG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/bags/needle_insertion");
+/// From the first instant to a node that runs.
+const MOMENTS_MS: [u64; 9] = [0, 2, 10, 30, 80, 200, 500, 1000, 2000];
+
+/// Until the node has taken its signals: before that the system itself ends the program, which has done nothing yet.
+fn wait_for_its_first_act(process: u32) {
+    let begun = Instant::now();
+    let blocked = || {
+        let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+        let mask = status.lines().find_map(|l| l.strip_prefix("SigBlk:")).unwrap_or("0").trim().to_owned();
+        u64::from_str_radix(&mask, 16).unwrap_or(0) & (1 << 1) != 0
+    };
+    while !blocked() {
+        assert!(begun.elapsed() < Duration::from_secs(10));
+        std::hint::spin_loop();
+    }
+}
+
+#[test]
+fn a_node_ends_with_0_within_a_second_and_its_files_are_whole() {
+    // a model in three dimensions that takes seconds to build
+    let building = ["--scene", "indentation", "--ros-args", "-p", "discretisation.dimension:=full"];
+    let rig = [BAG, "--ros-args", "-p", "rate:=1.0"];
+    for (name, program, arguments) in
+        [("twin", TWIN, &COARSE[..]), ("twin that builds", TWIN, &building), ("rig", RIG, &rig)]
+    {
+        let mut took = Vec::new();
+        for (i, moment) in MOMENTS_MS.into_iter().enumerate() {
+            let folder = tempfile::tempdir().unwrap();
+            let bag = folder.path().join("run");
+            let record = format!("record:={}", bag.display());
+            let node = Program::start(program, &[arguments, &["-p", &record]].concat(), free_domain(), &[]);
+            wait_for_its_first_act(node.id());
+            std::thread::sleep(Duration::from_millis(moment));
+            let signal = if i % 2 == 0 { "INT" } else { "TERM" };
+            let (code, log, time) = node.stop(signal);
+            assert_eq!(code, Some(0), "{name} after {moment} ms, SIG{signal}: {log}");
+            assert!(time < Duration::from_secs(3), "{name} after {moment} ms: {time:?}");
+            took.push(time);
+            if bag.exists() {
+                let bag = BagReader::open(&bag).unwrap();
+                assert_eq!(bag.losses(), [], "{name} after {moment} ms");
+            }
+        }
+        took.sort();
+        println!(
+            "{name}: ended within {:?}, half of the times within {:?}",
+            took[took.len() - 1],
+            took[took.len() / 2]
+        );
+        assert!(took[took.len() / 2] < Duration::from_secs(1), "{name}: {took:?}");
+    }
+}

@@ -1,0 +1,20 @@
+// Any bytes as a bag or as its metadata: shared by the fuzz target in `fuzz/` and by `tests/fuzz.rs`.
+
+use needle_twin::bag::{BagReader, Metadata, Recording, TopicNames};
+
+/// Everything that can be read is read.
+pub fn exercise(data: &[u8]) {
+    if !data.starts_with(b"\x89MCAP") {
+        let _ = Metadata::parse(&String::from_utf8_lossy(data));
+    }
+    match BagReader::from_vec("fuzz", data.to_vec()) {
+        Ok(bag) => {
+            let topics = bag.topics().len();
+            assert!(bag.messages().all(|m| m.topic < topics));
+            if let Ok(recording) = Recording::from_reader(&bag, &TopicNames::default()) {
+                assert!(recording.depths.iter().all(|d| d.depth_m.is_finite()));
+            }
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
