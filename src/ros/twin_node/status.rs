@@ -12,6 +12,7 @@ use crate::ros::lifecycle::State;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
 use crate::ros::messages::std_msgs::Header;
+use crate::ros::middleware::Health;
 use crate::ros::participant::Wish;
 use crate::twin::Phase;
 
@@ -35,12 +36,14 @@ impl Judgement {
 }
 
 /// What the housekeeping thread sees beside the shared figures.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Around {
     /// Messages that reliable readers were too slow for.
     pub failed_outputs: u64,
     /// Simulated time is used, and nobody publishes it (any more).
     pub clock_gone: bool,
+    /// Why the middleware process was replaced, if that was a short while ago.
+    pub replaced: Option<String>,
 }
 
 /// ERROR is worse than STALE, which is worse than WARN.
@@ -54,7 +57,7 @@ fn worse(a: u8, b: u8) -> u8 {
 }
 
 #[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
-pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> Judgement {
+pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &Around) -> Judgement {
     let mut judgement = Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new() };
     let clock = &shared.clock;
     if let Some(reason) = not_active(shared.state()) {
@@ -113,6 +116,9 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
             ),
         );
     }
+    if let Some(reason) = &around.replaced {
+        judgement.add(TwinStatus::HEALTH_WARN, format!("the middleware process {reason}: it was replaced"));
+    }
     if around.failed_outputs > 0 {
         let failed = around.failed_outputs;
         judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
@@ -131,7 +137,7 @@ fn not_active(state: State) -> Option<String> {
     }
 }
 
-fn silence(silent: Option<f64>, clock: &NodeClock, around: Around) -> String {
+fn silence(silent: Option<f64>, clock: &NodeClock, around: &Around) -> String {
     if clock.is_simulated() && clock.now_nanos().is_none() {
         return "use_sim_time is set and /clock has not said anything".to_owned();
     }
@@ -212,7 +218,8 @@ pub(super) fn diagnostics(
     model: Option<&Model>,
     node: &str,
     wishes: &[Wish],
-    around: Around,
+    around: &Around,
+    middleware: &Health,
 ) -> DiagnosticArray {
     let settings = shared.settings();
     let live = shared.lock();
@@ -242,6 +249,8 @@ pub(super) fn diagnostics(
             load_cell_values(&live),
         ),
     ];
+    let (level, message, values) = middleware.describe();
+    status.push(one("middleware", level, message, values));
     if let Some(identified) = &live.identified {
         let frozen = identified.state == ForceComparison::IDENTIFICATION_FROZEN;
         let level = if frozen { DiagnosticStatus::WARN } else { DiagnosticStatus::OK };
@@ -292,7 +301,7 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
     values
 }
 
-fn input_level(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> u8 {
+fn input_level(live: &Live, shared: &Shared, settings: &Settings, around: &Around) -> u8 {
     match live.silence_s(&shared.clock, around.clock_gone) {
         Some(silent) if silent <= settings.input_timeout_s => {
             if live.last_window.rejected > 0 {

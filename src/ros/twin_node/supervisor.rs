@@ -13,7 +13,6 @@ use super::tissue::{self, Model, Snapshot, TissueOutputs};
 use crate::ros::signals::Signals;
 use crate::ros::start::{NodeError, SUCCESS};
 use crate::ros::threads::spawn;
-use crate::ros::watchdog::Watchdog;
 
 /// Longest time between two looks.
 const TICK: Duration = Duration::from_millis(50);
@@ -38,15 +37,13 @@ impl Supervisor {
     /// Returns when a signal comes.
     ///
     /// # Errors
-    /// [`NodeError`] if the model can't be built, a thread has ended, or the middleware has died.
+    /// [`NodeError`] if the model can't be built or a thread has ended.
     pub fn run(&mut self, signals: &Signals, threads: [&JoinHandle<()>; 2]) -> Result<u8, NodeError> {
-        let mut watchdog = Watchdog::new();
         loop {
             if let Some(signal) = signals.wait(TICK) {
                 tracing::info!("stopping ({signal:?})");
                 return Ok(SUCCESS);
             }
-            watchdog.check().map_err(NodeError::Other)?;
             match self.built.try_recv() {
                 Ok(Ok(model)) => self.take(Arc::from(model))?,
                 Ok(Err(reason)) if self.autostart => return Err(NodeError::Other(reason)),

@@ -1,0 +1,230 @@
+//! How the middleware process notices that its own DDS is dead, deaf or was attacked.
+//!
+//! - RustDDS ends its event loops for good when a poll of theirs is interrupted, as by SIGSTOP and SIGCONT or a debugger
+//!   that attaches; no signal mask keeps those away. Nothing in the middleware says so, but its threads are gone.
+//! - An event loop that is busy for ever (a HEARTBEAT that announces 2^40 samples) is alive and hears nothing. So the
+//!   process knocks at its own door: it sends itself a packet that is no RTPS, of which RustDDS must complain.
+//! - What a lying packet has marked as received or void is refused for ever, while everything looks matched. RustDDS
+//!   complains of most packets that it can't take: after a flood of complaints only a new participant is sure to hear.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crossbeam_channel::{Receiver, Sender};
+
+/// Time between two looks.
+pub(super) const LOOK: std::time::Duration = std::time::Duration::from_millis(100);
+/// Looks between two knocks, and between two counts of threads.
+const KNOCK: u32 = 2;
+/// Knocks in a row that were not heard.
+const UNHEARD: u32 = 6;
+/// Complaints within a second that make a flood.
+const FLOOD: u64 = 20;
+/// Complaints within a second that are none any more.
+const EBB: u64 = 2;
+/// Looks that make a second.
+const SECOND: usize = 10;
+/// Lines that may wait for the node's log.
+const LINES: usize = 64;
+/// Who complains when a packet can't be taken.
+const COMPLAINERS: [&str; 6] = [
+    "rustdds::rtps::message_receiver",
+    "rustdds::rtps::reader",
+    "rustdds::rtps::rtps_writer_proxy",
+    "rustdds::rtps::fragment_assembler",
+    "rustdds::messages",
+    "rustdds::structure",
+];
+/// Who complains of a knock.
+const KNOCKED: &str = COMPLAINERS[0];
+/// How the middleware's threads are called.
+#[cfg(target_os = "linux")]
+const THREADS: &str = "RustDDS";
+
+/// What a look finds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Finding {
+    /// All is well.
+    Well,
+    /// Malformed packets come by the dozen; how many in the last second.
+    Flooded(u64),
+    /// They have ceased.
+    Ebbed,
+    /// Nothing is heard any more; why.
+    Deaf(&'static str),
+}
+
+/// The looks of one process.
+pub(super) struct Watch {
+    looks: u32,
+    threads: usize,
+    unheard: u32,
+    heard: u64,
+    complaints: VecDeque<u64>,
+    flooded: bool,
+}
+
+impl Watch {
+    /// After the participant was made.
+    pub fn new() -> Self {
+        Self { looks: 0, threads: threads(), unheard: 0, heard: 0, complaints: VecDeque::new(), flooded: false }
+    }
+
+    /// Looks; call it every [`LOOK`] with how many complaints and how many knocks were heard in all.
+    pub fn look(&mut self, complaints: u64, heard: u64, knock: impl FnOnce()) -> Finding {
+        self.looks = self.looks.wrapping_add(1);
+        if self.heard != heard {
+            self.heard = heard;
+            self.unheard = 0;
+        }
+        if self.looks.is_multiple_of(KNOCK) {
+            let threads = threads();
+            self.threads = self.threads.max(threads);
+            if threads < self.threads {
+                return Finding::Deaf("its DDS threads have ended (it was stopped by SIGSTOP or a debugger)");
+            }
+            // Whoever never heard one may have a RustDDS that complains in other words.
+            if self.unheard >= UNHEARD && self.heard > 0 {
+                return Finding::Deaf("its DDS does not take packets any more");
+            }
+            self.unheard += 1;
+            knock();
+        }
+        self.count(complaints)
+    }
+
+    fn count(&mut self, complaints: u64) -> Finding {
+        self.complaints.push_back(complaints);
+        let then = if self.complaints.len() > SECOND { self.complaints.pop_front().unwrap_or(0) } else { 0 };
+        let fresh = complaints - then;
+        match (self.flooded, fresh) {
+            (false, FLOOD..) => {
+                self.flooded = true;
+                Finding::Flooded(fresh)
+            }
+            (true, ..=EBB) => Finding::Ebbed,
+            _ => Finding::Well,
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn threads() -> usize {
+    let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return 0 };
+    let name = |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("comm")).unwrap_or_default();
+    tasks.flatten().map(name).filter(|name| name.starts_with(THREADS)).count()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn threads() -> usize {
+    0
+}
+
+/// How a knock begins: like no RTPS packet, and not like that of another process.
+fn mark() -> [u8; 4] {
+    let [a, b, c, _] = std::process::id().to_le_bytes();
+    [a, b, c, b'?']
+}
+
+/// What RustDDS says of itself: complaints are counted, lines go to the node.
+pub(super) struct Voice {
+    complaints: AtomicU64,
+    knocks: AtomicU64,
+    /// What RustDDS says of a knock.
+    echo: String,
+    lines: Sender<(u8, String)>,
+    verbosity: log::Level,
+}
+
+impl Voice {
+    /// Listens; once per process. `verbosity` is the level from 1 (error) to 5 (trace) up to which lines are wanted.
+    pub fn listen(verbosity: u8) -> (&'static Self, Receiver<(u8, String)>) {
+        let (lines, received) = crossbeam_channel::bounded(LINES);
+        let verbosity = log::Level::iter().find(|level| *level as u8 == verbosity).unwrap_or(log::Level::Error);
+        // The logger of a process lives as long as the process.
+        let (complaints, knocks) = (AtomicU64::new(0), AtomicU64::new(0));
+        let echo = format!("{:x?}", mark());
+        let voice: &'static Self = Box::leak(Box::new(Self { complaints, knocks, echo, lines, verbosity }));
+        // Complaints are warnings. What is below is not even written down: RustDDS says much per packet.
+        log::set_max_level(verbosity.max(log::Level::Warn).to_level_filter());
+        // Fails only if there was one before, and this is the first thing that a middleware process does.
+        let _ = log::set_logger(voice);
+        (voice, received)
+    }
+
+    /// A packet that is no RTPS and as long as the header of one.
+    pub fn knock(&self) -> [u8; 20] {
+        let mut packet = [0; 20];
+        packet[..4].copy_from_slice(&mark());
+        packet
+    }
+
+    /// Knocks that were heard, in all.
+    pub fn heard(&self) -> u64 {
+        self.knocks.load(Ordering::Relaxed)
+    }
+
+    /// Packets that could not be taken, in all.
+    pub fn complaints(&self) -> u64 {
+        self.complaints.load(Ordering::Relaxed)
+    }
+}
+
+impl log::Log for Voice {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() <= self.verbosity.max(log::Level::Warn)
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        let complaint = record.level() <= log::Level::Warn && COMPLAINERS.iter().any(|c| record.target().starts_with(c));
+        if complaint && record.target() == KNOCKED && record.args().to_string().contains(&self.echo) {
+            self.knocks.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
+        if complaint {
+            self.complaints.fetch_add(1, Ordering::Relaxed);
+        }
+        if record.level() <= self.verbosity && !self.lines.is_full() {
+            // What is lost in a race for the last place is one line of many.
+            let _ = self.lines.try_send((record.level() as u8, format!("{}\n{}", record.target(), record.args())));
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flood_is_noticed_and_its_end_too() {
+        let mut watch = Watch::new();
+        let mut found = Vec::new();
+        let mut total = 0;
+        for look in 0..60_u64 {
+            total += match look {
+                10..20 => 50,
+                _ => u64::from(look % 10 == 0),
+            };
+            let finding = watch.look(total, look + 1, || ());
+            if finding != Finding::Well {
+                found.push((look, finding));
+                if found.len() == 2 {
+                    break;
+                }
+            }
+        }
+        assert!(matches!(found[..], [(10, Finding::Flooded(51)), (29..=31, Finding::Ebbed)]), "{found:?}");
+    }
+
+    #[test]
+    fn who_does_not_hear_himself_is_deaf() {
+        let mut watch = Watch::new();
+        let mut sent = 0;
+        let deaf = (0..40).find(|_| matches!(watch.look(0, 1, || sent += 1), Finding::Deaf(_)));
+        assert_eq!((deaf, sent), (Some(13), 6));
+        let mut watch = Watch::new();
+        assert!((0..40).all(|_| watch.look(0, 0, || ()) == Finding::Well), "not known whether it would hear");
+    }
+}
