@@ -218,8 +218,7 @@ impl RosLayer {
         // ("No locators for RtpsReaderProxy"), every malformed packet gives one, and leaving gives two, on a busy machine
         // one more per endpoint ("Cannot remove Reader"). None is anything that a user can act on; what can't be made is
         // returned as an error, and a flood of malformed packets is said in one line.
-        const NOISE: [&str; 4] =
-            ["rustdds::rtps", "rustdds::network", "rustdds::discovery", "rustdds::dds::pubsub"];
+        const NOISE: [&str; 4] = ["rustdds::rtps", "rustdds::network", "rustdds::discovery", "rustdds::dds::pubsub"];
         if NOISE.iter().any(|n| target.starts_with(n)) { Severity::Fatal } else { Severity::Error }
     }
 }

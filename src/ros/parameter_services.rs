@@ -2,9 +2,9 @@
 //!
 //! All six or none: with rmw_cyclonedds `ros2 param` waits for ever if one is missing.
 
+use ros2_client::builtin_interfaces;
 use ros2_client::parameters::{ParameterDescriptor, ParameterValue, raw};
 use ros2_client::rcl_interfaces as rcl;
-use ros2_client::builtin_interfaces;
 
 use super::clock::NodeClock;
 use super::parameters::Parameters;

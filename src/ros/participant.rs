@@ -117,6 +117,7 @@ impl Participant {
             node: names.node().to_owned(),
             memory_bytes: mebibytes(MEMORY_MIB),
             verbosity: verbosity(arguments),
+            hears: false,
             endpoints: Vec::new(),
         };
         let (link, woken) = Link::new().map_err(|e| refuse(fully_qualified)(e.to_string()))?;
@@ -168,7 +169,7 @@ impl Participant {
         }
         let inlets = std::mem::take(&mut self.inlets);
         let program = self.program.take();
-        self.middleware = Some(Middleware::start(&self.plan, program, inlets, Arc::clone(&self.link), woken)?);
+        self.middleware = Some(Middleware::start(self.plan.clone(), program, inlets, Arc::clone(&self.link), woken)?);
         Ok(())
     }
 
@@ -221,8 +222,7 @@ impl Participant {
         profile: &QosProfile,
     ) -> Result<Output<M>, ParticipantError> {
         let (matched, failed) = (Arc::default(), Arc::default());
-        let endpoint =
-            self.wish(Role::Publisher, &topic, type_name.package_name(), type_name.type_name(), profile)?;
+        let endpoint = self.wish(Role::Publisher, &topic, type_name.package_name(), type_name.type_name(), profile)?;
         self.inlets.mute(&matched, &failed);
         let latched = profile.durability == Durability::TransientLocal;
         let link = Arc::clone(&self.link);

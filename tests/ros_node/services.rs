@@ -11,7 +11,8 @@ use serde_json::json;
 
 /// Calls `/twin/reset` as a caller with this mapping does; false if nothing comes back.
 fn reset(domain: u16, mapping: ServiceMapping) -> bool {
-    let participant = DomainParticipantBuilder::new(domain).with_only_networks([[127, 0, 0, 1].into()]).build().unwrap();
+    let participant =
+        DomainParticipantBuilder::new(domain).with_only_networks([std::net::Ipv4Addr::LOCALHOST]).build().unwrap();
     let context = Context::from_domain_participant(participant).unwrap();
     let mut node = context.new_node(NodeName::new("/", "caller").unwrap(), NodeOptions::new()).unwrap();
     let (name, kind) = (Name::parse("/twin/reset").unwrap(), ServiceTypeName::new("std_srvs", "Trigger"));

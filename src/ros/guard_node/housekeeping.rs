@@ -69,8 +69,13 @@ impl Housekeeping {
     fn describe(&self, report: &Report, health: &Health) -> Vec<DiagnosticStatus> {
         let node = self.node.trim_start_matches('/');
         let (level, message, values) = health.describe();
-        let middleware =
-            DiagnosticStatus { level, name: format!("{node}: middleware"), message, values, ..DiagnosticStatus::default() };
+        let middleware = DiagnosticStatus {
+            level,
+            name: format!("{node}: middleware"),
+            message,
+            values,
+            ..DiagnosticStatus::default()
+        };
         vec![describe(report, node), middleware]
     }
 }

@@ -11,7 +11,7 @@ use ros2_client::dds::rustdds::{DomainParticipant, GUID, RTPSEntity};
 use ros2_client::qos::{Durability, Reliability};
 use smol::stream::StreamExt;
 
-use super::process::Uplink;
+use super::uplink::Uplink;
 use super::wire::{Head, Kind};
 use crate::ros::qos::{self, Side};
 

@@ -6,18 +6,18 @@ use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::Sender;
 
 use super::ARGUMENT;
+use super::health::Health;
 use super::link::{Inlets, Link};
 use super::wire::{Frames, Head, Kind, Plan};
 use crate::ros::logging::Throttle;
-use crate::ros::messages::diagnostic_msgs::{DiagnosticStatus, KeyValue};
 use crate::ros::start::NodeError;
 use crate::ros::threads::{join, spawn};
 
@@ -25,71 +25,16 @@ use crate::ros::threads::{join, spawn};
 const LOOK: Duration = Duration::from_millis(100);
 /// Looks in a row that find nothing, not even a pulse: the process is stopped or stuck.
 const SILENT_LOOKS: u32 = 10;
-/// The same before the process has said that it is ready: a machine may be busy.
-const STARTING_LOOKS: u32 = 200;
+/// The same before the first process has said that it is ready, and before a later one has: a machine may be busy.
+const STARTING_LOOKS: [u32; 2] = [200, 30];
 /// A process that has lived so long is replaced at once.
-const SOUND: Duration = Duration::from_secs(5);
+const SOUND: Duration = Duration::from_secs(2);
 /// Shortest and longest wait before the next one otherwise.
 const PAUSES: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
 /// Time for a clean leave.
 const LEAVE: Duration = Duration::from_secs(2);
-/// A replacement is news for so long.
-const NEWS: Duration = Duration::from_secs(10);
 /// Longest silence about processes that end one after the other.
-const COMPLAINTS: Duration = Duration::from_secs(10);
-
-/// How it goes with the middleware, for people.
-#[derive(Debug, Default)]
-pub(in crate::ros) struct Health {
-    replaced: AtomicU64,
-    overrun: Arc<AtomicU64>,
-    last: Mutex<Option<Replacement>>,
-}
-
-/// The last replacement.
-#[derive(Clone, Debug)]
-struct Replacement {
-    /// Why, in words that follow "the middleware process".
-    reason: String,
-    /// When the process was noticed to be gone.
-    lost: Instant,
-    /// When the next one was ready; `None` if it is not yet.
-    back: Option<Instant>,
-}
-
-impl Health {
-    /// Why the process was replaced, as long as that is worth a warning.
-    pub fn trouble(&self) -> Option<String> {
-        self.last().filter(|last| last.back.is_none_or(|back| back.elapsed() < NEWS)).map(|last| last.reason)
-    }
-
-    /// Level, message and values for `/diagnostics`.
-    pub fn describe(&self) -> (u8, String, Vec<KeyValue>) {
-        let value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
-        let mut values = vec![
-            value("replaced", self.replaced.load(Ordering::Relaxed).to_string()),
-            value("not taken in time", self.overrun.load(Ordering::Relaxed).to_string()),
-        ];
-        if let Some(last) = self.last() {
-            values.push(value("last replaced because it", last.reason));
-            let apart = last.back.map(|back| (back - last.lost).as_secs_f64());
-            values.extend(apart.map(|s| value("time without it (s)", format!("{s:.3}"))));
-        }
-        match self.trouble() {
-            Some(reason) => (DiagnosticStatus::WARN, format!("the middleware process {reason}: it was replaced"), values),
-            None => (DiagnosticStatus::OK, "OK".to_owned(), values),
-        }
-    }
-
-    /// The last replacement.
-    fn last(&self) -> Option<Replacement> {
-        self.last.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    fn set(&self, last: Replacement) {
-        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
-    }
-}
+const COMPLAINTS: Duration = Duration::from_secs(1);
 
 /// The thread that minds the process; dropping it leaves the network.
 pub(in crate::ros) struct Middleware {
@@ -104,14 +49,13 @@ impl Middleware {
     /// # Errors
     /// What could not be made, and why.
     pub fn start(
-        plan: &Plan,
+        plan: Plan,
         program: Option<PathBuf>,
         inlets: Inlets,
         link: Arc<Link>,
         woken: UnixStream,
     ) -> Result<Self, NodeError> {
-        let plan = serde_json::to_vec(plan).map_err(|e| NodeError::Other(format!("the middleware's plan: {e}")))?;
-        let health = Arc::new(Health { overrun: Arc::clone(&inlets.overrun), ..Health::default() });
+        let health = Arc::new(Health::new(&inlets.overrun));
         let (first, ready) = crossbeam_channel::bounded(1);
         let mut keeper =
             Keeper { plan, program, inlets, link: Arc::clone(&link), woken, health: Arc::clone(&health), said: None };
@@ -152,7 +96,7 @@ enum End {
 }
 
 struct Keeper {
-    plan: Vec<u8>,
+    plan: Plan,
     program: Option<PathBuf>,
     inlets: Inlets,
     link: Arc<Link>,
@@ -180,16 +124,11 @@ impl Keeper {
                 let _ = first.send(Err(reason));
                 return;
             }
-            let ongoing = self.health.last().filter(|last| last.back.is_none());
-            if ongoing.is_none() {
-                self.health.replaced.fetch_add(1, Ordering::Relaxed);
-            }
-            let lost = ongoing.map_or_else(Instant::now, |last| last.lost);
+            self.health.lost(&reason);
             if let Some(held) = complaints.pass() {
                 let more = if held > 0 { format!(" ({held} more since the last such message)") } else { String::new() };
                 tracing::error!("the middleware process {reason}: it is replaced, the node's state is kept{more}");
             }
-            self.health.set(Replacement { reason, lost, back: None });
             pause = if begun.elapsed() > SOUND { PAUSES[0] } else { (2 * pause).min(PAUSES[1]) };
             if begun.elapsed() <= SOUND && self.rests(pause) {
                 return;
@@ -214,10 +153,7 @@ impl Keeper {
         let child = Process(launch(self.program.as_deref(), theirs.into())?);
         let mut frame = Vec::new();
         Head::new(Kind::Plan)
-            .frame(&mut frame, |b| {
-                b.extend(&self.plan);
-                Ok(())
-            })
+            .frame(&mut frame, |b| serde_json::to_writer(b, &self.plan).map_err(|e| e.to_string()))
             .map_err(io::Error::other)?;
         io::Write::write_all(&mut &socket, &frame)?;
         self.said = None;
@@ -242,7 +178,11 @@ impl Keeper {
             let mut sockets = [(socket.as_raw_fd(), interest), (self.woken.as_raw_fd(), libc::POLLIN)];
             // Looks are counted and not time: a node that was stopped itself must not take its own sleep for silence.
             silent = if poll(&mut sockets, LOOK) { 0 } else { silent + 1 };
-            if silent >= if ready { SILENT_LOOKS } else { STARTING_LOOKS } {
+            let patience = match (ready, first.is_some()) {
+                (true, _) => SILENT_LOOKS,
+                (false, first) => STARTING_LOOKS[usize::from(!first)],
+            };
+            if silent >= patience {
                 return Ok(End::Lost("gives no sign of life".to_owned()));
             }
             self.drain_nudges();
@@ -270,7 +210,8 @@ impl Keeper {
                     Kind::Matched => self.note(&head, body),
                     Kind::Failed => self.failed(&head),
                     Kind::Log => relay(head.flag, &text(body)),
-                    Kind::Plan | Kind::Pulse => {}
+                    Kind::Pulse => self.plan.hears |= head.flag != 0,
+                    Kind::Plan => {}
                 }
             }
         }
@@ -289,12 +230,11 @@ impl Keeper {
             // Fails only if the node has given up.
             let _ = first.send(Ok(()));
         }
-        if let Some(last) = self.health.last().filter(|last| last.back.is_none()) {
+        if let Some(apart) = self.health.back() {
             tracing::info!(
                 "a new middleware process is ready after {:.3} s; what was said to this node meanwhile is missed",
-                last.lost.elapsed().as_secs_f64()
+                apart.as_secs_f64()
             );
-            self.health.set(Replacement { back: Some(Instant::now()), ..last });
         }
     }
 

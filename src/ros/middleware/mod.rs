@@ -11,13 +11,16 @@
 //! and by the node (`keeper`). When it dies, goes deaf or was flooded, the next one makes the same endpoints.
 
 mod graph;
+mod health;
 mod keeper;
 mod link;
 mod process;
+mod uplink;
 mod watch;
 mod wire;
 
-pub(super) use keeper::{Health, Middleware};
+pub(super) use health::Health;
+pub(super) use keeper::Middleware;
 pub(super) use link::{Delivery, Inlets, Link, Mailbox, Unsent, cdr, publication};
 pub(super) use wire::{Endpoint, Head, Kind, Plan, Quality, Role, Stamp, times_of};
 

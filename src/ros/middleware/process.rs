@@ -9,7 +9,7 @@ use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::pin::Pin;
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::Receiver;
@@ -21,6 +21,7 @@ use ros2_client::{
 
 use super::ARGUMENT;
 use super::graph::{EndpointRecord, Graph};
+use super::uplink::Uplink;
 use super::watch::{Finding, LOOK, Voice, Watch};
 use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, caller_of, times};
 use crate::ros::clock::wall_nanos;
@@ -65,7 +66,7 @@ fn run() -> Result<(), String> {
     };
     limit(plan.memory_bytes).map_err(|e| e.to_string())?;
     let (voice, lines) = Voice::listen(plan.verbosity);
-    let uplink = Arc::new(Uplink { socket: socket.try_clone().map_err(|e| e.to_string())?, frame: Mutex::default() });
+    let uplink = Arc::new(Uplink::new(socket.try_clone().map_err(|e| e.to_string())?));
     match Domain::join(&plan, &uplink) {
         Ok(domain) => domain.serve(frames, socket, &uplink, voice, &lines),
         Err(reason) => {
@@ -79,6 +80,8 @@ fn run() -> Result<(), String> {
 #[cfg(target_os = "linux")]
 fn limit(bytes: u64) -> io::Result<()> {
     use rustix::process::{Resource, Rlimit, Signal, set_parent_process_death_signal, setrlimit};
+    // What `ps` calls it, else `exe`: it is not worth an error.
+    let _ = std::fs::write("/proc/self/comm", "middleware");
     let to = |limit| Rlimit { current: Some(limit), maximum: Some(limit) };
     setrlimit(Resource::Core, to(0))?;
     setrlimit(Resource::Data, to(bytes))?;
@@ -92,50 +95,6 @@ fn limit(_bytes: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// The process's end of the socket. A node that does not read holds it up, and then the DDS keeps the newest.
-pub(super) struct Uplink {
-    socket: UnixStream,
-    frame: Mutex<Vec<u8>>,
-}
-
-impl Uplink {
-    pub fn send(&self, head: Head, body: &[u8]) {
-        let mut frame = self.frame.lock().unwrap_or_else(PoisonError::into_inner);
-        frame.clear();
-        let framed = head.frame(&mut frame, |b| {
-            b.extend(body);
-            Ok(())
-        });
-        match framed {
-            // Fails only when the node is gone, which the end of the socket tells.
-            Ok(()) => drop((&self.socket).write_all(&frame)),
-            Err(reason) => {
-                drop(frame);
-                self.log(log::Level::Warn, &format!("a message is not taken: {reason}"));
-            }
-        }
-    }
-
-    /// Ends who reads from the socket.
-    fn deafen(&self) {
-        // Fails only when the node is gone.
-        let _ = self.socket.shutdown(std::net::Shutdown::Read);
-    }
-
-    pub fn text(&self, kind: Kind, text: &str) {
-        self.send(Head::new(kind), text.as_bytes());
-    }
-
-    /// A line of the node's own log.
-    pub fn log(&self, level: log::Level, text: &str) {
-        self.send(Head { flag: level as u8, ..Head::new(Kind::Log) }, format!("\n{text}").as_bytes());
-    }
-
-    fn relay(&self, (level, line): (u8, String)) {
-        self.send(Head { flag: level, ..Head::new(Kind::Log) }, line.as_bytes());
-    }
-}
-
 /// Everything on the network.
 struct Domain {
     publishers: Vec<(u16, Publisher<RawCdr>)>,
@@ -143,6 +102,7 @@ struct Domain {
     servers: Vec<(u16, Server<RawCdr, RawCdr>)>,
     clients: Vec<(u16, Client<RawCdr, RawCdr>)>,
     ear: SocketAddr,
+    hears: bool,
     graph: Graph,
     node: Node,
     context: Context,
@@ -177,6 +137,7 @@ impl Domain {
             servers: Vec::new(),
             clients: Vec::new(),
             ear,
+            hears: plan.hears,
             graph: Graph::new(&context.domain_participant(), Arc::clone(uplink)),
             node,
             context,
@@ -222,9 +183,8 @@ impl Domain {
             Role::Client { cyclone } => {
                 let type_name = ServiceTypeName::new(&endpoint.package, &endpoint.type_name);
                 let mapping = if cyclone { ServiceMapping::Cyclone } else { ServiceMapping::Enhanced };
-                let client = node
-                    .create_client(mapping, &name, &type_name, profile.clone(), profile)
-                    .map_err(|e| say(&e))?;
+                let client =
+                    node.create_client(mapping, &name, &type_name, profile.clone(), profile).map_err(|e| say(&e))?;
                 self.clients.push((number, client));
             }
         }
@@ -240,7 +200,7 @@ impl Domain {
         voice: &'static Voice,
         lines: &Receiver<(u8, String)>,
     ) -> Result<(), String> {
-        let Self { publishers, subscriptions, servers, clients, ear, graph, node, context } = self;
+        let Self { publishers, subscriptions, servers, clients, ear, hears, graph, node, context } = self;
         let (sender, orders) = smol::channel::bounded(ORDERS);
         let (stop, stopped) = smol::channel::bounded::<()>(1);
         uplink.send(Head::new(Kind::Ready), &[]);
@@ -273,7 +233,7 @@ impl Domain {
         };
         // Fails only where sockets do, which the watch takes for deafness.
         let knock = || drop(knocker.send_to(&voice.knock(), ear));
-        let ebbed = look_after(knock, uplink, voice, lines);
+        let ebbed = look_after(Watch::new(hears), knock, uplink, voice, lines);
         smol::block_on(executor.run(smol::future::or(node_gone, ebbed)));
         drop(tasks);
         drop(executor);
@@ -389,14 +349,14 @@ async fn obey(
 
 /// Tells the node that the process lives; ends the process when the DDS does not, and returns when a flood is over.
 async fn look_after(
+    mut watch: Watch,
     knock: impl Fn(),
     uplink: &Uplink,
     voice: &Voice,
     lines: &Receiver<(u8, String)>,
 ) {
-    let mut watch = Watch::new();
     loop {
-        uplink.send(Head::new(Kind::Pulse), &[]);
+        uplink.send(Head { flag: u8::from(voice.heard() > 0), ..Head::new(Kind::Pulse) }, &[]);
         lines.try_iter().for_each(|line| uplink.relay(line));
         match watch.look(voice.complaints(), voice.heard(), &knock) {
             Finding::Well => {}
@@ -404,8 +364,13 @@ async fn look_after(
                 log::Level::Warn,
                 &format!("malformed packets, {count} within a second: somebody on the network floods this node"),
             ),
+            Finding::Untold => uplink.log(
+                log::Level::Warn,
+                "the middleware does not say what it hears: if it goes deaf, that will not be noticed",
+            ),
             Finding::Ebbed => {
-                return uplink.text(Kind::Farewell, "has been flooded with malformed packets, and may be deaf for true ones");
+                return uplink
+                    .text(Kind::Farewell, "has been flooded with malformed packets, and may be deaf for true ones");
             }
             Finding::Deaf(why) => {
                 uplink.text(Kind::Farewell, &format!("is deaf: {why}"));

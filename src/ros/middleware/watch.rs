@@ -16,8 +16,8 @@ use crossbeam_channel::{Receiver, Sender};
 pub(super) const LOOK: std::time::Duration = std::time::Duration::from_millis(100);
 /// Looks between two knocks, and between two counts of threads.
 const KNOCK: u32 = 2;
-/// Knocks in a row that were not heard.
-const UNHEARD: u32 = 6;
+/// Knocks in a row that were not heard; the same before the first that was; before it is clear that none ever is.
+const UNHEARD: [u32; 3] = [6, 10, 50];
 /// Complaints within a second that make a flood.
 const FLOOD: u64 = 20;
 /// Complaints within a second that are none any more.
@@ -50,6 +50,8 @@ pub(super) enum Finding {
     Flooded(u64),
     /// They have ceased.
     Ebbed,
+    /// No knock was ever heard, so that it can't be told whether the DDS is deaf.
+    Untold,
     /// Nothing is heard any more; why.
     Deaf(&'static str),
 }
@@ -60,14 +62,16 @@ pub(super) struct Watch {
     threads: usize,
     unheard: u32,
     heard: u64,
+    /// A process before this one has heard its knocks, so this one must.
+    hears: bool,
     complaints: VecDeque<u64>,
     flooded: bool,
 }
 
 impl Watch {
     /// After the participant was made.
-    pub fn new() -> Self {
-        Self { looks: 0, threads: threads(), unheard: 0, heard: 0, complaints: VecDeque::new(), flooded: false }
+    pub fn new(hears: bool) -> Self {
+        Self { looks: 0, threads: threads(), unheard: 0, heard: 0, hears, complaints: VecDeque::new(), flooded: false }
     }
 
     /// Looks; call it every [`LOOK`] with how many complaints and how many knocks were heard in all.
@@ -83,12 +87,16 @@ impl Watch {
             if threads < self.threads {
                 return Finding::Deaf("its DDS threads have ended (it was stopped by SIGSTOP or a debugger)");
             }
-            // Whoever never heard one may have a RustDDS that complains in other words.
-            if self.unheard >= UNHEARD && self.heard > 0 {
+            // Where none was ever heard, RustDDS may complain in other words.
+            let judged = self.hears || self.heard > 0;
+            if judged && self.unheard >= UNHEARD[usize::from(self.heard == 0)] {
                 return Finding::Deaf("its DDS does not take packets any more");
             }
-            self.unheard += 1;
+            self.unheard = self.unheard.saturating_add(1);
             knock();
+            if self.unheard == UNHEARD[2] {
+                return Finding::Untold;
+            }
         }
         self.count(complaints)
     }
@@ -176,7 +184,8 @@ impl log::Log for Voice {
     }
 
     fn log(&self, record: &log::Record<'_>) {
-        let complaint = record.level() <= log::Level::Warn && COMPLAINERS.iter().any(|c| record.target().starts_with(c));
+        let complaint =
+            record.level() <= log::Level::Warn && COMPLAINERS.iter().any(|c| record.target().starts_with(c));
         if complaint && record.target() == KNOCKED && record.args().to_string().contains(&self.echo) {
             self.knocks.fetch_add(1, Ordering::Relaxed);
             return;
@@ -199,7 +208,7 @@ mod tests {
 
     #[test]
     fn a_flood_is_noticed_and_its_end_too() {
-        let mut watch = Watch::new();
+        let mut watch = Watch::new(false);
         let mut found = Vec::new();
         let mut total = 0;
         for look in 0..60_u64 {
@@ -220,11 +229,13 @@ mod tests {
 
     #[test]
     fn who_does_not_hear_himself_is_deaf() {
-        let mut watch = Watch::new();
-        let mut sent = 0;
-        let deaf = (0..40).find(|_| matches!(watch.look(0, 1, || sent += 1), Finding::Deaf(_)));
-        assert_eq!((deaf, sent), (Some(13), 6));
-        let mut watch = Watch::new();
-        assert!((0..40).all(|_| watch.look(0, 0, || ()) == Finding::Well), "not known whether it would hear");
+        for (heard, hears, expected) in [(1, false, (Some(13), 6)), (0, true, (Some(21), 10))] {
+            let (mut watch, mut sent) = (Watch::new(hears), 0);
+            let deaf = (0..40).find(|_| matches!(watch.look(0, heard, || sent += 1), Finding::Deaf(_)));
+            assert_eq!((deaf, sent), expected);
+        }
+        let mut watch = Watch::new(false);
+        let untold = (0..400).filter(|_| watch.look(0, 0, || ()) != Finding::Well).collect::<Vec<_>>();
+        assert_eq!(untold, [99], "not known whether it would hear");
     }
 }

@@ -35,7 +35,7 @@ pub(in crate::ros) enum Kind {
     Ready,
     /// Process to node: something could not be made; the body says what and why, in two lines.
     Refused,
-    /// Process to node: alive.
+    /// Process to node: alive; the flag is whether it has heard itself.
     Pulse,
     /// Process to node: so many peers are matched with the endpoint.
     Matched,
@@ -184,7 +184,9 @@ impl Frames {
     pub fn next(&mut self) -> io::Result<Option<(Head, &[u8])>> {
         let nonsense = || io::Error::new(io::ErrorKind::InvalidData, "what came is not a frame");
         let bytes = &self.bytes[self.from..self.to];
-        let Some(&[a, b, c, d, kind, flag, e, f, ref stamp @ ..]) = bytes.first_chunk::<HEAD>() else { return Ok(None) };
+        let Some(&[a, b, c, d, kind, flag, e, f, ref stamp @ ..]) = bytes.first_chunk::<HEAD>() else {
+            return Ok(None);
+        };
         let length = u32::from_ne_bytes([a, b, c, d]) as usize;
         if length > LONGEST {
             return Err(nonsense());
@@ -207,6 +209,8 @@ pub(in crate::ros) struct Plan {
     pub memory_bytes: u64,
     /// Most verbose level of the middleware's own lines that somebody wants to see.
     pub verbosity: u8,
+    /// One process has heard itself, so the next one must.
+    pub hears: bool,
     pub endpoints: Vec<Endpoint>,
 }
 

@@ -116,13 +116,7 @@ impl Housekeeping {
         })
     }
 
-    pub fn run(
-        self,
-        clock: &NodeClock,
-        commands: &Sender<Command>,
-        rosout: &Rosout,
-        stop: &Receiver<()>,
-    ) {
+    pub fn run(self, clock: &NodeClock, commands: &Sender<Command>, rosout: &Rosout, stop: &Receiver<()>) {
         loop {
             self.parameter_services.poll(&self.parameters, clock, &mut |name, value| {
                 tracing::info!("parameter {name} is now {}", crate::ros::parameters::show(value));

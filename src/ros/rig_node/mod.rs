@@ -160,8 +160,7 @@ fn common(
     let (stop, stopped) = crossbeam_channel::bounded(0);
     let commands = commands.unwrap_or_else(|| crossbeam_channel::bounded(0).0);
     let of_thread = Arc::clone(&clock);
-    let thread =
-        spawn("housekeeping", move || housekeeping.run(&of_thread, &commands, &start.rosout, &stopped))?;
+    let thread = spawn("housekeeping", move || housekeeping.run(&of_thread, &commands, &start.rosout, &stopped))?;
     Ok(Common { recording, participant, clock, stop, thread })
 }
 
