@@ -92,11 +92,11 @@ fn tared(domain: u16) -> (Program, Peer) {
     (node, peer)
 }
 
-/// Poses at 50 Hz at one depth under a load cell that says 0.25 N.
+/// Poses at 50 Hz over a tenth of a millimetre, under a load cell that says 0.25 N.
 fn stream(peer: &mut Peer, seconds: f64) -> Value {
     peer.ask(json!({
         "op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": (50.0 * seconds) as u64, "rate_hz": 50.0,
-        "from_m": 0.0004, "depth_m": 0.0004, "force_topic": "/measured_cf", "force_n": 0.25, "answers": "/predicted_cf",
+        "from_m": 0.0004, "depth_m": 0.0005, "force_topic": "/measured_cf", "force_n": 0.25, "answers": "/predicted_cf",
     }))
 }
 

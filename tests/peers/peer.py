@@ -135,7 +135,7 @@ class Peer:
     def ping(self, topic, joint, poses, rate_hz, depth_m, answers):
         """Sends a pose, waits for its answer without sleeping, sends the next when it is due. Returns the round trips."""
         writer, cls = self.writers[topic]
-        begun, first, trips, lost = time.monotonic(), time.time_ns(), [], 0
+        begun, first, trips = time.monotonic(), time.time_ns(), []
         for i in range(poses):
             while time.monotonic() < begun + i / rate_hz:
                 pass
@@ -148,8 +148,6 @@ class Peer:
                 self._note(answers, answered)
             if nanos in answered:
                 trips.append(answered[nanos][0] - asked)
-            else:
-                lost += 1
         trips.sort()
         pick = lambda q: trips[min(int(q * len(trips)), len(trips) - 1)] if trips else None
         return {"sent": poses, "answered": len(trips), "median_s": pick(0.5), "p99_s": pick(0.99), "max_s": pick(1.0)}

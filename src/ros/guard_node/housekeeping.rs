@@ -45,6 +45,7 @@ impl Housekeeping {
 
     pub fn run(self, shared: &Shared, rosout: &Rosout, health: &Health, stop: &Receiver<()>) {
         let clock = NodeClock::new(false);
+        let node = self.node.trim_start_matches('/');
         let mut due = Instant::now();
         loop {
             self.parameter_services.poll(&self.parameters, &clock, &mut |_, _| {});
@@ -55,7 +56,7 @@ impl Housekeeping {
                 if let Some(report) = shared.report() {
                     self.diagnostics.send(DiagnosticArray {
                         header: Header { stamp: clock.stamp(), ..Header::default() },
-                        status: self.describe(&report, health),
+                        status: vec![describe(&report, node), health.diagnostic(node, "")],
                     });
                 }
             }
@@ -64,19 +65,6 @@ impl Housekeeping {
                 return;
             }
         }
-    }
-
-    fn describe(&self, report: &Report, health: &Health) -> Vec<DiagnosticStatus> {
-        let node = self.node.trim_start_matches('/');
-        let (level, message, values) = health.describe();
-        let middleware = DiagnosticStatus {
-            level,
-            name: format!("{node}: middleware"),
-            message,
-            values,
-            ..DiagnosticStatus::default()
-        };
-        vec![describe(report, node), middleware]
     }
 }
 

@@ -58,8 +58,8 @@ impl Health {
         self.last().filter(|last| last.back.is_none_or(|back| back.elapsed() < NEWS)).map(|last| last.reason)
     }
 
-    /// Level, message and values for `/diagnostics`.
-    pub fn describe(&self) -> (u8, String, Vec<KeyValue>) {
+    /// For `/diagnostics`.
+    pub fn diagnostic(&self, node: &str, hardware_id: &str) -> DiagnosticStatus {
         let value = |key: &str, value: String| KeyValue { key: key.to_owned(), value };
         let mut values = vec![
             value("replaced", self.replaced.load(Ordering::Relaxed).to_string()),
@@ -70,12 +70,12 @@ impl Health {
             let apart = last.back.map(|back| (back - last.lost).as_secs_f64());
             values.extend(apart.map(|s| value("time without it (s)", format!("{s:.3}"))));
         }
-        match self.trouble() {
-            Some(reason) => {
-                (DiagnosticStatus::WARN, format!("the middleware process {reason}: it was replaced"), values)
-            }
-            None => (DiagnosticStatus::OK, "OK".to_owned(), values),
-        }
+        let (level, message) = match self.trouble() {
+            Some(reason) => (DiagnosticStatus::WARN, format!("the middleware process {reason}: it was replaced")),
+            None => (DiagnosticStatus::OK, "OK".to_owned()),
+        };
+        let (name, hardware_id) = (format!("{node}: middleware"), hardware_id.to_owned());
+        DiagnosticStatus { level, name, message, hardware_id, values }
     }
 
     fn last(&self) -> Option<Replacement> {
@@ -95,8 +95,8 @@ mod tests {
             health.lost(reason);
         }
         assert!(health.back().is_some() && health.back().is_none());
-        let (level, message, values) = health.describe();
-        assert!(level == DiagnosticStatus::WARN && message.contains("exit code 1"), "{message}");
-        assert!(values.iter().any(|v| v.key == "replaced" && v.value == "1"), "{values:?}");
+        let said = health.diagnostic("twin", "");
+        assert!(said.level == DiagnosticStatus::WARN && said.message.contains("exit code 1"), "{said:?}");
+        assert!(said.values.iter().any(|v| v.key == "replaced" && v.value == "1"), "{said:?}");
     }
 }

@@ -249,8 +249,7 @@ pub(super) fn diagnostics(
             load_cell_values(&live),
         ),
     ];
-    let (level, message, values) = middleware.describe();
-    status.push(one("middleware", level, message, values));
+    status.push(middleware.diagnostic(name, &settings.hardware_id));
     if let Some(identified) = &live.identified {
         let frozen = identified.state == ForceComparison::IDENTIFICATION_FROZEN;
         let level = if frozen { DiagnosticStatus::WARN } else { DiagnosticStatus::OK };
@@ -394,11 +393,9 @@ pub(super) fn waiting(
     }
     let silent = live.last_pose.is_none_or(|at| at.wall.elapsed().as_secs_f64() > 5.0);
     // A peer that uses a network card is not heard, even one on this machine: the most likely cause.
-    let hint = if reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0 {
-        "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network"
-    } else {
-        ""
-    };
-    (silent && since.elapsed().as_secs_f64() > 1.0)
-        .then(|| format!("waiting for a pose on {} or {}{hint}", describe(joint), describe(pose)))
+    let deaf = reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0;
+    let hint = "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network";
+    (silent && since.elapsed().as_secs_f64() > 1.0).then(|| {
+        format!("waiting for a pose on {} or {}{}", describe(joint), describe(pose), if deaf { hint } else { "" })
+    })
 }
