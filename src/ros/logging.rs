@@ -332,8 +332,9 @@ mod tests {
         assert_eq!(layer(&[("or1", Severity::Debug)]).threshold(own), Severity::Debug);
         assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Warn);
         assert_eq!(layer(&[("or1.twi", Severity::Warn)]).threshold(own), Severity::Info);
-        assert_eq!(layer(&[("or1", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Error);
+        assert_eq!(layer(&[("or1", Severity::Debug)]).threshold("rustdds::dds::participant"), Severity::Error);
         assert_eq!(layer(&[("rustdds", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Debug);
+        assert_eq!(layer(&[]).threshold("rustdds::rtps"), Severity::Fatal);
     }
 
     #[test]

@@ -59,16 +59,15 @@ fn worse(a: u8, b: u8) -> u8 {
 #[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
 pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &Around) -> Judgement {
     let mut judgement = Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new() };
-    let clock = &shared.clock;
     if let Some(reason) = not_active(shared.state()) {
         judgement.add(TwinStatus::HEALTH_STALE, reason);
     }
     if let Some(reason) = &live.halted {
         judgement.add(TwinStatus::HEALTH_ERROR, format!("{reason}: retract the instrument and call ~/reset"));
     }
-    let silent = live.silence_s(clock, around.clock_gone);
+    let silent = live.silence_s(&shared.clock, around.clock_gone);
     if silent.is_none_or(|s| s > settings.input_timeout_s) {
-        judgement.add(TwinStatus::HEALTH_STALE, silence(silent, clock, around));
+        judgement.add(TwinStatus::HEALTH_STALE, silence(silent, &shared.clock, around));
     }
     let window = &live.last_window;
     if window.withheld > 0 {
@@ -255,7 +254,6 @@ pub(super) fn diagnostics(
         let level = if frozen { DiagnosticStatus::WARN } else { DiagnosticStatus::OK };
         status.push(one("identification", level, identification_message(identified), identified_values(identified)));
     }
-    drop(live);
     DiagnosticArray { header: Header { stamp: shared.clock.stamp(), frame_id: String::new() }, status }
 }
 
