@@ -244,6 +244,25 @@ fn a_flood_of_lies_costs_neither_memory_nor_state_and_the_exchange_comes_back() 
 }
 
 #[test]
+fn one_lie_that_makes_it_deaf_for_a_publisher_is_forgotten() {
+    let domain = free_domain();
+    let (node, mut peer) = tared(domain);
+    let old = process_of(node.id()).unwrap();
+    assert!(Flood::start(domain, "leap", 0.0, &ports(old)).end() > 0);
+    let told = Instant::now();
+    let mut answered = 0;
+    while answered == 0 && told.elapsed() < 4 * AFTER_FLOOD {
+        answered = stream(&mut peer, 0.2)["answered"].as_u64().unwrap();
+    }
+    eprintln!("answers {:?} after the lie", told.elapsed());
+    assert!(told.elapsed() < AFTER_FLOOD, "{:?}", told.elapsed());
+    memory(&mut peer);
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+    assert!(log.contains("was told of messages that no publisher has sent"), "{log}");
+}
+
+#[test]
 fn the_process_ends_with_the_node_and_a_node_or_peer_that_starts_again_is_heard_at_once() {
     let domain = free_domain();
     let (node, peer) = tared(domain);

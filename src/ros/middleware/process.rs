@@ -358,6 +358,10 @@ async fn look_after(
     loop {
         uplink.send(Head { flag: u8::from(voice.heard() > 0), ..Head::new(Kind::Pulse) }, &[]);
         lines.try_iter().for_each(|line| uplink.relay(line));
+        if voice.misled() {
+            let reason = "was told of messages that no publisher has sent, and may be deaf for true ones";
+            return uplink.text(Kind::Farewell, reason);
+        }
         match watch.look(voice.complaints(), voice.heard(), &knock) {
             Finding::Well => {}
             Finding::Flooded(count) => uplink.log(

@@ -6,9 +6,10 @@
 //!   process knocks at its own door: it sends itself a packet that is no RTPS, of which RustDDS must complain.
 //! - What a lying packet has marked as received or void is refused for ever, while everything looks matched. RustDDS
 //!   complains of most packets that it can't take: after a flood of complaints only a new participant is sure to hear.
+//!   And it tells up to which number it takes messages for received: where no publisher ever comes, it was misled.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crossbeam_channel::{Receiver, Sender};
 
@@ -35,6 +36,10 @@ const COMPLAINERS: [&str; 6] = [
     "rustdds::messages",
     "rustdds::structure",
 ];
+/// Who tells up to which number a publisher's messages count as received, and how.
+const TELLER: (&str, &str) = ("rustdds::rtps::rtps_writer_proxy", "ack_base increased to ");
+/// A number that no publisher reaches: 35 years at 1 kHz.
+const UNHEARD_OF: u64 = 1 << 40;
 /// Who complains of a knock.
 const KNOCKED: &str = COMPLAINERS[0];
 /// How the middleware's threads are called.
@@ -138,6 +143,7 @@ fn mark() -> [u8; 4] {
 pub(super) struct Voice {
     complaints: AtomicU64,
     knocks: AtomicU64,
+    misled: AtomicBool,
     /// What RustDDS says of a knock.
     echo: String,
     lines: Sender<(u8, String)>,
@@ -150,11 +156,10 @@ impl Voice {
         let (lines, received) = crossbeam_channel::bounded(LINES);
         let verbosity = log::Level::iter().find(|level| *level as u8 == verbosity).unwrap_or(log::Level::Error);
         // The logger of a process lives as long as the process.
-        let (complaints, knocks) = (AtomicU64::new(0), AtomicU64::new(0));
+        let (complaints, knocks, misled) = (AtomicU64::new(0), AtomicU64::new(0), AtomicBool::new(false));
         let echo = format!("{:x?}", mark());
-        let voice: &'static Self = Box::leak(Box::new(Self { complaints, knocks, echo, lines, verbosity }));
-        // Complaints are warnings. What is below is not even written down: RustDDS says much per packet.
-        log::set_max_level(verbosity.max(log::Level::Warn).to_level_filter());
+        let voice: &'static Self = Box::leak(Box::new(Self { complaints, knocks, misled, echo, lines, verbosity }));
+        log::set_max_level(verbosity.max(log::Level::Debug).to_level_filter());
         // Fails only if there was one before, and this is the first thing that a middleware process does.
         let _ = log::set_logger(voice);
         (voice, received)
@@ -172,6 +177,11 @@ impl Voice {
         self.knocks.load(Ordering::Relaxed)
     }
 
+    /// Whether a packet has made the process deaf for a true publisher.
+    pub fn misled(&self) -> bool {
+        self.misled.load(Ordering::Relaxed)
+    }
+
     /// Packets that could not be taken, in all.
     pub fn complaints(&self) -> u64 {
         self.complaints.load(Ordering::Relaxed)
@@ -184,6 +194,14 @@ impl log::Log for Voice {
     }
 
     fn log(&self, record: &log::Record<'_>) {
+        // First of all what is neither looked at nor wanted: RustDDS says much per packet.
+        let told = record.level() == log::Level::Debug && record.target() == TELLER.0;
+        if !told && !self.enabled(record.metadata()) {
+            return;
+        }
+        if told && is_unheard_of(&record.args().to_string()) {
+            self.misled.store(true, Ordering::Relaxed);
+        }
         let complaint =
             record.level() <= log::Level::Warn && COMPLAINERS.iter().any(|c| record.target().starts_with(c));
         if complaint && record.target() == KNOCKED && record.args().to_string().contains(&self.echo) {
@@ -200,6 +218,13 @@ impl log::Log for Voice {
     }
 
     fn flush(&self) {}
+}
+
+/// Whether a line tells of a number that no publisher reaches.
+fn is_unheard_of(line: &str) -> bool {
+    let number = line.strip_prefix(TELLER.1).and_then(|rest| rest.split(" by").next()).unwrap_or_default();
+    let digits: String = number.chars().filter(char::is_ascii_digit).collect();
+    digits.parse::<u64>().is_ok_and(|n| n >= UNHEARD_OF)
 }
 
 #[cfg(test)]
@@ -225,6 +250,18 @@ mod tests {
             }
         }
         assert!(matches!(found[..], [(10, Finding::Flooded(50)), (29, Finding::Ebbed)]), "{found:?}");
+    }
+
+    #[test]
+    fn numbers_that_no_publisher_reaches_are_seen() {
+        let line = |n: u64| {
+            format!("ack_base increased to SequenceNumber({n}) by irrelevant_changes_range 9 to 9000000000000000")
+        };
+        assert!(
+            is_unheard_of(&line(1 << 62))
+                && !is_unheard_of(&line(1 << 32))
+                && !is_unheard_of("ack_base 99999999999999")
+        );
     }
 
     #[test]
