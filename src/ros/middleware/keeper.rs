@@ -23,8 +23,10 @@ use crate::ros::threads::{join, spawn};
 
 /// Time between two looks at a silent socket.
 const LOOK: Duration = Duration::from_millis(100);
-/// Looks in a row that find nothing, not even a pulse: the process is stopped or stuck.
-const SILENT_LOOKS: u32 = 10;
+/// Looks in a row that find nothing, not even a pulse, until the process counts as stuck: a machine may be busy.
+const SILENT_LOOKS: u32 = 30;
+/// The same for a process that the system says is stopped.
+const STOPPED_LOOKS: u32 = 5;
 /// The same before the first process has said that it is ready, and before a later one has: a machine may be busy.
 const STARTING_LOOKS: [u32; 2] = [200, 30];
 /// A process that has lived so long is replaced at once.
@@ -158,7 +160,7 @@ impl Keeper {
         io::Write::write_all(&mut &socket, &frame)?;
         self.said = None;
         let mut frames = Frames::new();
-        let end = self.attend(&socket, &mut frames, first)?;
+        let end = self.attend(child.0.id(), &socket, &mut frames, first)?;
         if matches!(end, End::Left) {
             self.link.disconnect();
             say_goodbye(&socket);
@@ -170,7 +172,7 @@ impl Keeper {
     }
 
     /// Hands on what the process says until it ends or falls silent, or the node leaves.
-    fn attend(&mut self, socket: &UnixStream, frames: &mut Frames, first: &mut First) -> io::Result<End> {
+    fn attend(&mut self, pid: u32, socket: &UnixStream, frames: &mut Frames, first: &mut First) -> io::Result<End> {
         let (mut ready, mut silent) = (false, 0);
         loop {
             let more = self.link.flush();
@@ -182,6 +184,9 @@ impl Keeper {
                 (true, _) => SILENT_LOOKS,
                 (false, first) => STARTING_LOOKS[usize::from(!first)],
             };
+            if silent >= STOPPED_LOOKS && is_stopped(pid) {
+                return Ok(End::Lost("is stopped (SIGSTOP, or a debugger)".to_owned()));
+            }
             if silent >= patience {
                 return Ok(End::Lost("gives no sign of life".to_owned()));
             }
@@ -294,6 +299,13 @@ fn launch(program: Option<&Path>, socket: OwnedFd) -> io::Result<Child> {
         command.arg0(name);
     }
     command.arg(ARGUMENT).stdin(Stdio::from(socket)).stdout(Stdio::null()).spawn()
+}
+
+/// Whether a process is stopped; where the system does not show it, none is.
+fn is_stopped(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // The name before it may hold anything.
+    stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with(['T', 't']))
 }
 
 fn say_goodbye(socket: &UnixStream) {
