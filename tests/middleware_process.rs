@@ -21,8 +21,8 @@ const BACK_S: f64 = 2.0;
 const STOPPED: Duration = Duration::from_millis(300);
 /// What is promised after a flood.
 const AFTER_FLOOD: Duration = Duration::from_secs(5);
-/// Default of `middleware_memory_mib`, and what the node itself may take.
-const PROCESS_MIB: u64 = 512;
+/// Default of `middleware_memory_mib` with room for the program itself, and what the node may take.
+const PROCESS_MIB: u64 = 512 + 32;
 const NODE_MIB: u64 = 150;
 
 fn signal(pid: u32, name: &str) {
