@@ -88,17 +88,17 @@ impl Judge {
             let environment =
                 Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.clone())).unwrap();
             let names = Names::new("judge", &RosArguments::default()).unwrap();
-            let mut node = Participant::join(names, &environment, &[], false).unwrap();
+            let mut node = Participant::new(names, &environment, &RosArguments::default()).unwrap();
+            node.set_program(TWIN);
             let measured = node.subscription::<JointState>("measured_js", qos::sensor(1000)).unwrap();
             let predicted = node.subscription::<WrenchStamped>("predicted_cf", qos::sensor(1000)).unwrap();
             let targets = node.subscription::<PoseArray>("targets", qos::sensor(100)).unwrap();
             let safe = node.subscription::<Bool>("safe_to_go_on", qos::sensor(100)).unwrap();
             let cable = node.publisher::<JointState>("cable_js", qos::reliable(10)).unwrap();
             let force = node.publisher::<WrenchStamped>("cable_cf", qos::reliable(10)).unwrap();
-            let mut graph = node.graph();
+            node.start(None).unwrap();
             let mut pushed = false;
             while !stop.load(Relaxed) {
-                graph.poll();
                 while let Some(message) = measured.take() {
                     heard.lock().unwrap().motion.push((message.header.stamp.nanos(), message.position[0]));
                     if !cut.load(Relaxed) {

@@ -61,15 +61,15 @@ fn a_thousand_poses_a_second_for_long() {
     let domain = domain.to_string();
     let environment = Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.clone())).unwrap();
     let names = Names::new("driver", &RosArguments::default()).unwrap();
-    let mut node = Participant::join(names, &environment, &[], false).unwrap();
+    let mut node = Participant::new(names, &environment, &RosArguments::default()).unwrap();
+    node.set_program(TWIN);
     let positions = node.publisher::<JointState>("measured_js", qos::reliable(10)).unwrap();
     let forces = node.subscription::<WrenchStamped>("predicted_cf", qos::reliable(1000)).unwrap();
     let states = node.subscription::<TwinStatus>("status", qos::sensor(100)).unwrap();
-    let mut graph = node.graph();
+    node.start(None).unwrap();
     let begun = Instant::now();
     while !(states.take().is_some_and(|s| s.model_id != 0) && positions.subscribers() > 0) {
         assert!(begun.elapsed() < Duration::from_secs(60), "the twin does not start");
-        graph.poll();
         std::thread::sleep(Duration::from_millis(20));
     }
 
@@ -105,7 +105,6 @@ fn a_thousand_poses_a_second_for_long() {
         let position = vec![depth_m(i as f64 / RATE_HZ as f64)];
         positions.send(JointState { header, name: vec!["insertion".into()], position, ..JointState::default() });
         if i % (RATE_HZ / 2) == 0 {
-            graph.poll();
             tenth.memory_mb.push(resident_mb(twin.id()));
         }
         if i % (60 * RATE_HZ) == 0 {

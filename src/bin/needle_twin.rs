@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    needle_twin::cli::run(std::env::args_os())
+    needle_twin::ros::middleware::serve(std::env::args_os())
+        .unwrap_or_else(|| needle_twin::cli::run(std::env::args_os()))
 }

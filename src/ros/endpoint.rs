@@ -1,22 +1,27 @@
 //! Publishers and subscriptions as the nodes use them: they never wait, count what fails, know who is on the other side,
 //! and hand what passes to the node's own recording.
 
+use std::marker::PhantomData;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use ros2_client::{MessageInfo, Publisher, Subscription, WriteError};
+use byteorder::{BigEndian, LittleEndian};
 
-use super::clock::wall_nanos;
 use super::messages::RosMessage;
+use super::middleware::{Delivery, Link, Mailbox, Unsent, cdr, publication, times_of};
 use super::recorder::Tap;
 
 /// A publisher that knows how many subscriptions it has.
 pub struct Output<M: serde::Serialize> {
-    pub(super) publisher: Publisher<M>,
+    pub(super) link: Arc<Link>,
+    pub(super) endpoint: u16,
+    /// The last message goes to those who come later.
+    pub(super) latched: bool,
     pub(super) matched: Arc<AtomicUsize>,
     pub(super) topic: String,
-    pub(super) failed: AtomicU64,
+    pub(super) failed: Arc<AtomicU64>,
     pub(super) tap: Option<Tap>,
+    pub(super) messages: PhantomData<fn(M)>,
 }
 
 impl<M: serde::Serialize> Output<M> {
@@ -44,31 +49,23 @@ impl<M: serde::Serialize> Output<M> {
         self.failed.load(Ordering::Relaxed)
     }
 
-    /// Publishes; never waits for a reader. False if the middleware did not take it (counted).
+    /// Publishes; never waits for a reader. False if the middleware did not take it.
     pub fn send(&self, message: M) -> bool {
         if let Some(tap) = &self.tap {
             tap.said(&message);
         }
-        match self.publisher.publish(message) {
-            Ok(()) => true,
-            Err(error) => {
-                let before = self.failed.fetch_add(1, Ordering::Relaxed);
-                // WouldBlock is a slow reader, which the status counts; anything else is said the first time.
-                if !matches!(error, WriteError::WouldBlock { .. }) && before == 0 {
-                    tracing::error!("`{}` could not be published: {}", self.topic, kind(&error));
+        match self.link.send(publication(self.endpoint), self.latched, |bytes| cdr(bytes, &message)) {
+            Ok(()) => return true,
+            // Nobody listens while the middleware process is replaced, and that is counted elsewhere.
+            Err(Unsent::Apart) => {}
+            Err(Unsent::Behind) => drop(self.failed.fetch_add(1, Ordering::Relaxed)),
+            Err(Unsent::Unwritable(reason)) => {
+                if self.failed.fetch_add(1, Ordering::Relaxed) == 0 {
+                    tracing::error!("`{}` could not be published: {reason}", self.topic);
                 }
-                false
             }
         }
-    }
-}
-
-fn kind<M>(error: &WriteError<M>) -> &'static str {
-    match error {
-        WriteError::Serialization { .. } => "it can't be written as CDR",
-        WriteError::WouldBlock { .. } => "a reader is behind",
-        WriteError::Io(_) => "the socket failed",
-        _ => "the middleware failed",
+        false
     }
 }
 
@@ -90,22 +87,17 @@ impl Unreadable {
 
 /// A subscription that knows how many publishers it has.
 pub struct Input<M> {
-    pub(super) subscription: Subscription<M>,
+    pub(super) mailbox: Mailbox,
     pub(super) matched: Arc<AtomicUsize>,
     pub(super) topic: String,
     pub(super) type_name: &'static str,
     pub(super) qos: String,
     pub(super) tap: Option<Tap>,
     pub(super) unreadable: Unreadable,
+    pub(super) messages: PhantomData<fn() -> M>,
 }
 
 impl<M: RosMessage + 'static> Input<M> {
-    /// The subscription.
-    #[must_use]
-    pub fn subscription(&self) -> &Subscription<M> {
-        &self.subscription
-    }
-
     /// What it listens to and what it has found, for people.
     #[must_use]
     pub fn wish(&self) -> Wish {
@@ -130,27 +122,29 @@ impl<M: RosMessage + 'static> Input<M> {
 
     /// Next message that has arrived, with the wall times at which it was received and sent, ns since 1970.
     pub fn take_timed(&self) -> Option<(M, [i64; 2])> {
-        loop {
-            match self.subscription.take() {
-                Ok(next) => {
-                    return next.map(|(message, info)| {
-                        let times = self.note(&message, &info);
-                        (message, times)
-                    });
-                }
-                Err(error) => self.unreadable.note(&self.topic, &error),
-            }
-        }
+        std::iter::from_fn(|| self.mailbox.take()).find_map(|delivery| self.read(&delivery))
     }
 
-    /// When a message was received and sent, ns since 1970; the recording gets it.
-    fn note(&self, message: &M, info: &MessageInfo) -> [i64; 2] {
-        let received = info.received_timestamp().map_or_else(wall_nanos, |t| t.to_nanos());
-        let sent = info.source_timestamp().map_or(received, |t| t.to_nanos());
-        if let Some(tap) = &self.tap {
-            tap.heard(message, [received, sent]);
+    /// The message with its times; the recording gets it. One that can't be decoded is reported.
+    fn read(&self, delivery: &Delivery) -> Option<(M, [i64; 2])> {
+        let decoded = if delivery.big_endian {
+            cdr_encoding::from_bytes::<M, BigEndian>(&delivery.body)
+        } else {
+            cdr_encoding::from_bytes::<M, LittleEndian>(&delivery.body)
+        };
+        match decoded {
+            Ok((message, _)) => {
+                let times = times_of(&delivery.stamp);
+                if let Some(tap) = &self.tap {
+                    tap.heard(&message, times);
+                }
+                Some((message, times))
+            }
+            Err(error) => {
+                self.unreadable.note(&self.topic, &error);
+                None
+            }
         }
-        [received, sent]
     }
 
     /// How many publish.
@@ -162,12 +156,9 @@ impl<M: RosMessage + 'static> Input<M> {
     /// Waits for the next message. One that can't be decoded is reported and skipped.
     pub async fn next(&self) -> M {
         loop {
-            match self.subscription.async_take().await {
-                Ok((message, info)) => {
-                    self.note(&message, &info);
-                    return message;
-                }
-                Err(error) => self.unreadable.note(&self.topic, &error),
+            let delivery = self.mailbox.next().await;
+            if let Some((message, _)) = self.read(&delivery) {
+                return message;
             }
         }
     }

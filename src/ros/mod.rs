@@ -1,18 +1,18 @@
 //! ROS 2: the twin and the rig as nodes, over a DDS of our own (no ROS installation needed).
 //!
 //! `arguments`, `environment`, `names`, `parameters`, `qos`, `clock` and `logging` are what every ROS 2 program does;
-//! `participant` and `graph` are the network; `twin_node`, `rig_node` and `guard_node` are the nodes.
+//! `participant` and `middleware` are the network; `twin_node`, `rig_node` and `guard_node` are the nodes.
 
 pub mod arguments;
 pub mod clock;
 mod endpoint;
 pub mod environment;
-mod graph;
 pub mod guard_node;
 pub mod lifecycle;
 mod lifecycle_services;
 pub mod logging;
 pub mod messages;
+pub mod middleware;
 pub mod names;
 pub mod observer;
 pub mod parameter_file;
@@ -30,7 +30,5 @@ pub mod signals;
 pub mod start;
 mod threads;
 pub mod twin_node;
-mod watchdog;
 
-pub use graph::Graph;
 pub use parameter_file::YamlError;

@@ -3,11 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use ros2_client::Client;
-
 use super::arguments::RosArguments;
 use super::environment::Environment;
-use super::graph::Graph;
 use super::messages::RosMessage;
 use super::messages::diagnostic_msgs::DiagnosticArray;
 use super::messages::geometry_msgs::{PoseArray, WrenchStamped};
@@ -17,6 +14,7 @@ use super::messages::sensor_msgs::{JointState, PointCloud2};
 use super::names::Names;
 use super::participant::{Input, Participant};
 use super::qos;
+use super::service::Client;
 use super::start::NodeError;
 use crate::bag::{BagWriter, Qos, TopicId};
 
@@ -108,12 +106,10 @@ pub struct Observer {
     resume: Client<Empty, Empty>,
     asked: Option<Instant>,
     resumed: bool,
-    graph: Graph,
     recorder: Option<Recorder>,
     /// What was heard so far.
     pub heard: Observations,
-    // Last: a clean leave drops the endpoints before the node.
-    _participant: Participant,
+    participant: Option<Participant>,
 }
 
 impl Observer {
@@ -124,8 +120,8 @@ impl Observer {
     /// [`NodeError`] if the network can't be joined.
     pub fn join(environment: &Environment, bag: Option<BagWriter>) -> Result<Self, NodeError> {
         let names = Names::new("demo", &RosArguments::default())?;
-        let mut participant = Participant::join(names, environment, &[], false)?;
-        Ok(Self {
+        let mut participant = Participant::new(names, environment, &RosArguments::default())?;
+        let mut observer = Self {
             joint: participant.subscription("measured_js", qos::reliable(DEPTH))?,
             wrench: participant.subscription("measured_cf", qos::sensor(DEPTH))?,
             force: participant.subscription("predicted_cf", qos::reliable(DEPTH))?,
@@ -139,11 +135,13 @@ impl Observer {
             resume: participant.client("/rig/resume", "rosbag2_interfaces", "Resume")?,
             asked: None,
             resumed: false,
-            graph: participant.graph(),
             recorder: bag.map(|writer| Recorder { writer, topics: BTreeMap::new(), failed: None }),
             heard: Observations::default(),
-            _participant: participant,
-        })
+            participant: None,
+        };
+        participant.start(None)?;
+        observer.participant = Some(participant);
+        Ok(observer)
     }
 
     /// Whether rig and twin are both heard.
@@ -156,17 +154,16 @@ impl Observer {
     pub fn resume_rig(&mut self) -> bool {
         if !self.resumed && self.asked.is_none_or(|at| at.elapsed() > Duration::from_millis(500)) {
             self.asked = Some(Instant::now());
-            if let Err(error) = self.resume.send_request(Empty::default()) {
-                tracing::warn!("~/resume could not be asked for: {error:?}");
+            if !self.resume.ask(&Empty::default()) {
+                tracing::warn!("~/resume could not be asked for");
             }
         }
-        self.resumed |= matches!(self.resume.receive_response(), Ok(Some(_)));
+        self.resumed |= self.resume.answer().is_some();
         self.resumed
     }
 
     /// Takes everything that has come.
     pub fn poll(&mut self) {
-        self.graph.poll();
         let Self { heard, recorder, .. } = self;
         let (reliable, best_effort) = (Qos::reliable(10), Qos::best_effort(5));
         drain(&self.joint, recorder, &reliable, |m, [received, _]| {
@@ -204,7 +201,8 @@ impl Observer {
 
     /// Leaves the network and closes the bag: what was heard, and what could not be recorded.
     #[must_use]
-    pub fn leave(self) -> (Observations, Option<String>) {
+    pub fn leave(mut self) -> (Observations, Option<String>) {
+        drop(self.participant.take());
         let failed = self.recorder.and_then(|recorder| match (recorder.failed, recorder.writer.finish()) {
             (Some(error), _) => Some(error),
             (None, finished) => finished.err().map(|e| e.to_string()),

@@ -2,13 +2,13 @@
 //!
 //! All six or none: with rmw_cyclonedds `ros2 param` waits for ever if one is missing.
 
+use ros2_client::builtin_interfaces;
 use ros2_client::parameters::{ParameterDescriptor, ParameterValue, raw};
 use ros2_client::rcl_interfaces as rcl;
-use ros2_client::{Publisher, builtin_interfaces};
 
 use super::clock::NodeClock;
 use super::parameters::Parameters;
-use super::participant::{Participant, ParticipantError};
+use super::participant::{Output, Participant, ParticipantError};
 use super::service::Service;
 
 /// The servers. [`ParameterServices::poll`] them some times per second.
@@ -19,7 +19,7 @@ pub struct ParameterServices {
     describe: Service<rcl::DescribeParametersRequest, rcl::DescribeParametersResponse>,
     set: Service<rcl::SetParametersRequest, rcl::SetParametersResponse>,
     set_atomically: Service<rcl::SetParametersRequest, rcl::SetParametersAtomicallyResponse>,
-    events: Publisher<raw::ParameterEvent>,
+    events: Output<raw::ParameterEvent>,
     node: String,
 }
 
@@ -103,9 +103,7 @@ impl ParameterServices {
                 .collect(),
             deleted_parameters: Vec::new(),
         };
-        if self.events.publish(event).is_err() {
-            tracing::debug!("a parameter event could not be published");
-        }
+        self.events.send(event);
     }
 }
 

@@ -1,31 +1,41 @@
-//! One participant, one node, and everything that it creates, before any thread starts.
+//! A node's endpoints: they are wished for here, one after the other, and then made all at once by the middleware
+//! process.
 //!
-//! Endpoints are made here and nowhere else: RustDDS has deadlocked when endpoints were created while another thread
-//! asked discovery. Names come in as the program calls them and leave expanded and remapped; QoS comes in as the
-//! program wants it and leaves with the user's overrides.
+//! Names come in as the program calls them and leave expanded and remapped; QoS comes in as the program wants it and
+//! leaves with the user's overrides.
 
-use std::net::{IpAddr, Ipv4Addr};
+use std::marker::PhantomData;
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize};
+use std::sync::atomic::AtomicUsize;
 
-use ros2_client::dds::rustdds::DomainParticipantBuilder;
-use ros2_client::{
-    Client, Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
-    ServiceMapping, ServiceTypeName,
-};
+use ros2_client::log::Log;
+use ros2_client::parameters::raw::ParameterEvent;
+use ros2_client::qos::{Durability, History};
+use ros2_client::{Message, MessageTypeName, QosProfile, ServiceMapping};
 
-use super::arguments::ParameterOverride;
+use super::arguments::{ParameterOverride, RosArguments};
 pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
-use super::graph::{EndpointRecord, Graph};
+use super::logging::Severity;
 use super::messages::RosMessage;
+use super::middleware::{self, Health, Inlets, Link, Mailbox, Middleware, Plan, Quality, Role};
 use super::names::{self, Endpoint, NameError, Names};
-use super::parameters::Parameters;
+use super::parameters::{Declaration, Parameters, Range};
 use super::qos::{self, Side};
 use super::recorder::{Recorder, Recording, Tap};
-use super::service::{Mapping, Service};
+use super::service::{Client, Mapping, Service};
 use super::start::NodeError;
 use crate::bag::{self, Schema};
+use ros2_client::ParameterValue;
+
+/// Name of the parameter that limits the middleware process.
+const MEMORY: &str = "middleware_memory_mib";
+/// What it may take if nobody says anything else, MiB.
+const MEMORY_MIB: i64 = 512;
+/// Messages that wait where the QoS keeps all.
+const KEEP_ALL: usize = 4096;
 
 /// Why a node can't be put on the network.
 #[derive(Debug, thiserror::Error)]
@@ -54,63 +64,75 @@ pub enum ParticipantError {
     },
 }
 
-fn middleware(what: impl Into<String>) -> impl FnOnce(String) -> ParticipantError {
+fn refuse(what: impl Into<String>) -> impl FnOnce(String) -> ParticipantError {
     let what = what.into();
     move |reason| ParticipantError::Middleware { what, reason }
 }
 
+/// The parameter of every node that is on the network.
+#[must_use]
+pub fn declaration() -> Declaration {
+    Declaration::new(
+        MEMORY,
+        ParameterValue::Integer(MEMORY_MIB),
+        Range::Integer(64, 65_536),
+        "Memory that the middleware process may take, MiB; one that needs more is replaced.",
+    )
+    .fixed()
+}
+
 /// A node on the network.
 pub struct Participant {
-    // Declared in the order in which a clean leave drops them.
-    node: Node,
-    context: Context,
     names: Names,
     mapping: Mapping,
     overrides: Vec<(ParameterOverride, bool)>,
-    records: Vec<EndpointRecord>,
+    plan: Plan,
+    declarations: Vec<Declaration>,
     recorder: Option<Recorder>,
+    inlets: Inlets,
+    link: Arc<Link>,
+    woken: Option<UnixStream>,
+    program: Option<PathBuf>,
+    middleware: Option<Middleware>,
 }
 
 impl Participant {
-    /// Joins the domain and announces the node. `overrides` are the command line's; only those of QoS are looked at.
+    /// A node that is to join the domain of the environment; [`Participant::start`] does, after all endpoints.
     ///
     /// # Errors
-    /// [`ParticipantError`].
-    pub fn join(
-        names: Names,
-        environment: &Environment,
-        overrides: &[ParameterOverride],
-        rosout: bool,
-    ) -> Result<Self, ParticipantError> {
-        let mut builder = DomainParticipantBuilder::new(environment.domain);
-        if environment.reach == Reach::Localhost {
-            builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
-        }
-        let what = format!("joining domain {}", environment.domain);
-        let participant = builder.build().map_err(|e| middleware(&*what)(e.to_string()))?;
-        let context = Context::from_domain_participant(participant).map_err(|e| middleware(&*what)(e.to_string()))?;
-        let node_name = NodeName::new(names.namespace(), names.node())
-            .map_err(|e| middleware(names.fully_qualified())(e.to_string()))?;
-        // Parameter services are our own: the crate's speak only one mapping and know no descriptors. Its spinner is
-        // not used either: it would subscribe /clock under a wrong type, which makes `ros2 topic echo /clock` refuse.
-        let options = NodeOptions::new().enable_rosout(rosout).start_parameter_services(false);
-        let node =
-            context.new_node(node_name, options).map_err(|e| middleware(names.fully_qualified())(e.to_string()))?;
+    /// [`ParticipantError`] if the system has no sockets left.
+    pub fn new(names: Names, environment: &Environment, arguments: &RosArguments) -> Result<Self, ParticipantError> {
         let fully_qualified = names.fully_qualified();
-        let overrides = overrides
+        let overrides = arguments
+            .parameters
             .iter()
             .filter(|o| names::pattern_matches(&o.node_pattern, &fully_qualified))
             .filter(|o| qos::parse_override_name(&o.name).is_some())
             .map(|o| (o.clone(), false))
             .collect();
+        let plan = Plan {
+            domain: environment.domain,
+            localhost: environment.reach == Reach::Localhost,
+            namespace: names.namespace().to_owned(),
+            node: names.node().to_owned(),
+            memory_bytes: mebibytes(MEMORY_MIB),
+            verbosity: verbosity(arguments),
+            hears: false,
+            endpoints: Vec::new(),
+        };
+        let (link, woken) = Link::new().map_err(|e| refuse(fully_qualified)(e.to_string()))?;
         Ok(Self {
-            node,
-            context,
             names,
             mapping: Mapping::OfCaller(environment.mapping),
             overrides,
-            records: Vec::new(),
+            plan,
+            declarations: Vec::new(),
             recorder: None,
+            inlets: Inlets::default(),
+            link: Arc::new(link),
+            woken: Some(woken),
+            program: None,
+            middleware: None,
         })
     }
 
@@ -127,16 +149,39 @@ impl Participant {
         self.recorder.take().map(Recorder::start).transpose()
     }
 
+    /// Runs another program than the present one as the middleware process; for programs that do not call
+    /// [`middleware::serve`]. It must be of the same version.
+    pub fn set_program(&mut self, program: impl Into<PathBuf>) {
+        self.program = Some(program.into());
+    }
+
+    /// Joins the domain and makes every endpoint, once. With `parameters`, the QoS of every endpoint shows as read-only
+    /// parameters, as rclcpp has it.
+    ///
+    /// # Errors
+    /// [`NodeError`] naming what can't be made, and why.
+    pub fn start(&mut self, parameters: Option<&Parameters>) -> Result<(), NodeError> {
+        let Some(woken) = self.woken.take() else { return Ok(()) };
+        let declarations = std::mem::take(&mut self.declarations);
+        if let Some(parameters) = parameters {
+            parameters.declare_more(declarations);
+            self.plan.memory_bytes = mebibytes(parameters.integer(MEMORY));
+        }
+        let inlets = std::mem::take(&mut self.inlets);
+        let program = self.program.take();
+        self.middleware = Some(Middleware::start(self.plan.clone(), program, inlets, Arc::clone(&self.link), woken)?);
+        Ok(())
+    }
+
+    /// How it goes with the middleware, once the node has started.
+    pub(super) fn health(&self) -> Arc<Health> {
+        self.middleware.as_ref().map(|m| Arc::clone(m.health())).unwrap_or_default()
+    }
+
     /// Names and remapping of the node.
     #[must_use]
     pub fn names(&self) -> &Names {
         &self.names
-    }
-
-    /// The node's handle of the middleware.
-    #[must_use]
-    pub fn node(&self) -> &Node {
-        &self.node
     }
 
     /// Changes how services are mapped to DDS; before the first service is made.
@@ -149,7 +194,7 @@ impl Participant {
     /// # Errors
     /// [`ParticipantError`].
     pub fn publisher<M: RosMessage>(&mut self, name: &str, profile: QosProfile) -> Result<Output<M>, ParticipantError> {
-        self.publisher_of(name, MessageTypeName::new(M::PACKAGE, M::NAME), bag::schema(M::TYPE).as_ref(), profile)
+        self.publisher_of(name, &MessageTypeName::new(M::PACKAGE, M::NAME), bag::schema(M::TYPE).as_ref(), profile)
     }
 
     /// Makes a publisher with a type name that is known only at run time; without a schema it is not recorded.
@@ -159,17 +204,29 @@ impl Participant {
     pub fn publisher_of<M: serde::Serialize>(
         &mut self,
         name: &str,
-        type_name: MessageTypeName,
+        type_name: &MessageTypeName,
         schema: Option<&Schema>,
         profile: QosProfile,
     ) -> Result<Output<M>, ParticipantError> {
         let (topic, profile) = self.resolve(name, Side::Publisher, profile)?;
-        let handle = self.topic(&topic, &type_name, &profile)?;
-        let publisher =
-            self.node.create_publisher::<M>(&handle, None).map_err(|e| middleware(&*topic)(e.to_string()))?;
-        let matched = self.record(Side::Publisher, publisher.guid(), &topic, &type_name, &profile);
         let tap = self.tap(name, &topic, schema, &profile)?;
-        Ok(Output { publisher, matched, topic, failed: AtomicU64::new(0), tap })
+        self.declarations.extend(qos::declarations(&topic, Side::Publisher, &profile));
+        let output = self.output(topic, type_name, &profile)?;
+        Ok(Output { tap, ..output })
+    }
+
+    fn output<M: serde::Serialize>(
+        &mut self,
+        topic: String,
+        type_name: &MessageTypeName,
+        profile: &QosProfile,
+    ) -> Result<Output<M>, ParticipantError> {
+        let (matched, failed) = (Arc::default(), Arc::default());
+        let endpoint = self.wish(Role::Publisher, &topic, type_name.package_name(), type_name.type_name(), profile)?;
+        self.inlets.mute(&matched, &failed);
+        let latched = profile.durability == Durability::TransientLocal;
+        let link = Arc::clone(&self.link);
+        Ok(Output { link, endpoint, latched, matched, topic, failed, tap: None, messages: PhantomData })
     }
 
     /// Makes a subscription to `name` (as the program calls it).
@@ -182,21 +239,22 @@ impl Participant {
         profile: QosProfile,
     ) -> Result<Input<M>, ParticipantError> {
         let (topic, profile) = self.resolve(name, Side::Subscription, profile)?;
-        let type_name = MessageTypeName::new(M::PACKAGE, M::NAME);
-        let handle = self.topic(&topic, &type_name, &profile)?;
-        let subscription =
-            self.node.create_subscription::<M>(&handle, None).map_err(|e| middleware(&*topic)(e.to_string()))?;
-        let matched = self.record(Side::Subscription, subscription.guid(), &topic, &type_name, &profile);
         let tap = self.tap(name, &topic, bag::schema(M::TYPE).as_ref(), &profile)?;
-        Ok(Input {
-            subscription,
-            matched,
-            topic,
-            type_name: M::TYPE,
-            qos: qos::describe(&profile),
-            tap,
-            unreadable: Default::default(),
-        })
+        self.declarations.extend(qos::declarations(&topic, Side::Subscription, &profile));
+        self.wish(Role::Subscription, &topic, M::PACKAGE, M::NAME, &profile)?;
+        let (mailbox, matched) = self.mailbox(&profile);
+        let qos = qos::describe(&profile);
+        let unreadable = Default::default();
+        Ok(Input { mailbox, matched, topic, type_name: M::TYPE, qos, tap, unreadable, messages: PhantomData })
+    }
+
+    fn mailbox(&mut self, profile: &QosProfile) -> (Mailbox, Arc<AtomicUsize>) {
+        let matched = Arc::default();
+        let depth = match profile.history {
+            History::KeepLast { depth } => depth,
+            History::KeepAll => KEEP_ALL,
+        };
+        (self.inlets.mailbox(depth, &matched), matched)
     }
 
     fn tap(
@@ -207,7 +265,7 @@ impl Participant {
         profile: &QosProfile,
     ) -> Result<Option<Tap>, ParticipantError> {
         let Some(recorder) = &mut self.recorder else { return Ok(None) };
-        recorder.tap(name, topic, schema, profile).map_err(|e| middleware(topic)(e.to_string()))
+        recorder.tap(name, topic, schema, profile).map_err(|e| refuse(topic)(e.to_string()))
     }
 
     /// Makes a service server of `name` (as the program calls it).
@@ -225,13 +283,9 @@ impl Participant {
         Response: Message + serde::Serialize,
     {
         let service = self.names.resolve(name, Endpoint::Service)?;
-        let dds_name = Name::parse(&service).map_err(|e| middleware(&*service)(e.to_string()))?;
-        let type_name = ServiceTypeName::new(package, type_name);
-        let server = self
-            .node
-            .create_server(ServiceMapping::Enhanced, &dds_name, &type_name, qos::service(), qos::service())
-            .map_err(|e| middleware(&*service)(e.to_string()))?;
-        Ok(Service::new(server, self.mapping, service))
+        let endpoint = self.wish(Role::Server, &service, package, type_name, &qos::service())?;
+        let (mailbox, _) = self.mailbox(&qos::service());
+        Ok(Service::new(mailbox, Arc::clone(&self.link), endpoint, self.mapping, service))
     }
 
     /// Makes a service client of `name` (as the program calls it).
@@ -245,30 +299,33 @@ impl Participant {
         type_name: &str,
     ) -> Result<Client<Request, Response>, ParticipantError>
     where
-        Request: Message + Clone + 'static,
-        Response: Message + 'static,
+        Request: Message,
+        Response: Message + serde::de::DeserializeOwned,
     {
         let service = self.names.resolve(name, Endpoint::Service)?;
-        let dds_name = Name::parse(&service).map_err(|e| middleware(&*service)(e.to_string()))?;
-        let type_name = ServiceTypeName::new(package, type_name);
         let (Mapping::OfCaller(mapping) | Mapping::Fixed(mapping)) = self.mapping;
-        self.node
-            .create_client(mapping, &dds_name, &type_name, qos::service(), qos::service())
-            .map_err(|e| middleware(service)(e.to_string()))
+        let role = Role::Client { cyclone: mapping == ServiceMapping::Cyclone };
+        let endpoint = self.wish(role, &service, package, type_name, &qos::service())?;
+        let (mailbox, _) = self.mailbox(&qos::service());
+        Ok(Client::new(mailbox, Arc::clone(&self.link), endpoint))
     }
 
     /// The publisher of `/parameter_events`.
     ///
     /// # Errors
     /// [`ParticipantError`].
-    pub(super) fn parameter_events(
-        &mut self,
-    ) -> Result<Publisher<ros2_client::parameters::raw::ParameterEvent>, ParticipantError> {
-        let topic = self.context.get_parameter_events_topic();
-        // Volatile as rclcpp's, unlike the crate's own: RustDDS would send a late joiner all old events.
-        self.node
-            .create_publisher(&topic, Some(qos::reliable(1000)))
-            .map_err(|e| middleware("/parameter_events")(e.to_string()))
+    pub(super) fn parameter_events(&mut self) -> Result<Output<ParameterEvent>, ParticipantError> {
+        // Volatile as rclcpp's: RustDDS would send a late joiner all old events.
+        let type_name = MessageTypeName::new("rcl_interfaces", "ParameterEvent");
+        self.output("/parameter_events".to_owned(), &type_name, &qos::reliable(1000))
+    }
+
+    /// The publisher of `/rosout`.
+    ///
+    /// # Errors
+    /// [`ParticipantError`].
+    pub(super) fn rosout(&mut self) -> Result<Output<Log>, ParticipantError> {
+        self.output("/rosout".to_owned(), &MessageTypeName::new("rcl_interfaces", "Log"), &qos::latched())
     }
 
     fn resolve(
@@ -292,50 +349,44 @@ impl Participant {
         Ok((topic, profile))
     }
 
-    fn topic(
-        &self,
-        topic: &str,
-        type_name: &MessageTypeName,
-        profile: &QosProfile,
-    ) -> Result<ros2_client::dds::rustdds::Topic, ParticipantError> {
-        let name = Name::parse(topic).map_err(|e| middleware(topic)(e.to_string()))?;
-        self.node.create_topic(&name, type_name.clone(), profile).map_err(|e| middleware(topic)(e.to_string()))
-    }
-
-    fn record(
+    /// Puts an endpoint on the list; its number is that of its inlet.
+    fn wish(
         &mut self,
-        side: Side,
-        guid: ros2_client::dds::rustdds::GUID,
-        topic: &str,
-        type_name: &MessageTypeName,
+        role: Role,
+        name: &str,
+        package: &str,
+        type_name: &str,
         profile: &QosProfile,
-    ) -> Arc<AtomicUsize> {
-        let matched = Arc::new(AtomicUsize::new(0));
-        self.records.push(EndpointRecord::new(
-            side,
-            guid,
-            topic,
-            &type_name.dds_msg_type(),
-            profile.clone(),
-            Arc::clone(&matched),
-        ));
-        matched
-    }
-
-    /// As [`Participant::graph`]; the QoS of every endpoint shows as read-only parameters, as rclcpp has it.
-    pub(super) fn declared_graph(&mut self, parameters: &Parameters) -> Graph {
-        parameters.declare_more(self.records.iter().flat_map(EndpointRecord::declarations).collect());
-        self.graph()
+    ) -> Result<u16, ParticipantError> {
+        let number = u16::try_from(self.plan.endpoints.len())
+            .map_err(|_| refuse(name)("a node has no more than 65536 endpoints".to_owned()))?;
+        self.plan.endpoints.push(middleware::Endpoint {
+            role,
+            name: name.to_owned(),
+            package: package.to_owned(),
+            type_name: type_name.to_owned(),
+            quality: Quality::from(profile),
+        });
+        Ok(number)
     }
 
     /// Overrides of QoS that name no endpoint of this node.
     pub fn unused_qos_overrides(&self) -> impl Iterator<Item = &str> {
         self.overrides.iter().filter(|(_, used)| !used).map(|(o, _)| o.name.as_str())
     }
+}
 
-    /// Hands out the watcher of who is matched with whom; once, after all endpoints are made.
-    #[must_use]
-    pub fn graph(&mut self) -> Graph {
-        Graph::new(&self.context.domain_participant(), std::mem::take(&mut self.records))
+fn mebibytes(count: i64) -> u64 {
+    u64::try_from(count).unwrap_or(0) << 20
+}
+
+/// Level up to which somebody wants to see lines of the middleware, from 1 (error) to 5 (trace).
+fn verbosity(arguments: &RosArguments) -> u8 {
+    let foreign = arguments.log.loggers.iter().map(|(_, level)| *level);
+    match foreign.min() {
+        Some(Severity::Debug) => 4,
+        Some(Severity::Info) => 3,
+        Some(Severity::Warn) => 2,
+        _ => 1,
     }
 }

@@ -29,7 +29,7 @@ pub const fn latched() -> QosProfile {
 /// Services: reliable both ways.
 #[must_use]
 pub const fn service() -> QosProfile {
-    QosProfile::publisher_default().history(History::KeepLast { depth: 10 })
+    reliable(10)
 }
 
 /// Publisher or subscription, as the overrides' names tell them apart.

@@ -5,9 +5,13 @@ use std::fmt;
 use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
-/// Little-endian CDR without its encapsulation header; it is written to the wire as it is.
+/// CDR without its encapsulation header; it is written to the wire as it is, as little-endian. What was read may be
+/// big-endian.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RawCdr(Vec<u8>);
+pub struct RawCdr {
+    bytes: Vec<u8>,
+    big_endian: bool,
+}
 
 impl ros2_client::Message for RawCdr {}
 
@@ -15,13 +19,19 @@ impl RawCdr {
     /// Takes bytes without an encapsulation header.
     #[must_use]
     pub const fn new(bytes: Vec<u8>) -> Self {
-        Self(bytes)
+        Self { bytes, big_endian: false }
+    }
+
+    /// Whether the numbers in the bytes are big-endian.
+    #[must_use]
+    pub const fn is_big_endian(&self) -> bool {
+        self.big_endian
     }
 
     /// The bytes, without an encapsulation header.
     #[must_use]
     pub fn as_slice(&self) -> &[u8] {
-        &self.0
+        &self.bytes
     }
 
     /// Takes a message as a bag stores it.
@@ -32,7 +42,7 @@ impl RawCdr {
         match bytes.get(..2) {
             Some([0, 1]) if bytes.len() >= 4 => {
                 bytes.drain(..4);
-                Ok(Self(bytes))
+                Ok(Self::new(bytes))
             }
             _ => Err(format!("{:02x?}", &bytes[..bytes.len().min(4)])),
         }
@@ -42,8 +52,8 @@ impl RawCdr {
 impl Serialize for RawCdr {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         // A tuple of octets has neither length nor padding in CDR.
-        let mut tuple = serializer.serialize_tuple(self.0.len())?;
-        for byte in &self.0 {
+        let mut tuple = serializer.serialize_tuple(self.bytes.len())?;
+        for byte in &self.bytes {
             tuple.serialize_element(byte)?;
         }
         tuple.end()
@@ -64,10 +74,13 @@ impl<'de> Deserialize<'de> for RawCdr {
                 while let Ok(Some(byte)) = octets.next_element::<u8>() {
                     bytes.push(byte);
                 }
-                Ok(RawCdr(bytes))
+                Ok(RawCdr::new(bytes))
             }
         }
-        deserializer.deserialize_tuple(usize::MAX, Octets)
+        // serde has no word for the order of bytes: the deserializer's name is the only place where it stands.
+        let big_endian = std::any::type_name::<D>().contains("BigEndian");
+        let raw = deserializer.deserialize_tuple(usize::MAX, Octets)?;
+        Ok(Self { big_endian, ..raw })
     }
 }
 
@@ -91,6 +104,8 @@ mod tests {
     fn bytes_come_in_as_they_are() {
         let bytes: Vec<u8> = (0..=255).collect();
         let (raw, used) = cdr_encoding::from_bytes::<RawCdr, byteorder::LittleEndian>(&bytes).unwrap();
-        assert_eq!((raw.as_slice(), used), (&bytes[..], 256));
+        assert_eq!((raw.as_slice(), raw.is_big_endian(), used), (&bytes[..], false, 256));
+        let (raw, _) = cdr_encoding::from_bytes::<RawCdr, byteorder::BigEndian>(&bytes).unwrap();
+        assert!(raw.is_big_endian());
     }
 }

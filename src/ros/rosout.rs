@@ -1,37 +1,48 @@
 //! `/rosout`: the node's log on the network.
 
 use crossbeam_channel::Receiver;
-use ros2_client::rosout::RosoutRaw;
-use ros2_client::{NodeLoggingHandle, builtin_interfaces::Time, ros2::LogLevel};
+use ros2_client::builtin_interfaces::Time;
+use ros2_client::log::Log;
 
-use super::logging::{Record, Severity};
+use super::logging::Record;
+use super::participant::{Output, Participant, ParticipantError};
 
 /// The lines that wait to be published, and the name of who says them.
-#[derive(Debug)]
 pub struct Rosout {
     lines: Receiver<Record>,
     logger: String,
+    output: Option<Output<Log>>,
 }
 
 impl Rosout {
     /// `logger` is the node's name with dots, `or1.twin`.
     #[must_use]
     pub const fn new(lines: Receiver<Record>, logger: String) -> Self {
-        Self { lines, logger }
+        Self { lines, logger, output: None }
+    }
+
+    /// Makes the publisher.
+    ///
+    /// # Errors
+    /// [`ParticipantError`].
+    pub fn offer(&mut self, participant: &mut Participant) -> Result<(), ParticipantError> {
+        self.output = Some(participant.rosout()?);
+        Ok(())
     }
 
     /// Publishes the lines that have come.
-    pub fn publish(&self, handle: &NodeLoggingHandle) {
+    pub fn publish(&self) {
+        let Some(output) = &self.output else { return };
         while let Ok(record) = self.lines.try_recv() {
-            let level = match record.severity {
-                Severity::Debug => LogLevel::Debug,
-                Severity::Info => LogLevel::Info,
-                Severity::Warn => LogLevel::Warn,
-                Severity::Error => LogLevel::Error,
-                Severity::Fatal => LogLevel::Fatal,
-            };
-            let stamp = Time::from_nanos(record.wall_nanos);
-            handle.rosout_raw(stamp, level, &self.logger, &record.message, record.file, "", record.line);
+            output.send(Log {
+                stamp: Time::from_nanos(record.wall_nanos),
+                level: record.severity as u8,
+                name: self.logger.clone(),
+                msg: record.message,
+                file: record.file.to_owned(),
+                function: String::new(),
+                line: record.line,
+            });
         }
     }
 }

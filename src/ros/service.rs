@@ -6,13 +6,14 @@
 //! in the first two bytes of the caller's GUID, which name its DDS implementation.
 
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 use byteorder::LittleEndian;
-use ros2_client::{Message, RmwRequestId, Server, ServiceMapping};
+use ros2_client::{Message, ServiceMapping};
 use serde::{Serialize, de::DeserializeOwned};
 
 use super::logging::Throttle;
-use super::raw::RawCdr;
+use super::middleware::{Delivery, Head, Kind, Link, Mailbox, Stamp, cdr};
 
 /// RTPS's number for Eclipse Cyclone DDS.
 const VENDOR_CYCLONE: [u8; 2] = [0x01, 0x10];
@@ -33,8 +34,9 @@ pub enum Mapping {
 }
 
 impl Mapping {
-    fn of(self, caller: &RmwRequestId) -> ServiceMapping {
-        match (self, &caller.writer_gid.to_bytes16()[..2]) {
+    /// `caller` begins with the caller's GUID.
+    fn of(self, caller: &Stamp) -> ServiceMapping {
+        match (self, &caller[..2]) {
             (Self::Fixed(mapping), _) => mapping,
             (_, vendor) if vendor == VENDOR_CYCLONE => ServiceMapping::Cyclone,
             (Self::OfCaller(otherwise), vendor) if vendor == VENDOR_RUSTDDS => otherwise,
@@ -56,14 +58,16 @@ impl Mapping {
 /// Who asked; an answer goes back with it.
 #[derive(Clone, Debug)]
 pub struct Caller {
-    id: RmwRequestId,
+    id: Stamp,
     /// What stood in front of the request, and must stand in front of the answer.
     header: Vec<u8>,
 }
 
 /// A service server.
 pub struct Service<Q, R> {
-    server: Server<RawCdr, RawCdr>,
+    mailbox: Mailbox,
+    link: Arc<Link>,
+    endpoint: u16,
     mapping: Mapping,
     name: String,
     complaints: std::cell::RefCell<Throttle>,
@@ -71,42 +75,36 @@ pub struct Service<Q, R> {
 }
 
 impl<Q: Message + DeserializeOwned, R: Message + Serialize> Service<Q, R> {
-    /// Wraps a server that was made with [`ServiceMapping::Enhanced`], which adds nothing to the bytes.
-    pub(super) fn new(server: Server<RawCdr, RawCdr>, mapping: Mapping, name: String) -> Self {
+    pub(super) fn new(mailbox: Mailbox, link: Arc<Link>, endpoint: u16, mapping: Mapping, name: String) -> Self {
         let complaints = std::cell::RefCell::new(Throttle::new(COMPLAINTS));
-        Self { server, mapping, name, complaints, types: PhantomData }
+        Self { mailbox, link, endpoint, mapping, name, complaints, types: PhantomData }
     }
 
     /// The next request that has come. One that can't be read is reported and skipped.
     pub fn take(&self) -> Option<(Caller, Q)> {
-        loop {
-            let outcome = match self.server.receive_request() {
-                Ok(None) => return None,
-                Ok(Some((id, bytes))) => self.read(id, bytes.as_slice()),
-                Err(error) => Err(error.to_string()),
-            };
-            match outcome {
-                Ok(request) => return Some(request),
-                Err(reason) => self.complain(&reason),
-            }
-        }
+        std::iter::from_fn(|| self.mailbox.take()).find_map(|delivery| self.read(&delivery))
     }
 
     /// Waits for the next request. One that can't be read is reported and skipped.
     pub async fn next(&self) -> (Caller, Q) {
         loop {
-            let outcome = match self.server.async_receive_request().await {
-                Ok((id, bytes)) => self.read(id, bytes.as_slice()),
-                Err(error) => Err(error.to_string()),
-            };
-            match outcome {
-                Ok(request) => return request,
-                Err(reason) => self.complain(&reason),
+            let delivery = self.mailbox.next().await;
+            if let Some(request) = self.read(&delivery) {
+                return request;
             }
         }
     }
 
-    fn read(&self, id: RmwRequestId, bytes: &[u8]) -> Result<(Caller, Q), String> {
+    fn read(&self, delivery: &Delivery) -> Option<(Caller, Q)> {
+        let read = if delivery.big_endian {
+            Err("it is big-endian".to_owned())
+        } else {
+            self.split(delivery.stamp, &delivery.body)
+        };
+        read.map_err(|reason| self.complain(&reason)).ok()
+    }
+
+    fn split(&self, id: Stamp, bytes: &[u8]) -> Result<(Caller, Q), String> {
         let split = if self.mapping.of(&id) == ServiceMapping::Cyclone { CYCLONE_HEADER } else { 0 };
         let (header, body) = bytes.split_at_checked(split).ok_or_else(|| format!("it has {} bytes", bytes.len()))?;
         let (request, _) = cdr_encoding::from_bytes::<Q, LittleEndian>(body).map_err(|e| e.to_string())?;
@@ -125,11 +123,11 @@ impl<Q: Message + DeserializeOwned, R: Message + Serialize> Service<Q, R> {
 
     /// Answers a request.
     pub fn send(&self, caller: Caller, response: &R) {
-        let mut bytes = caller.header;
-        // The header's 16 bytes keep the alignment of what follows.
-        let sent = cdr_encoding::to_writer::<R, LittleEndian, &mut Vec<u8>>(&mut bytes, response)
-            .map_err(|e| e.to_string())
-            .and_then(|()| self.server.send_response(caller.id, RawCdr::new(bytes)).map_err(|e| format!("{e:?}")));
+        let sent = self.link.send(Head::of(Kind::Response, self.endpoint, caller.id), false, |bytes| {
+            bytes.extend(&caller.header);
+            // The header's 16 bytes keep the alignment of what follows.
+            cdr(bytes, response)
+        });
         if let Err(reason) = sent {
             tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);
         }
@@ -143,15 +141,41 @@ impl<Q: Message + DeserializeOwned, R: Message + Serialize> Service<Q, R> {
     }
 }
 
+/// A caller of a service.
+pub struct Client<Q, R> {
+    mailbox: Mailbox,
+    link: Arc<Link>,
+    endpoint: u16,
+    types: PhantomData<fn(Q) -> R>,
+}
+
+impl<Q: Message, R: Message + DeserializeOwned> Client<Q, R> {
+    pub(super) fn new(mailbox: Mailbox, link: Arc<Link>, endpoint: u16) -> Self {
+        Self { mailbox, link, endpoint, types: PhantomData }
+    }
+
+    /// Asks; false if the middleware did not take it.
+    pub fn ask(&self, request: &Q) -> bool {
+        let head = Head::of(Kind::Request, self.endpoint, [0; 24]);
+        self.link.send(head, false, |bytes| cdr(bytes, request)).is_ok()
+    }
+
+    /// An answer that has come.
+    #[must_use]
+    pub fn answer(&self) -> Option<R> {
+        let delivery = self.mailbox.take()?;
+        cdr_encoding::from_bytes::<R, LittleEndian>(&delivery.body).ok().map(|(response, _)| response)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ros2_client::dds::rustdds::GUID;
 
-    fn caller(vendor: [u8; 2]) -> RmwRequestId {
-        let mut guid = [7; 16];
+    fn caller(vendor: [u8; 2]) -> Stamp {
+        let mut guid = [7; 24];
         guid[..2].copy_from_slice(&vendor);
-        RmwRequestId { writer_gid: GUID::from_bytes(guid).into(), sequence_number: 1 }
+        guid
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::environment::{Environment, EnvironmentError, Reach};
 use super::logging;
 use super::names::{NameError, Names};
 use super::parameters::{Declaration, ParameterError, Range};
-use super::participant::ParticipantError;
+use super::participant::{Participant, ParticipantError};
 use super::rosout::Rosout;
 use super::service::Mapping;
 use ros2_client::ParameterValue;
@@ -78,7 +78,6 @@ impl NodeError {
 }
 
 /// What a node knows before it joins the network.
-#[derive(Debug)]
 pub struct Start {
     /// The program's own arguments.
     pub own: Vec<String>,
@@ -112,6 +111,18 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
 }
 
 impl Start {
+    /// The node itself, with its log on the network unless `--disable-rosout-logs` was said.
+    ///
+    /// # Errors
+    /// [`ParticipantError`].
+    pub fn participant(&mut self) -> Result<Participant, ParticipantError> {
+        let mut participant = Participant::new(self.names.clone(), &self.environment, &self.ros)?;
+        if self.ros.log.rosout.unwrap_or(true) {
+            self.rosout.offer(&mut participant)?;
+        }
+        Ok(participant)
+    }
+
     /// Says once what is exposed to whom: whoever is within reach can do everything that a peer can do.
     pub fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
@@ -152,6 +163,7 @@ pub fn common_declarations() -> Vec<Declaration> {
             _ => Err("is one of auto, enhanced, cyclone".to_owned()),
         })
         .fixed(),
+        super::participant::declaration(),
     ]
 }
 

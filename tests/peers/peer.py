@@ -155,14 +155,37 @@ class Peer:
         trips = sorted(answered[n][0] - sent[n] for n in answered if n in sent)
         pick = lambda q: trips[min(int(q * len(trips)), len(trips) - 1)] if trips else None
         forces = [answered[n][1] for n in sorted(answered)]
+        times = [begun] + sorted(answered[n][0] for n in answered if n in sent) + [max(sent.values(), default=begun)]
+        gaps = [later - sooner for sooner, later in zip(times, times[1:])]
         return {
             "sent": len(sent),
             "answered": len(trips),
             "unasked": sum(n not in sent for n in answered),
             "median_s": pick(0.5), "p99_s": pick(0.99), "max_s": trips[-1] if trips else None,
+            "first_s": gaps[0], "longest_gap_s": max(gaps),
             "forces": forces,
             "frames": sorted({answered[n][2] for n in answered}),
         }
+
+    def ping(self, topic, joint, poses, rate_hz, depth_m, answers):
+        """Sends a pose, waits for its answer without sleeping, sends the next when it is due. Returns the round trips."""
+        writer, cls = self.writers[topic]
+        begun, first, trips = time.monotonic(), time.time_ns(), []
+        for i in range(poses):
+            while time.monotonic() < begun + i / rate_hz:
+                pass
+            nanos = first + int(i * 1e9 / rate_hz)
+            answered, asked = {}, time.monotonic()
+            depth = depth_m * i / poses
+            header = {"stamp": stamp(nanos), "frame_id": ""}
+            writer.write(ros_types.from_dict(cls, {"header": header, "name": [joint], "position": [depth]}))
+            while nanos not in answered and time.monotonic() < asked + 0.05:
+                self._note(answers, answered)
+            if nanos in answered:
+                trips.append(answered[nanos][0] - asked)
+        trips.sort()
+        pick = lambda q: trips[min(int(q * len(trips)), len(trips) - 1)] if trips else None
+        return {"sent": poses, "answered": len(trips), "median_s": pick(0.5), "p99_s": pick(0.99), "max_s": pick(1.0)}
 
     def _note(self, topic, answered):
         if topic is None:

@@ -4,23 +4,21 @@
 use std::time::{Duration, Instant};
 
 use crate::ros::{Peer, coarse_twin, free_domain};
-use needle_twin::ros::arguments::RosArguments;
-use needle_twin::ros::environment::Environment;
 use needle_twin::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
-use needle_twin::ros::names::Names;
-use needle_twin::ros::participant::Participant;
-use ros2_client::ServiceMapping;
+use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::{Context, Name, NodeName, NodeOptions, QosProfile, ServiceMapping, ServiceTypeName};
 use serde_json::json;
 
 /// Calls `/twin/reset` as a caller with this mapping does; false if nothing comes back.
 fn reset(domain: u16, mapping: ServiceMapping) -> bool {
-    let environment = Environment {
-        mapping,
-        ..Environment::from_lookup(|name| (name == "ROS_DOMAIN_ID").then(|| domain.to_string())).unwrap()
-    };
-    let names = Names::new("caller", &RosArguments::default()).unwrap();
-    let mut participant = Participant::join(names, &environment, &[], false).unwrap();
-    let client = participant.client::<TriggerRequest, TriggerResponse>("/twin/reset", "std_srvs", "Trigger").unwrap();
+    let participant =
+        DomainParticipantBuilder::new(domain).with_only_networks([std::net::Ipv4Addr::LOCALHOST]).build().unwrap();
+    let context = Context::from_domain_participant(participant).unwrap();
+    let mut node = context.new_node(NodeName::new("/", "caller").unwrap(), NodeOptions::new()).unwrap();
+    let (name, kind) = (Name::parse("/twin/reset").unwrap(), ServiceTypeName::new("std_srvs", "Trigger"));
+    let qos = QosProfile::publisher_default();
+    let client =
+        node.create_client::<TriggerRequest, TriggerResponse>(mapping, &name, &kind, qos.clone(), qos).unwrap();
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_secs(8) {
         client.send_request(TriggerRequest::default()).unwrap();

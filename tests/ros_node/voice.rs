@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::collections::BTreeMap;
-use std::process::Command;
 
 use crate::ros::{Peer, coarse_twin, free_domain};
 use serde_json::{Value, json};
@@ -125,25 +124,4 @@ fn a_subscription_that_asks_for_too_much_is_told_the_remedy() {
     let line = log.lines().find(|l| l.contains("/predicted_cf")).unwrap_or_else(|| panic!("{log}"));
     assert!(line.contains("WARN"), "{line}");
     assert!(line.contains("qos_overrides./predicted_cf.publisher.durability:=transient_local"), "{line}");
-}
-
-#[test]
-fn a_node_that_was_frozen_ends_instead_of_living_on_deaf() {
-    let domain = free_domain();
-    let node = coarse_twin(domain, &[], &[]);
-    let mut peer = Peer::start(domain);
-    peer.ask(json!({"op": "subscribe", "topic": "/status", "type": "needle_twin/msg/TwinStatus"}));
-    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/status"]}))["missing"], json!([]));
-    for signal in ["STOP", "CONT"] {
-        assert!(Command::new("kill").args([&format!("-{signal}"), &node.id().to_string()]).status().unwrap().success());
-        std::thread::sleep(std::time::Duration::from_millis(500));
-    }
-    let heard = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 3.0}));
-    let (code, log) = node.end();
-    // What the middleware makes of it is its own affair: it lives, or the node says that it does not.
-    match code {
-        Some(1) => assert!(log.contains("DDS threads have ended") && log.contains("start the node again"), "{log}"),
-        None => assert!(heard["count"].as_u64().unwrap() > 0, "deaf and alive: {log}"),
-        other => panic!("{other:?}: {log}"),
-    }
 }

@@ -5,15 +5,14 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
-use ros2_client::NodeLoggingHandle;
 
 use super::control::{Report, Shared};
 use crate::guard::Phase;
 use crate::ros::clock::NodeClock;
-use crate::ros::graph::Graph;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::std_msgs::Header;
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
+use crate::ros::middleware::Health;
 use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError};
@@ -30,42 +29,39 @@ pub(super) struct Housekeeping {
     parameter_services: ParameterServices,
     resume: Service<TriggerRequest, TriggerResponse>,
     diagnostics: Output<DiagnosticArray>,
-    graph: Graph,
     node: String,
 }
 
 impl Housekeeping {
-    /// The last endpoints of the node.
     pub fn new(participant: &mut Participant, parameters: &Arc<Parameters>) -> Result<Self, ParticipantError> {
         Ok(Self {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
             resume: participant.server("~/resume", "std_srvs", "Trigger")?,
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
-            graph: participant.declared_graph(parameters),
             node: participant.names().fully_qualified(),
         })
     }
 
-    pub fn run(mut self, shared: &Shared, logger: &NodeLoggingHandle, rosout: &Rosout, stop: &Receiver<()>) {
+    pub fn run(self, shared: &Shared, rosout: &Rosout, health: &Health, stop: &Receiver<()>) {
         let clock = NodeClock::new(false);
+        let node = self.node.trim_start_matches('/');
         let mut due = Instant::now();
         loop {
-            self.graph.poll();
             self.parameter_services.poll(&self.parameters, &clock, &mut |_, _| {});
             self.resume.answer(|_| resume(shared));
-            rosout.publish(logger);
+            rosout.publish();
             if Instant::now() >= due {
                 due = Instant::now() + DIAGNOSTICS;
                 if let Some(report) = shared.report() {
                     self.diagnostics.send(DiagnosticArray {
                         header: Header { stamp: clock.stamp(), ..Header::default() },
-                        status: vec![describe(&report, self.node.trim_start_matches('/'))],
+                        status: vec![describe(&report, node), health.diagnostic(node, "")],
                     });
                 }
             }
             if !matches!(stop.recv_timeout(TICK), Err(RecvTimeoutError::Timeout)) {
-                rosout.publish(logger);
+                rosout.publish();
                 return;
             }
         }

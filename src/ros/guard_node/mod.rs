@@ -20,12 +20,10 @@ use clap::Parser;
 use self::control::{Endpoints, Shared, Task};
 use self::housekeeping::Housekeeping;
 use super::parameters::Parameters;
-use super::participant::Participant;
 use super::recorder::{Recorder, Recording};
 use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
-use super::watchdog::Watchdog;
 use crate::guard::Guard;
 
 #[derive(Parser, Debug)]
@@ -94,9 +92,8 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     work(start, &parameters, task, signals)
 }
 
-fn work(start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signals) -> Result<u8, NodeError> {
-    let rosout = start.ros.log.rosout.unwrap_or(true);
-    let mut participant = Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
+fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signals) -> Result<u8, NodeError> {
+    let mut participant = start.participant()?;
     let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
     participant.set_mapping(mapping);
     participant.set_recorder(Recorder::create(parameters)?);
@@ -105,6 +102,7 @@ fn work(start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signal
     for unused in participant.unused_qos_overrides() {
         tracing::warn!("`{unused}` names no topic of this node");
     }
+    participant.start(Some(parameters))?;
     start.announce(mapping);
     let recording = participant.start_recording()?;
     let shared = Arc::new(Shared::default());
@@ -119,17 +117,13 @@ fn work(start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signal
             let _ = done.send(());
         })?
     };
-    let logger = participant.node().logging_handle();
+    let health = participant.health();
     let keeper =
-        spawn("housekeeping", move || housekeeping.run(&shared, &logger, &start.rosout, &housekeeping_stopped))?;
-    let mut watchdog = Watchdog::new();
+        spawn("housekeeping", move || housekeeping.run(&shared, &start.rosout, &health, &housekeeping_stopped))?;
     let failed = loop {
         if let Some(signal) = signals.wait(Duration::from_millis(20)) {
             tracing::info!("stopping ({signal:?})");
             break None;
-        }
-        if let Err(reason) = watchdog.check() {
-            break Some(reason);
         }
         if control.is_finished() {
             let gone = || "the control thread has ended unexpectedly".to_owned();

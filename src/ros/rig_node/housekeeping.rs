@@ -4,12 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
-use ros2_client::NodeLoggingHandle;
 
 use super::playback::Command;
 use crate::rig::Stretch;
 use crate::ros::clock::NodeClock;
-use crate::ros::graph::Graph;
 use crate::ros::messages::rosbag2_interfaces::{
     BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
     Success,
@@ -103,11 +101,9 @@ pub(super) struct Housekeeping {
     parameters: Arc<Parameters>,
     parameter_services: ParameterServices,
     player: Option<PlayerServices>,
-    graph: Graph,
 }
 
 impl Housekeeping {
-    /// The last endpoints of the node.
     pub fn new(
         participant: &mut Participant,
         parameters: &Arc<Parameters>,
@@ -117,20 +113,11 @@ impl Housekeeping {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
             player: if plays { Some(PlayerServices::new(participant)?) } else { None },
-            graph: participant.declared_graph(parameters),
         })
     }
 
-    pub fn run(
-        mut self,
-        clock: &NodeClock,
-        commands: &Sender<Command>,
-        logger: &NodeLoggingHandle,
-        rosout: &Rosout,
-        stop: &Receiver<()>,
-    ) {
+    pub fn run(self, clock: &NodeClock, commands: &Sender<Command>, rosout: &Rosout, stop: &Receiver<()>) {
         loop {
-            self.graph.poll();
             self.parameter_services.poll(&self.parameters, clock, &mut |name, value| {
                 tracing::info!("parameter {name} is now {}", crate::ros::parameters::show(value));
                 if name == "use_sim_time" {
@@ -141,9 +128,9 @@ impl Housekeeping {
             if let Some(player) = &self.player {
                 player.serve(commands);
             }
-            rosout.publish(logger);
+            rosout.publish();
             if !matches!(stop.recv_timeout(TICK), Err(RecvTimeoutError::Timeout)) {
-                rosout.publish(logger);
+                rosout.publish();
                 return;
             }
         }

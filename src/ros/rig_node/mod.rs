@@ -26,7 +26,6 @@ use super::recorder::{Recorder, Recording};
 use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use super::threads::{join, spawn};
-use super::watchdog::Watchdog;
 use crate::bag::BagReader;
 use crate::rig::Player;
 
@@ -143,7 +142,7 @@ struct Common {
     thread: JoinHandle<()>,
 }
 
-/// Everything of a rig that is not its purpose; the last endpoints of the node are made here.
+/// Everything of a rig that is not its purpose; the last endpoints of the node are made here, and it joins the network.
 fn common(
     mut participant: Participant,
     start: Start,
@@ -154,28 +153,26 @@ fn common(
     for unused in participant.unused_qos_overrides() {
         tracing::warn!("`{unused}` names no topic of this node");
     }
+    participant.start(Some(parameters))?;
     start.announce(start::mapping(&parameters.string("service_mapping"), &start.environment));
     let recording = participant.start_recording()?;
     let clock = Arc::new(NodeClock::new(false));
     let (stop, stopped) = crossbeam_channel::bounded(0);
     let commands = commands.unwrap_or_else(|| crossbeam_channel::bounded(0).0);
-    let logger = participant.node().logging_handle();
     let of_thread = Arc::clone(&clock);
-    let thread =
-        spawn("housekeeping", move || housekeeping.run(&of_thread, &commands, &logger, &start.rosout, &stopped))?;
+    let thread = spawn("housekeeping", move || housekeeping.run(&of_thread, &commands, &start.rosout, &stopped))?;
     Ok(Common { recording, participant, clock, stop, thread })
 }
 
-fn participant(start: &Start, parameters: &Parameters) -> Result<Participant, NodeError> {
-    let rosout = start.ros.log.rosout.unwrap_or(true);
-    let mut participant = Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
+fn participant(start: &mut Start, parameters: &Parameters) -> Result<Participant, NodeError> {
+    let mut participant = start.participant()?;
     participant.set_mapping(start::mapping(&parameters.string("service_mapping"), &start.environment));
     participant.set_recorder(Recorder::create(parameters)?);
     Ok(participant)
 }
 
-fn play(start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Signals) -> Result<u8, NodeError> {
-    let mut participant = participant(&start, parameters)?;
+fn play(mut start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Signals) -> Result<u8, NodeError> {
+    let mut participant = participant(&mut start, parameters)?;
     let wishes = Wishes {
         clock_hz: parameters.double("clock_hz"),
         relative_names: parameters.boolean("relative_names"),
@@ -227,12 +224,7 @@ fn supervise(
         let _ = commands.send(Command::Quit);
         finished.recv().map_err(|_| gone())
     };
-    let mut watchdog = Watchdog::new();
     loop {
-        if let Err(reason) = watchdog.check() {
-            quit()?;
-            return Err(NodeError::Other(reason));
-        }
         if let Some(signal) = signals.wait(Duration::from_millis(20)) {
             tracing::info!("stopping ({signal:?})");
             return quit();
@@ -264,9 +256,9 @@ fn conclude(report: &Report) -> u8 {
     if report.losses.is_empty() { SUCCESS } else { LOSSES }
 }
 
-fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
+fn drive(mut start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
     let rig = declared::rig(parameters).map_err(NodeError::Usage)?;
-    let mut participant = participant(&start, parameters)?;
+    let mut participant = participant(&mut start, parameters)?;
     let endpoints = driver::Endpoints::new(&mut participant, rig.load.is_some())?;
     let common = common(participant, start, parameters, None)?;
     let (stop, stopped) = crossbeam_channel::bounded(0);
@@ -277,14 +269,10 @@ fn drive(start: Start, parameters: &Arc<Parameters>, signals: &Signals) -> Resul
             tracing::info!("published {published} positions");
         })?
     };
-    let mut watchdog = Watchdog::new();
     let failed = loop {
         if let Some(signal) = signals.wait(Duration::from_millis(50)) {
             tracing::info!("stopping ({signal:?})");
             break None;
-        }
-        if let Err(reason) = watchdog.check() {
-            break Some(reason);
         }
         if thread.is_finished() {
             break Some("the driver thread has ended unexpectedly".to_owned());

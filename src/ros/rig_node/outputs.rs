@@ -155,7 +155,7 @@ fn as_recorded(
     };
     let schema = Schema { type_name: topic.type_name.clone(), text: topic.schema.clone(), hash: topic.hash.clone() };
     let schema = Some(&schema).filter(|s| topic.schema_encoding == "ros2msg" && !s.text.is_empty());
-    participant.publisher_of(name, MessageTypeName::new(package, type_name), schema, recorded(topic)).map(Some)
+    participant.publisher_of(name, &MessageTypeName::new(package, type_name), schema, recorded(topic)).map(Some)
 }
 
 /// The QoS that was recorded; reliable where the bag says nothing.

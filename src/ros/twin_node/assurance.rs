@@ -66,7 +66,7 @@ impl Assurance {
         }
         let settings = shared.settings();
         let data = said.vouches(&settings, Instant::now())
-            && judge(&shared.lock(), shared, &settings, Around::default()).vouches();
+            && judge(&shared.lock(), shared, &settings, &Around::default()).vouches();
         self.output.send(Bool { data });
     }
 }

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
-use ros2_client::NodeLoggingHandle;
 
 use super::declared::Settings;
 use super::force::ForceOutputs;
@@ -16,13 +15,13 @@ use super::shared::Shared;
 use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
-use crate::ros::Graph;
 use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
 use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
 use crate::ros::messages::needle_twin::{TissueModel, TwinStatus};
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
+use crate::ros::middleware::Health;
 use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError, Wish};
@@ -47,14 +46,13 @@ pub(super) struct Housekeeping {
     diagnostics: Output<DiagnosticArray>,
     model: Output<TissueModel>,
     lifecycle: LifecycleServices,
-    graph: Graph,
     shared: Arc<Shared>,
     wishes: [Wish; 4],
     rivals: Rivals,
     instance: String,
     node: String,
-    /// The poses that came have stopped.
-    lost: bool,
+    /// When the last pose came, if they have stopped since.
+    lost: Option<Instant>,
     warned_of_clocks: bool,
     /// The model has been published.
     started: bool,
@@ -70,11 +68,11 @@ pub(super) struct Context {
     pub models: Receiver<Option<Arc<Model>>>,
     pub rosout: Rosout,
     pub reach: Reach,
-    pub logger: NodeLoggingHandle,
+    pub middleware: Arc<Health>,
 }
 
 impl Housekeeping {
-    /// Makes the endpoints; the last ones of the node, since the graph must know them all.
+    /// Makes the endpoints.
     pub fn new(
         participant: &mut Participant,
         parameters: &Arc<Parameters>,
@@ -91,13 +89,12 @@ impl Housekeeping {
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
             model: participant.publisher("tissue_model", qos::latched())?,
             lifecycle: LifecycleServices::new(participant)?,
-            graph: participant.declared_graph(parameters),
             shared: Arc::clone(shared),
             wishes,
             rivals,
             instance: rivals::instance(),
             node: participant.names().fully_qualified(),
-            lost: false,
+            lost: None,
             warned_of_clocks: false,
             started: false,
         })
@@ -112,9 +109,8 @@ impl Housekeeping {
             self.manage(context, Some("configure"));
         }
         loop {
-            self.graph.poll();
             self.serve(context);
-            context.rosout.publish(&context.logger);
+            context.rosout.publish();
             if let Ok(built) = context.models.try_recv() {
                 self.configured(context, built.as_deref());
                 model = built.or(model);
@@ -149,7 +145,7 @@ impl Housekeeping {
             self.publish_status(context, model.as_deref());
             self.publish_diagnostics(context, model.as_deref());
         }
-        context.rosout.publish(&context.logger);
+        context.rosout.publish();
     }
 
     /// Answers a lifecycle manager, and makes a change of the node's own accord.
@@ -189,12 +185,13 @@ impl Housekeeping {
 
     /// Says when the poses stop and when they are back, and when two make the time.
     fn watch_input(&mut self) {
-        let around = self.around(0);
+        let clock_gone = self.clock_gone();
         let timeout = self.shared.settings().input_timeout_s;
-        let silence = self.shared.lock().silence_s(&self.shared.clock, around.clock_gone);
+        let silence = self.shared.lock().silence_s(&self.shared.clock, clock_gone);
         let lost = silence.is_some_and(|s| s > timeout) && self.shared.is_active();
-        if lost != self.lost {
-            self.lost = lost;
+        if lost != self.lost.is_some() {
+            let since = Instant::now().checked_sub(Duration::from_secs_f64(silence.unwrap_or(0.0)));
+            let before = std::mem::replace(&mut self.lost, since.filter(|_| lost));
             if lost {
                 let (joint, pose) = (&self.wishes[0], &self.wishes[1]);
                 let publishers = joint.publishers() + pose.publishers();
@@ -205,7 +202,8 @@ impl Housekeeping {
                     pose.topic
                 );
             } else if silence.is_some_and(|s| s <= timeout) {
-                tracing::info!("poses come again");
+                let missed = before.map_or(0.0, |then| then.elapsed().as_secs_f64());
+                tracing::info!("poses come again: {missed:.2} s without one, and without a prediction");
             }
         }
         let time = &self.wishes[3];
@@ -220,9 +218,16 @@ impl Housekeeping {
         }
     }
 
-    fn around(&self, failed_outputs: u64) -> Around {
-        let clock_gone = self.shared.clock.is_simulated() && self.wishes[3].publishers() == 0;
-        Around { failed_outputs, clock_gone }
+    fn clock_gone(&self) -> bool {
+        self.shared.clock.is_simulated() && self.wishes[3].publishers() == 0
+    }
+
+    fn around(&self, context: &Context) -> Around {
+        Around {
+            failed_outputs: context.force.failed() + context.tissue.failed(),
+            clock_gone: self.clock_gone(),
+            replaced: context.middleware.trouble(),
+        }
     }
 
     fn serve(&self, context: &Context) {
@@ -242,10 +247,6 @@ impl Housekeeping {
         self.tare.answer(|_| tare(&context.events));
     }
 
-    fn failed(context: &Context) -> u64 {
-        context.force.failed() + context.tissue.failed()
-    }
-
     fn publish_status(&self, context: &Context, model: Option<&Model>) {
         if !self.status.is_wanted() {
             return;
@@ -253,7 +254,7 @@ impl Housekeeping {
         let settings = self.shared.settings();
         let message = {
             let live = self.shared.lock();
-            let judgement = judge(&live, &self.shared, &settings, self.around(Self::failed(context)));
+            let judgement = judge(&live, &self.shared, &settings, &self.around(context));
             status::status(&live, &judgement, model, &context.frame_id, &self.instance)
         };
         self.status.send(message);
@@ -261,9 +262,18 @@ impl Housekeeping {
 
     fn publish_diagnostics(&self, context: &Context, model: Option<&Model>) {
         let settings = self.shared.settings();
-        let around = self.around(Self::failed(context));
-        let judgement = judge(&self.shared.lock(), &self.shared, &settings, around);
-        self.diagnostics.send(status::diagnostics(&self.shared, &judgement, model, &self.node, &self.wishes, around));
+        let around = self.around(context);
+        let judgement = judge(&self.shared.lock(), &self.shared, &settings, &around);
+        let (wishes, health) = (&self.wishes, &context.middleware);
+        self.diagnostics.send(status::diagnostics(
+            &self.shared,
+            &judgement,
+            model,
+            &self.node,
+            wishes,
+            &around,
+            health,
+        ));
     }
 }
 

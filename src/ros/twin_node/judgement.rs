@@ -29,12 +29,14 @@ impl Judgement {
 }
 
 /// What the housekeeping thread sees beside the shared figures.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Around {
     /// Messages that reliable readers were too slow for.
     pub failed_outputs: u64,
     /// Simulated time is used, and nobody publishes it (any more).
     pub clock_gone: bool,
+    /// Why the middleware process was replaced, if that was a short while ago.
+    pub replaced: Option<String>,
 }
 
 /// ERROR is worse than STALE, which is worse than WARN.
@@ -48,7 +50,7 @@ fn worse(a: u8, b: u8) -> u8 {
 }
 
 #[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
-pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> Judgement {
+pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &Around) -> Judgement {
     let mut judgement =
         Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new(), contested: !live.rivals.is_empty() };
     let clock = &shared.clock;
@@ -131,6 +133,9 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: A
             ),
         );
     }
+    if let Some(reason) = &around.replaced {
+        judgement.add(TwinStatus::HEALTH_WARN, format!("the middleware process {reason}: it was replaced"));
+    }
     if around.failed_outputs > 0 {
         let failed = around.failed_outputs;
         judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
@@ -161,7 +166,7 @@ fn not_active(state: State) -> Option<String> {
     }
 }
 
-fn silence(silent: Option<f64>, clock: &NodeClock, around: Around) -> String {
+fn silence(silent: Option<f64>, clock: &NodeClock, around: &Around) -> String {
     if clock.is_simulated() && clock.now_nanos().is_none() {
         return "use_sim_time is set and /clock has not said anything".to_owned();
     }

@@ -117,7 +117,7 @@ fn twin(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
         });
     }
     let (scene, parameters) = configure(&start)?;
-    let node = Node::new(&start, &parameters)?;
+    let node = Node::new(&mut start, &parameters)?;
     node.run(start, scene, parameters, signals)
 }
 
@@ -156,11 +156,9 @@ struct Node {
 }
 
 impl Node {
-    /// Makes every endpoint.
-    fn new(start: &Start, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
-        let rosout = start.ros.log.rosout.unwrap_or(true);
-        let mut participant =
-            Participant::join(start.names.clone(), &start.environment, &start.ros.parameters, rosout)?;
+    /// Makes every endpoint and joins the network.
+    fn new(start: &mut Start, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
+        let mut participant = start.participant()?;
         let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
         participant.set_mapping(mapping);
         let rivals = Rivals::new(&mut participant)?;
@@ -175,6 +173,7 @@ impl Node {
         for unused in participant.unused_qos_overrides() {
             tracing::warn!("`{unused}` names no topic of this node");
         }
+        participant.start(Some(parameters))?;
         start.announce(mapping);
         let recording = participant.start_recording()?;
         Ok(Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared })
@@ -205,7 +204,7 @@ impl Node {
             models,
             rosout: start.rosout,
             reach: start.environment.reach,
-            logger: participant.node().logging_handle(),
+            middleware: participant.health(),
         };
         let mut supervisor = Supervisor {
             frame_id: frame_id.clone(),
@@ -255,8 +254,7 @@ impl Node {
         }
         drop(stop_housekeeping);
         join(housekeeping);
-        // Endpoints before the node, the node before the participant: peers see the node leave at once.
-        drop((supervisor, participant));
+        drop(participant);
         let lost = recording.map_or(0, Recording::finish);
         outcome.map(|code| if lost > 0 { LOSSES } else { code })
     }

@@ -12,6 +12,7 @@ use crate::ros::lifecycle::State;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
 use crate::ros::messages::std_msgs::Header;
+use crate::ros::middleware::Health;
 use crate::ros::participant::Wish;
 use crate::twin::Phase;
 
@@ -81,7 +82,8 @@ pub(super) fn diagnostics(
     model: Option<&Model>,
     node: &str,
     wishes: &[Wish],
-    around: Around,
+    around: &Around,
+    middleware: &Health,
 ) -> DiagnosticArray {
     let settings = shared.settings();
     let live = shared.lock();
@@ -111,12 +113,12 @@ pub(super) fn diagnostics(
             load_cell_values(&live),
         ),
     ];
+    status.push(middleware.diagnostic(name, &settings.hardware_id));
     if let Some(identified) = &live.identified {
         let frozen = identified.state == ForceComparison::IDENTIFICATION_FROZEN;
         let level = if frozen { DiagnosticStatus::WARN } else { DiagnosticStatus::OK };
         status.push(one("identification", level, identification_message(identified), identified_values(identified)));
     }
-    drop(live);
     DiagnosticArray { header: Header { stamp: shared.clock.stamp(), frame_id: String::new() }, status }
 }
 
@@ -161,7 +163,7 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
     values
 }
 
-fn input_level(live: &Live, shared: &Shared, settings: &Settings, around: Around) -> u8 {
+fn input_level(live: &Live, shared: &Shared, settings: &Settings, around: &Around) -> u8 {
     match live.silence_s(&shared.clock, around.clock_gone) {
         Some(silent) if silent <= settings.input_timeout_s => {
             if live.last_window.rejected > 0 {
@@ -257,11 +259,9 @@ pub(super) fn waiting(
     }
     let silent = live.last_pose.is_none_or(|at| at.wall.elapsed().as_secs_f64() > 5.0);
     // A peer that uses a network card is not heard, even one on this machine: the most likely cause.
-    let hint = if reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0 {
-        "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network"
-    } else {
-        ""
-    };
-    (silent && since.elapsed().as_secs_f64() > 1.0)
-        .then(|| format!("waiting for a pose on {} or {}{hint}", describe(joint), describe(pose)))
+    let deaf = reach == Reach::Localhost && joint.publishers() + pose.publishers() == 0;
+    let hint = "; this node hears the loopback only, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network";
+    (silent && since.elapsed().as_secs_f64() > 1.0).then(|| {
+        format!("waiting for a pose on {} or {}{}", describe(joint), describe(pose), if deaf { hint } else { "" })
+    })
 }

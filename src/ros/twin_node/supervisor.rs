@@ -14,7 +14,6 @@ use super::tissue::{self, Model, Snapshot, TissueOutputs};
 use crate::ros::signals::Signals;
 use crate::ros::start::{NodeError, SUCCESS};
 use crate::ros::threads::spawn;
-use crate::ros::watchdog::Watchdog;
 
 /// Longest time between two looks.
 const TICK: Duration = Duration::from_millis(50);
@@ -39,7 +38,7 @@ impl Supervisor {
     /// Returns when a signal comes.
     ///
     /// # Errors
-    /// [`NodeError`] if the model can't be built, a thread has ended or hangs, or the middleware has died.
+    /// [`NodeError`] if the model can't be built, or a thread has ended or hangs.
     pub fn run(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
         let outcome = self.supervise(signals, threads);
         if let Err(error) = &outcome {
@@ -50,14 +49,12 @@ impl Supervisor {
     }
 
     fn supervise(&mut self, signals: &Signals, threads: &[&JoinHandle<()>]) -> Result<u8, NodeError> {
-        let mut watchdog = Watchdog::new();
         let mut pulse = Pulse::new(TICK);
         loop {
             if let Some(signal) = signals.wait(TICK) {
                 tracing::info!("stopping ({signal:?})");
                 return Ok(SUCCESS);
             }
-            watchdog.check().map_err(NodeError::Other)?;
             self.feel(&mut pulse)?;
             match self.built.try_recv() {
                 Ok(Ok(model)) => self.take(Arc::from(model))?,

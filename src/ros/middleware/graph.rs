@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ros2_client::QosProfile;
 use ros2_client::dds::rustdds::dds::statusevents::{
@@ -10,15 +9,18 @@ use ros2_client::dds::rustdds::dds::statusevents::{
 };
 use ros2_client::dds::rustdds::{DomainParticipant, GUID, RTPSEntity};
 use ros2_client::qos::{Durability, Reliability};
+use smol::stream::StreamExt;
 
-use super::parameters::Declaration;
-use super::qos::{self, Side};
+use super::uplink::Uplink;
+use super::wire::{Head, Kind};
+use crate::ros::qos::{self, Side};
 
 /// Topics that every node publishes.
 const SHARED: [&str; 3] = ["/diagnostics", "/rosout", "/parameter_events"];
 
 /// One own endpoint.
 pub(super) struct EndpointRecord {
+    number: u16,
     side: Side,
     guid: GUID,
     topic: String,
@@ -26,19 +28,12 @@ pub(super) struct EndpointRecord {
     dds_type: String,
     profile: QosProfile,
     remotes: BTreeSet<GUID>,
-    matched: Arc<AtomicUsize>,
 }
 
 impl EndpointRecord {
-    pub(super) fn new(
-        side: Side,
-        guid: GUID,
-        topic: &str,
-        dds_type: &str,
-        profile: QosProfile,
-        matched: Arc<AtomicUsize>,
-    ) -> Self {
+    pub fn new(number: u16, side: Side, guid: GUID, topic: &str, dds_type: &str, profile: QosProfile) -> Self {
         Self {
+            number,
             side,
             guid,
             topic: topic.to_owned(),
@@ -46,60 +41,66 @@ impl EndpointRecord {
             dds_type: dds_type.to_owned(),
             profile,
             remotes: BTreeSet::new(),
-            matched,
         }
     }
 
-    pub(super) fn declarations(&self) -> Vec<Declaration> {
-        qos::declarations(&self.topic, self.side, &self.profile)
-    }
-
-    fn update(&mut self, change: impl FnOnce(&mut BTreeSet<GUID>)) {
+    fn update(&mut self, uplink: &Uplink, change: impl FnOnce(&mut BTreeSet<GUID>)) {
+        let before = self.remotes.len();
         change(&mut self.remotes);
-        self.matched.store(self.remotes.len(), Ordering::Relaxed);
+        if self.remotes.len() != before {
+            let count = u32::try_from(self.remotes.len()).unwrap_or(u32::MAX);
+            uplink.send(Head::of(Kind::Matched, self.number, [0; 24]), &count.to_ne_bytes());
+        }
     }
 }
 
-/// Watches discovery. [`Graph::poll`] it some times per second from one thread.
-pub struct Graph {
+/// Watches discovery and tells the node.
+pub(super) struct Graph {
     participant: DomainParticipant,
     records: Vec<EndpointRecord>,
     warned: BTreeSet<(GUID, GUID)>,
+    uplink: Arc<Uplink>,
 }
 
 impl Graph {
-    pub(super) fn new(participant: &DomainParticipant, records: Vec<EndpointRecord>) -> Self {
-        Self { participant: participant.clone(), records, warned: BTreeSet::new() }
+    pub fn new(participant: &DomainParticipant, uplink: Arc<Uplink>) -> Self {
+        Self { participant: participant.clone(), records: Vec::new(), warned: BTreeSet::new(), uplink }
     }
 
-    /// Takes what discovery has to say; updates the counts of every endpoint and warns about what can't match.
-    pub fn poll(&mut self) {
+    pub fn add(&mut self, record: EndpointRecord) {
+        self.records.push(record);
+    }
+
+    /// Takes what discovery has to say, for ever: the counts of every endpoint, and what can't match.
+    pub async fn watch(mut self) {
         let listener = self.participant.status_listener();
-        while let Some(event) = listener.try_recv_status() {
+        let mut events = listener.as_async_status_stream();
+        while let Some(event) = events.next().await {
             self.take(event);
         }
     }
 
     fn take(&mut self, event: Status) {
+        let uplink = &self.uplink;
         match event {
             Status::RemoteReaderMatched { local_writer: own, remote_reader: remote }
             | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote } => {
                 if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
-                    record.update(|remotes| {
+                    record.update(uplink, |remotes| {
                         remotes.insert(remote);
                     });
                 }
             }
             Status::ReaderLost { guid, .. } | Status::WriterLost { guid, .. } => {
                 for record in &mut self.records {
-                    record.update(|remotes| {
+                    record.update(uplink, |remotes| {
                         remotes.remove(&guid);
                     });
                 }
             }
             Status::ParticipantLost { id, .. } => {
                 for record in &mut self.records {
-                    record.update(|remotes| remotes.retain(|guid| guid.prefix != id));
+                    record.update(uplink, |remotes| remotes.retain(|guid| guid.prefix != id));
                 }
             }
             Status::RemoteReaderQosIncompatible { local_writer: own, remote_reader: remote, requested_qos, .. } => {
@@ -117,7 +118,7 @@ impl Graph {
     fn warn_qos(&mut self, own: GUID, remote: GUID, theirs: &QosProfile) {
         let Some(record) = self.records.iter().find(|r| r.guid == own) else { return };
         if self.warned.insert((own, remote)) {
-            tracing::warn!("{}", qos_remedy(record.side, &record.topic, &record.profile, theirs));
+            self.warn(&qos_remedy(record.side, &record.topic, &record.profile, theirs));
         }
     }
 
@@ -131,26 +132,30 @@ impl Graph {
                 // ros2-client nodes subscribe /clock under a second name.
                 let known = record.topic == "/clock" && remote.type_name.contains("builtin_interfaces");
                 if !known && self.warned.insert((record.guid, remote.guid)) {
-                    tracing::warn!(
+                    self.warn(&format!(
                         "`{}`: a {} of type {} is on this topic; this node speaks {}. Remap one of them (-r {0}:=/other)",
                         record.topic,
                         side.word(),
                         remote.type_name,
                         record.dds_type,
-                    );
+                    ));
                 }
             } else if side == Side::Publisher
                 && record.side == Side::Publisher
                 && !SHARED.contains(&record.topic.as_str())
                 && self.warned.insert((record.guid, remote.guid))
             {
-                tracing::warn!(
+                self.warn(&format!(
                     "`{}` is published by somebody else too: readers get both. Give one of the nodes a namespace \
                      (--ros-args -r __ns:=/name)",
                     record.topic
-                );
+                ));
             }
         }
+    }
+
+    fn warn(&self, text: &str) {
+        self.uplink.log(log::Level::Warn, text);
     }
 }
 
