@@ -90,9 +90,10 @@ mod tests {
         let pointwise = ("discretisation.volume_ratio", "pointwise");
         assert!(advice("indentation", &[pointwise]).contains("\"projected\" goes on"));
         assert_eq!(advice("indentation", &[pointwise, ("motion.depth_m", "0.004")]), "");
-        let back = [("motion.retract", "true"), ("discretisation.dimension", "full")];
+        let back =
+            [("motion.retract", "true"), ("discretisation.dimension", "full"), ("discretisation.fold_guard", "false")];
         assert!(advice("indentation", &back).contains("fold_guard"));
-        assert_eq!(advice("indentation", &back[..1]), "");
-        assert_eq!(advice("indentation", &[back[0], back[1], ("discretisation.fold_guard", "true")]), "");
+        assert_eq!(advice("indentation", &[back[0], back[2]]), "");
+        assert_eq!(advice("indentation", &back[..2]), "");
     }
 }

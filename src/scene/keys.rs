@@ -228,7 +228,7 @@ pub static KEYS: &[Key] = &[
         "discretisation.fold_guard",
         "Whether cells at the edge of a plate or indenter resist folding, so that they come back from any depth; not in the half plane.",
     )
-    .or("false"),
+    .or("true"),
     Key::word("discretisation.precision", Precision::WORDS, "Precision of the internal-force kernel.").or("f32"),
     // stepping
     Key::real(

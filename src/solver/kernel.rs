@@ -114,8 +114,8 @@ impl<T: Real> Kernel<T> {
                 nodal: vec![T::default(); LANES * projection.to_nodes.groups()],
             },
             projection,
-            resistance: vec![Resistance::default(); table.guarded.len()],
-            guard: Guard::new(&table.guarded, cells, points, POINTWISE_BULK * mu),
+            resistance: vec![Resistance::default(); table.guarded.cells.len()],
+            guard: Guard::new(&table.guarded, cells, points, mu),
             nodes,
             constants: Constants {
                 law: *law,
