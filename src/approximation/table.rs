@@ -111,18 +111,7 @@ pub struct ShapeTable {
     /// What the rows describe.
     pub form: Form,
     /// Cells that resist folding, see `solver::fold`.
-    pub guarded: Guarded,
-}
-
-/// Cells at the edge of a bonded instrument.
-#[derive(Clone, Debug, Default)]
-pub struct Guarded {
-    /// The cells.
-    pub cells: Vec<u32>,
-    /// A node that the instrument holds.
-    pub held: u32,
-    /// Height of the sample, m.
-    pub height: f64,
+    pub guarded: Vec<u32>,
 }
 
 impl ShapeTable {

@@ -9,25 +9,18 @@
 //! ```
 //!
 //! A cell that keeps more than J_1 = 0.25 of its volume feels nothing of it, and one that is inside out is pushed back by a
-//! finite force, so the stable step is not at risk. With the depth d that the instrument holds its nodes at, and the height H of
-//! the sample,
-//!
-//! ```text
-//! k = mu (0.03 + 3 r),      r = (4 d/H - 1) between 0 and 1
-//! ```
-//!
-//! since 0.03 mu changes the displacement at 4 mm of 17, where cells are crushed already, by 0.04 % of the depth (3 mu: 0.4 %)
-//! and brings cells back from 10 mm, and from 13 mm it takes 3 mu.
+//! finite force, so the stable step is not at risk. k = 0.03 mu is enough to bring cells back from 10 mm of 17, and changes the
+//! displacement at 4 mm, where cells are crushed already, by 0.04 % of the depth; 0.3 mu by 0.18 %, 3 mu by 0.4 %.
 
-use crate::approximation::table::{Guarded, tetrahedron};
+use crate::approximation::table::tetrahedron;
 use crate::material::neo_hookean::{cofactor, determinant};
 
 use super::block::Shares;
 
 /// J_1: volume ratio below which a cell resists.
 const LEAST: f64 = 0.25;
-/// k over the shear modulus: as far as a quarter of the sample's height, and what comes to it by half of it.
-const STIFFNESS: [f64; 2] = [0.03, 3.0];
+/// k over the shear modulus.
+const STIFFNESS: f64 = 0.03;
 /// Cells per share of an evaluation.
 pub const CELLS_PER_DEAL: usize = 128;
 
@@ -56,29 +49,24 @@ pub struct Guard {
     cells: Vec<Cell>,
     /// Cells of each node, with its place in them.
     of_node: Shares,
-    /// A node that the instrument holds.
-    held: usize,
-    /// H, m.
-    height: f64,
-    /// mu, Pa.
-    mu: f64,
+    /// k, Pa.
+    stiffness: f64,
 }
 
 impl Guard {
     /// Guards cells of a tissue with shear modulus `mu`, Pa.
-    pub fn new(guarded: &Guarded, cells: &[[u32; 4]], points: &[[f64; 3]], mu: f64) -> Self {
+    pub fn new(guarded: &[u32], cells: &[[u32; 4]], points: &[[f64; 3]], mu: f64) -> Self {
         let cell = |&c: &u32| {
             let nodes = cells[c as usize];
             let (volume, gradient) = tetrahedron(&nodes.map(|n| points[n as usize]));
             Cell { nodes, gradient, volume }
         };
-        let of_node = if guarded.cells.is_empty() {
+        let of_node = if guarded.is_empty() {
             Shares::default()
         } else {
-            Shares::of(guarded.cells.iter().map(|&c| cells[c as usize].as_slice()), points.len())
+            Shares::of(guarded.iter().map(|&c| cells[c as usize].as_slice()), points.len())
         };
-        let (held, height) = (guarded.held as usize, guarded.height);
-        Self { cells: guarded.cells.iter().map(cell).collect(), of_node, held, height, mu }
+        Self { cells: guarded.iter().map(cell).collect(), of_node, stiffness: STIFFNESS * mu }
     }
 
     /// Number of cells.
@@ -97,7 +85,7 @@ impl Guard {
         if lack >= 0.0 {
             return Resistance::default();
         }
-        let factor = c.volume * self.stiffness(u) * lack;
+        let factor = c.volume * self.stiffness * lack;
         let force =
             c.gradient.map(|g| std::array::from_fn(|i| factor * (0..3).map(|k| cof[3 * i + k] * g[k]).sum::<f64>()));
         Resistance { force, energy: 0.5 * factor * lack }
@@ -113,14 +101,8 @@ impl Guard {
         let square = |m: &[f64; 9]| m.iter().map(|x| x * x).sum::<f64>();
         let largest = square(&cof) - lack * square(&f).sqrt();
         let squares: f64 = c.gradient.iter().flatten().map(|g| g * g).sum();
-        let share = self.stiffness(u) * largest * c.volume * squares;
+        let share = self.stiffness * largest * c.volume * squares;
         Resistance { force: [[share, 0.0, 0.0]; 4], energy: 0.0 }
-    }
-
-    /// k, Pa.
-    fn stiffness(&self, u: &[[f64; 3]]) -> f64 {
-        let depth = u[self.held].iter().map(|x| x * x).sum::<f64>().sqrt();
-        self.mu * (STIFFNESS[0] + STIFFNESS[1] * (4.0 * depth / self.height - 1.0).clamp(0.0, 1.0))
     }
 
     fn state(&self, cell: usize, u: &[[f64; 3]]) -> State<'_> {
@@ -157,8 +139,7 @@ mod tests {
     #[test]
     fn force_is_the_derivative_of_the_energy() {
         let points = [[0.0, 0.0, 0.0], [1.1, 0.1, 0.0], [0.2, 0.9, 0.1], [0.1, 0.3, 1.2]];
-        let guarded = Guarded { cells: vec![0], held: 0, height: 1.0 };
-        let guard = Guard::new(&guarded, &[[0, 1, 2, 3]], &points, 100.0);
+        let guard = Guard::new(&[0], &[[0, 1, 2, 3]], &points, 100.0);
         // from untouched over crushed to inside out
         for push in [0.1, 0.9, 1.0, 1.6] {
             let u = [[0.0; 3], [0.02, -0.01, 0.03], [0.0, 0.05, 0.02], [0.04, -0.02, -push * 1.1]];

@@ -114,7 +114,7 @@ impl<T: Real> Kernel<T> {
                 nodal: vec![T::default(); LANES * projection.to_nodes.groups()],
             },
             projection,
-            resistance: vec![Resistance::default(); table.guarded.cells.len()],
+            resistance: vec![Resistance::default(); table.guarded.len()],
             guard: Guard::new(&table.guarded, cells, points, mu),
             nodes,
             constants: Constants {

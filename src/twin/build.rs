@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::approximation::table::{Approximation, Guarded};
+use crate::approximation::table::Approximation;
 use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use crate::cloud::{BASE, Cloud, TOP};
 use crate::instrument::{Bonded, Contact, NeedlePath};
@@ -75,7 +75,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
-    table.guarded = guarded(scene, &body);
+    table.guarded = guarded(scene, cloud, held);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
@@ -114,15 +114,12 @@ pub(super) fn settings(scene: &Scene) -> Settings {
 }
 
 /// Cells to guard against folding, if the scene asks for it: those at the edge of a bonded instrument.
-fn guarded(scene: &Scene, body: &Body) -> Guarded {
+fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32]) -> Vec<u32> {
     let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
-    match body.held.first() {
-        Some(&first) if bonded && scene.discretisation.fold_guard => {
-            let Body { cloud, held, height, .. } = body;
-            let cells = edge::cells(cloud.points.len(), &cloud.cells, &cloud.surface, held);
-            Guarded { cells, held: first, height: *height }
-        }
-        _ => Guarded::default(),
+    if bonded && scene.discretisation.fold_guard {
+        edge::cells(cloud.points.len(), &cloud.cells, &cloud.surface, held)
+    } else {
+        Vec::new()
     }
 }
 
