@@ -177,7 +177,7 @@ fn a_short_run_does_no_harm() {
 
 /// `FUZZ_INPUTS` inputs (1,000,000 unless set) of the target `FUZZ_TARGET` (of all unless set), from number `FUZZ_FROM` on.
 #[test]
-#[ignore = "minutes: the long form of a_short_run_does_no_harm"]
+#[ignore = "minutes, the long form of a_short_run_does_no_harm: .ci/long runs it"]
 fn a_long_run_does_no_harm() {
     let number = |name: &str, otherwise| std::env::var(name).map_or(otherwise, |v| v.parse::<u64>().unwrap());
     let wanted = std::env::var("FUZZ_TARGET").ok();

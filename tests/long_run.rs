@@ -19,7 +19,7 @@ use needle_twin::ros::messages::std_msgs::Header;
 use needle_twin::ros::names::Names;
 use needle_twin::ros::participant::Participant;
 use needle_twin::ros::qos;
-use ros::{Program, TWIN, free_domain, resident_mb};
+use ros::{Program, TWIN, free_domain, node_mb};
 
 /// Rate of the poses, Hz.
 const RATE_HZ: u64 = 1000;
@@ -52,7 +52,7 @@ fn depth_m(time_s: f64) -> f64 {
 }
 
 #[test]
-#[ignore = "five minutes, or LONG_RUN_S seconds"]
+#[ignore = "five minutes, or LONG_RUN_S seconds: .ci/long runs it"]
 fn a_thousand_poses_a_second_for_long() {
     let seconds = std::env::var("LONG_RUN_S").map_or(300, |s| s.parse::<u64>().unwrap());
     let domain = free_domain();
@@ -105,10 +105,10 @@ fn a_thousand_poses_a_second_for_long() {
         let position = vec![depth_m(i as f64 / RATE_HZ as f64)];
         positions.send(JointState { header, name: vec!["insertion".into()], position, ..JointState::default() });
         if i % (RATE_HZ / 2) == 0 {
-            tenth.memory_mb.push(resident_mb(twin.id()));
+            tenth.memory_mb.push(node_mb(twin.id()));
         }
         if i % (60 * RATE_HZ) == 0 {
-            eprintln!("{} s, {:.1} MB", i / RATE_HZ, resident_mb(twin.id()));
+            eprintln!("{} s, {:.1} MB", i / RATE_HZ, node_mb(twin.id()));
         }
     }
     std::thread::sleep(Duration::from_secs(1));

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use ros::{CYCLONE, Peer, Program, coarse_twin, free_domain, python};
+use ros::{CYCLONE, Peer, Program, coarse_twin, free_domain, middleware_of, python, resident_mb, signal};
 use serde_json::{Value, json};
 
 /// What is promised after a stop or a kill, s; below, a process is stopped for so long, which is too short for its node to kill it.
@@ -24,26 +24,6 @@ const AFTER_FLOOD: Duration = Duration::from_secs(5);
 /// Default of `middleware_memory_mib` with room for the program itself, and what the node may take.
 const PROCESS_MIB: u64 = 512 + 32;
 const NODE_MIB: u64 = 150;
-
-fn signal(pid: u32, name: &str) {
-    assert!(Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status().unwrap().success());
-}
-
-/// The middleware process of a node.
-fn process_of(node: u32) -> Option<u32> {
-    let parent = |pid: u32| -> Option<u32> {
-        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-        stat.rsplit_once(") ")?.1.split(' ').nth(1)?.parse().ok()
-    };
-    let all = fs::read_dir("/proc").unwrap().flatten().filter_map(|e| e.file_name().to_str()?.parse::<u32>().ok());
-    all.into_iter().find(|pid| parent(*pid) == Some(node))
-}
-
-fn resident_mib(pid: u32) -> u64 {
-    let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
-    let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:")).unwrap_or("0 kB");
-    line.trim().trim_end_matches(" kB").trim().parse::<u64>().unwrap() >> 10
-}
 
 /// UDP ports on which a process listens, as RTPS numbers them.
 fn ports(pid: u32) -> Vec<u16> {
@@ -147,7 +127,7 @@ fn what_stops_or_kills_the_dds_costs_the_twin_a_moment_and_no_memory() {
     let (node, mut peer) = tared(domain);
     let mut before = memory(&mut peer);
     let id = node.id();
-    let process = || process_of(id).unwrap();
+    let process = || middleware_of(id).unwrap();
     type Fault<'a> = (&'a str, bool, Box<dyn Fn() + Send + Sync + 'a>);
     let stop_and_go = |pids: &[u32]| {
         pids.iter().for_each(|pid| signal(*pid, "STOP"));
@@ -205,14 +185,14 @@ fn a_flood_of_lies_costs_neither_memory_nor_state_and_the_exchange_comes_back() 
     let (node, mut peer) = tared(domain);
     let before = memory(&mut peer);
     let id = node.id();
-    let old = process_of(id).unwrap();
+    let old = middleware_of(id).unwrap();
     let flood = Flood::start(domain, "all", 12.0, &ports(old));
     let (over, of_node, of_process) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
     let sent = std::thread::scope(|scope| {
         scope.spawn(|| {
             while !over.load(Relaxed) {
-                of_node.fetch_max(resident_mib(id), Relaxed);
-                of_process.fetch_max(process_of(id).map_or(0, resident_mib), Relaxed);
+                of_node.fetch_max(resident_mb(id) as u64, Relaxed);
+                of_process.fetch_max(middleware_of(id).map_or(0.0, resident_mb) as u64, Relaxed);
                 sleep(Duration::from_millis(2));
             }
         });
@@ -237,7 +217,7 @@ fn a_flood_of_lies_costs_neither_memory_nor_state_and_the_exchange_comes_back() 
     assert!(number(&seen["answered"]) > 50.0, "the exchange goes on: {seen}");
     let after = memory(&mut peer);
     assert!(after.0 > before.0 && after.1 > before.1, "{before:?}, then {after:?}");
-    assert_ne!(process_of(id), Some(old));
+    assert_ne!(middleware_of(id), Some(old));
     let (code, log, _) = node.stop("INT");
     assert_eq!(code, Some(0), "{log}");
     assert!(log.contains("it is replaced, the node's state is kept"), "{log}");
@@ -247,7 +227,7 @@ fn a_flood_of_lies_costs_neither_memory_nor_state_and_the_exchange_comes_back() 
 fn one_lie_that_makes_it_deaf_for_a_publisher_is_forgotten() {
     let domain = free_domain();
     let (node, mut peer) = tared(domain);
-    let old = process_of(node.id()).unwrap();
+    let old = middleware_of(node.id()).unwrap();
     assert!(Flood::start(domain, "leap", 0.0, &ports(old)).end() > 0);
     let told = Instant::now();
     let mut answered = 0;
@@ -266,7 +246,7 @@ fn one_lie_that_makes_it_deaf_for_a_publisher_is_forgotten() {
 fn the_process_ends_with_the_node_and_a_node_or_peer_that_starts_again_is_heard_at_once() {
     let domain = free_domain();
     let (node, peer) = tared(domain);
-    let process = process_of(node.id()).unwrap();
+    let process = middleware_of(node.id()).unwrap();
     // A peer is killed, another one comes.
     drop(peer);
     sleep(Duration::from_secs(1));

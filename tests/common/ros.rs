@@ -50,11 +50,26 @@ pub fn connected_twin(domain: u16, more: &[&str]) -> (Program, Peer) {
     (node, peer)
 }
 
-/// Resident memory of a process, MB.
+/// The middleware process of a node.
+pub fn middleware_of(node: u32) -> Option<u32> {
+    let parent = |process: u32| -> Option<u32> {
+        let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+        stat.rsplit_once(") ")?.1.split(' ').nth(1)?.parse().ok()
+    };
+    let all = std::fs::read_dir("/proc").unwrap().flatten().filter_map(|e| e.file_name().to_str()?.parse().ok());
+    all.into_iter().find(|process| parent(*process) == Some(node))
+}
+
+/// Resident memory of a process, MB; 0 if it has ended.
 pub fn resident_mb(process: u32) -> f64 {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
-    let line = status.lines().find(|l| l.starts_with("VmRSS")).unwrap();
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let line = status.lines().find(|l| l.starts_with("VmRSS")).unwrap_or("VmRSS: 0 kB");
     line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap() / 1024.0
+}
+
+/// Resident memory of a node and its middleware process, MB.
+pub fn node_mb(node: u32) -> f64 {
+    resident_mb(node) + middleware_of(node).map_or(0.0, resident_mb)
 }
 
 /// A pose as a displacement sensor says it.

@@ -61,14 +61,14 @@ fn ten_thousand_poses_a_second_are_taken_in_and_the_newest_is_answered() {
     let domain = free_domain();
     let (node, mut peer) = connected_twin(domain, &[]);
     assert!(peer.steps(&[(START, 0.0)])[0].is_some());
-    let before = crate::ros::resident_mb(node.id());
+    let before = crate::ros::node_mb(node.id());
     let burst = peer.ask(json!({"op": "burst", "topic": "/measured_js", "joint": "insertion", "poses": 20_000,
         "rate_hz": 10_000.0, "depth_m": 1e-3, "first_nanos": START + SECOND, "step_nanos": 100_000}));
     let last = burst["last_nanos"].as_i64().unwrap();
     let status = peer.status();
     let (received, answered) = (count(&status, "poses_received"), count(&status, "poses_answered"));
     let (coalesced, rejected) = (count(&status, "poses_coalesced"), count(&status, "poses_rejected"));
-    let grown = crate::ros::resident_mb(node.id()) - before;
+    let grown = crate::ros::node_mb(node.id()) - before;
     println!(
         "20,000 poses in {:.2} s: {received} received, {answered} answered, {coalesced} coalesced, memory +{grown:.1} MB",
         burst["seconds"].as_f64().unwrap()

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use crate::ros::{Peer, connected_twin, free_domain, resident_mb, signal};
+use crate::ros::{Peer, connected_twin, free_domain, node_mb, signal};
 use serde_json::{Value, json};
 
 const TOPICS: [(&str, &str); 6] = [
@@ -47,14 +47,14 @@ fn readers_that_do_not_read_cost_the_others_nothing_and_memory_has_a_bound() {
         json!({"op": "subscribe", "topic": "/diagnostics", "type": "diagnostic_msgs/msg/DiagnosticArray"});
     peer.ask(diagnostics);
     let (alone, step_alone) = load(&mut peer, 5);
-    let before = resident_mb(node.id());
+    let before = node_mb(node.id());
     // one is frozen, one takes nothing and has all the room, one takes nothing and has room for ten
     let frozen = reader(domain, "reliable", 10);
     let _slow = reader(domain, "reliable", 2000);
     let _full = reader(domain, "full", 10);
     signal(frozen.id(), "STOP");
     let (run, step) = load(&mut peer, 15);
-    let grown = resident_mb(node.id()) - before;
+    let grown = node_mb(node.id()) - before;
     let number = |value: &Value| value.as_f64().unwrap();
     println!(
         "alone: step {step_alone} ms, round trip {:.2} ms, {} of {} answered; with three readers that do not read: step \
