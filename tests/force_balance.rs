@@ -5,8 +5,9 @@ mod clouds;
 mod coarse;
 
 use clouds::{METHODS, internal_force, minus, norm, settings, uniform};
-use coarse::{press, scene};
+use coarse::{press, scene, travel};
 use needle_twin::approximation::table::Approximation;
+use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::Twin;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -33,6 +34,28 @@ fn the_base_gives_back_the_force_of_the_instrument() {
         // an axisymmetric problem on an irregular cloud: lateral forces are errors of discretisation
         let side = answer.force_n[0].hypot(answer.force_n[1]) / answer.force_n[2];
         assert!(side < 0.02, "{preset}: lateral force {side}");
+    }
+}
+
+/// One step per millisecond at 20 mm/s: the tissue lags behind, so that the forces on instrument and base are up to a third off
+/// on either side of the force at rest. Without its inertia the force on the instrument is close to that.
+#[test]
+fn inertia_is_taken_out_of_the_force_on_a_moving_instrument() {
+    let depths = [4e-3, 5e-3, 6e-3, 7e-3, 8e-3, 9e-3, 10e-3];
+    let forces = |poses: u32, changes: &[(&str, &str)]| -> Vec<[f64; 2]> {
+        let changes: Vec<_> = changes.iter().map(|(key, value)| Override::text(key, value, "test")).collect();
+        let mut twin = Twin::new(&Scene::preset("needle_insertion").unwrap().with(&changes).unwrap()).unwrap();
+        let answers = travel(&mut twin, 0.0, 10e-3, poses);
+        let at = |d: &f64| &answers[(d / 10e-3 * f64::from(poses)).round() as usize - 1];
+        depths.iter().map(at).map(|a| [a.force_n[2], -a.base_force_n[2]]).collect()
+    };
+    let slow = forces(20_000, &[("stepping.tolerance", "0.002")]);
+    let fast = forces(500, &[("stepping.max_steps_per_pose", "1")]);
+    for ((depth, [slow, base]), fast) in depths.iter().zip(&slow).zip(&fast) {
+        assert!((slow / base - 1.0).abs() < 2e-3, "at rest, or nearly: {slow} {base}");
+        let [own, base] = fast.map(|f| 100.0 * (f / slow - 1.0));
+        println!("{:.0} mm: {slow:.5} N, instrument {own:+.2} %, base {base:+.2} %", 1e3 * depth);
+        assert!(own.abs() < 0.4 * base.abs(), "{depth}: {own} % and {base} %");
     }
 }
 

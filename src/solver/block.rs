@@ -40,6 +40,10 @@ pub struct Block<T: Real> {
     pub local: Vec<u16>,
     /// d phi_j / d X_k over the point's `scale`; zero in the lanes whose support does not have the node.
     pub gradient: Vec<[[T::Stored; LANES]; 3]>,
+    /// Lanes of each visit whose support has the node, one bit each.
+    pub used: Vec<u8>,
+    /// sum_j |grad phi_j|^2 of each point, 1/m^2.
+    pub squares: Vec<Lanes<T>>,
     /// Scale of each point's gradients, 1/m (see `packed`).
     pub scale: Vec<Lanes<T>>,
     /// Volume of each point, m^3; zero where a lane holds none.
@@ -117,6 +121,8 @@ impl<T: Real> Block<T> {
             start: vec![0],
             local: visited.iter().flatten().map(|&n| position(&nodes, n)).collect(),
             gradient: vec![Default::default(); visited.iter().map(Vec::len).sum()],
+            used: vec![0; visited.iter().map(Vec::len).sum()],
+            squares: vec![Lanes::default(); groups.len()],
             scale: vec![Lanes::default(); groups.len()],
             volume: vec![Lanes::default(); groups.len()],
             active: vec![Lanes::of(1.0); groups.len()],
@@ -144,10 +150,14 @@ impl<T: Real> Block<T> {
                 let entries = table.start[p as usize] as usize..table.start[p as usize + 1] as usize;
                 let (scale, packed) = packed::<T>(&table.gradient[entries.clone()]);
                 block.scale[g].0[lane] = T::of(scale);
+                let mut squares = 0.0;
                 for (&n, gradient) in table.nodes[entries].iter().zip(packed) {
-                    let visit = &mut block.gradient[from + usize::from(position(visited, n))];
-                    (0..3).for_each(|k| visit[k][lane] = gradient[k]);
+                    let visit = from + usize::from(position(visited, n));
+                    (0..3).for_each(|k| block.gradient[visit][k][lane] = gradient[k]);
+                    block.used[visit] |= 1 << lane;
+                    squares += gradient.iter().map(|&g| (scale * T::load(g).get()).powi(2)).sum::<f64>();
                 }
+                block.squares[g].0[lane] = T::of(squares);
             }
             from += visited.len();
             block.start.push(from as u32);

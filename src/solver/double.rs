@@ -32,6 +32,7 @@ impl Solver {
             largest: self.largest,
             steps_since_refresh: self.steps_since_refresh,
             usual_travel: self.usual_travel,
+            motion: self.motion,
         }
     }
 
@@ -47,6 +48,7 @@ impl Solver {
         self.largest = other.largest;
         self.steps_since_refresh = other.steps_since_refresh;
         self.usual_travel = other.usual_travel;
+        self.motion = other.motion;
         match (&mut self.kernel, &other.kernel) {
             (AnyKernel::F32(own), AnyKernel::F32(other)) => own.take_over(other),
             (AnyKernel::F64(own), AnyKernel::F64(other)) => own.take_over(other),

@@ -70,6 +70,16 @@ impl<T: Real> Lanes<T> {
         out
     }
 
+    /// The lanes whose bit is set, zero in the others.
+    #[inline(always)]
+    pub fn where_bit(self, bits: u8) -> Self {
+        let mut out = Self::default();
+        for i in 0..LANES {
+            out.0[i] = if bits & (1 << i) == 0 { T::default() } else { self.0[i] };
+        }
+        out
+    }
+
     /// The smaller of two; `other` where either is not a number.
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {

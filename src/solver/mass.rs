@@ -69,26 +69,16 @@ impl<T: Real> Loop for Bound<'_, T> {
     #[inline(always)]
     fn go(self) {
         let Self(block, constants) = self;
-        let zero = Lanes::default();
         for group in 0..block.volume.len() {
-            let range = block.start[group] as usize..block.start[group + 1] as usize;
-            let (local, gradients) = (&block.local[range.clone()], &block.gradient[range]);
-            let scale = block.scale[group];
-            let square = |g: &[[T::Stored; LANES]; 3]| {
-                let [x, y, z] = [0, 1, 2].map(|k| scale * Lanes::load(&g[k]));
-                x.fma(x, y.fma(y, z * z))
-            };
-            let mut squares = zero;
-            gradients.iter().for_each(|g| squares += square(g));
             let volume = block.volume[group].max(-block.volume[group]);
-            let mut stiffness = zero;
+            let mut stiffness = Lanes::default();
             for (lane, stiffness) in stiffness.0.iter_mut().enumerate() {
                 let slot = LANES * group + lane;
                 *stiffness = T::of(constants.stiffness(&block.deformation_in(slot), block.projected_pressure_in(slot)));
             }
-            let share = volume * squares * stiffness;
-            for (&l, g) in local.iter().zip(gradients) {
-                block.force_of_lane[usize::from(l)][0] += share.where_positive(square(g), zero);
+            let share = volume * block.squares[group] * stiffness;
+            for visit in block.start[group] as usize..block.start[group + 1] as usize {
+                block.force_of_lane[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);
             }
         }
         T::sum_and_clear(&mut block.force_of_lane, &mut block.force);

@@ -5,6 +5,7 @@ pub mod dilatation;
 mod double;
 mod fold;
 mod group;
+mod inertia;
 pub mod kernel;
 pub mod lanes;
 mod mass;

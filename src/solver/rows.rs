@@ -46,10 +46,14 @@ impl<T: Real> Rows<T> {
         let (columns, values) = (&self.column[range.clone()], &self.value[range]);
         // two sums hide the latency of the additions
         let mut sums = [Lanes::default(); 2];
-        for (columns, values) in columns.chunks(2).zip(values.chunks(2)) {
-            for ((sum, &c), &v) in sums.iter_mut().zip(columns).zip(values) {
-                *sum = v.fma(Lanes::splat(x[c as usize]), *sum);
-            }
+        let (columns, last_column) = columns.as_chunks::<2>();
+        let (values, last_value) = values.as_chunks::<2>();
+        for (c, v) in columns.iter().zip(values) {
+            sums[0] = v[0].fma(Lanes::splat(x[c[0] as usize]), sums[0]);
+            sums[1] = v[1].fma(Lanes::splat(x[c[1] as usize]), sums[1]);
+        }
+        for (&c, &v) in last_column.iter().zip(last_value) {
+            sums[0] = v.fma(Lanes::splat(x[c as usize]), sums[0]);
         }
         sums[0] + sums[1]
     }

@@ -8,6 +8,7 @@ use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 use crate::scene::{Precision, VolumeRatio};
 
+use super::inertia::Motion;
 use super::kernel::Kernel;
 use super::mass::Sway;
 use super::pool::Pool;
@@ -142,6 +143,7 @@ pub struct Solver {
     pub(super) steps_since_refresh: u32,
     /// Travel per step of late, m.
     pub(super) usual_travel: f64,
+    pub(super) motion: Motion,
 }
 
 impl Solver {
@@ -191,6 +193,7 @@ impl Solver {
             largest: 0.0,
             steps_since_refresh: 0,
             usual_travel: 0.0,
+            motion: Motion::default(),
             role,
         };
         step::evaluate(&mut solver);
@@ -274,6 +277,7 @@ impl Solver {
         self.path.fill(Path::default());
         self.steps_since_refresh = 0;
         self.usual_travel = 0.0;
+        self.motion = Motion::default();
         with_kernel!(&mut self.kernel, k => {
             k.activate_all();
             k.clear_memory();

@@ -44,8 +44,12 @@ pub struct Advance {
 /// Forces and energies after an advance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balance {
-    /// Force of the tissue on the instrument, N.
+    /// Force of the tissue on the instrument, less what inertia and damping add along its way (see [`super::inertia`]), N.
     pub instrument: [f64; 3],
+    /// How far that may be from the force at rest in this position, N: an estimate.
+    pub doubt: f64,
+    /// Sum of both forces before that correction, N: zero at rest.
+    pub gap: f64,
     /// Force of the tissue on the base, N: cancels the former at rest.
     pub base: [f64; 3],
     /// Kinetic energy of the scaled masses, J.
@@ -59,8 +63,10 @@ impl Solver {
     /// and step follow the deformation.
     pub fn advance(&mut self, advance: &Advance) {
         let travel = advance.travel / f64::from(advance.steps);
+        self.note_motion(advance.travel);
         self.usual_travel = travel.abs().max(USUAL_DECAY * self.usual_travel);
         let square = travel * travel + (FLOOR * self.usual_travel).powi(2);
+        self.motion.gain = if square > 0.0 { travel / square } else { 0.0 };
         let mut first = 1;
         while first <= advance.steps {
             if first > 1 {
@@ -73,7 +79,7 @@ impl Solver {
                 last,
                 steps: advance.steps,
                 travel,
-                gain: if square > 0.0 { travel / square } else { 0.0 },
+                gain: self.motion.gain,
                 keep: (1.0 - DAMPING * slowest).max(0.0),
                 learn: LEARNING * slowest,
                 mass_factor: self.state.mass_factor,
@@ -125,6 +131,7 @@ impl Solver {
             // the radial forces round a ring cancel
             (b.instrument[0], b.base[0]) = (0.0, 0.0);
         }
+        self.take_out_inertia(&mut b);
         b
     }
 

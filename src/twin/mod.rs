@@ -104,9 +104,10 @@ pub struct Prediction {
     pub time_s: f64,
     /// Depth of the tip below the undeformed top along the instrument's axis, m.
     pub depth_m: f64,
-    /// Force of the tissue on the instrument in frame `sample`, N.
+    /// Force of the tissue on the instrument in frame `sample`, N; while it moves, less what inertia and damping of the
+    /// explicit steps add along its way (see `solver::inertia`).
     pub force_n: [f64; 3],
-    /// Force of the tissue on the base, N: cancels `force_n` at rest.
+    /// Force of the tissue on the base, N: cancels `force_n` at rest, and comes late while the instrument moves.
     pub base_force_n: [f64; 3],
     /// Phase of the interaction.
     pub phase: Phase,

@@ -43,7 +43,7 @@ impl Twin {
             let steps = self.pace.steps(distance, self.solver.slowest(), unrest);
             if steps > 0 {
                 balance = self.advance_safely(steps, travel, tip.depth, pose.time_s)?;
-                self.pace.judge(&balance);
+                self.pace.judge(&balance, distance > 0.0);
                 taken = steps;
             } else {
                 self.solver.rest(pose.time_s);

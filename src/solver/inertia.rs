@@ -1,0 +1,71 @@
+//! What inertia and damping add to the force on the instrument, and how to take it out again.
+//!
+//! While the tissue lags behind, the internal forces f_j of the free nodes do not vanish: they accelerate and are damped, and
+//! the instrument feels a part of each. How much of it follows from virtual work: let every instrument node move by the
+//! same, and the free nodes by t_j, as they would at rest. The work of all internal forces in that motion is that of the force
+//! at rest, to first order in the lag, since its stiffness times t vanishes at the free nodes (Betti):
+//!
+//! ```text
+//! F = F_instrument - c/|c|^2 sum_free t_j . f_j
+//! ```
+//!
+//! c: mean displacement of the instrument's nodes per metre of its travel; t: tissue's displacement per metre of travel, of
+//! which the solver knows two approximations. The tangent motion that it has learnt comes late, the present motion
+//! t + q/d runs ahead; F is taken with their mean, and half of the difference is the doubt that stays. Each t_j being between
+//! nothing and all of the instrument's own motion, F lies between the forces on instrument and base: it is never further off than
+//! those.
+
+use super::state::{Role, Solver};
+use super::step::Balance;
+
+/// The last motion of the instrument.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Motion {
+    /// c.
+    pub rate: [f64; 3],
+    /// d / (d^2 + e^2), 1/m, with d the travel per step (see [`super::step`]); 0 at rest.
+    pub gain: f64,
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Solver {
+    /// Keeps c of an advance by `travel` metres; of a rest or of an advance without instrument nodes the one before stays.
+    pub(super) fn note_motion(&mut self, travel: f64) {
+        if travel == 0.0 {
+            return;
+        }
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for (path, _) in self.path.iter().zip(&self.role).filter(|(_, role)| **role == Role::Instrument) {
+            (0..3).for_each(|k| sum[k] += path.end[k] - path.start[k]);
+            count += 1.0;
+        }
+        if count > 0.0 {
+            self.motion.rate = sum.map(|s| s / (count * travel));
+        }
+    }
+
+    /// Takes inertia out of the force on the instrument; fills in gap and doubt.
+    pub(super) fn take_out_inertia(&self, b: &mut Balance) {
+        let Motion { rate, gain } = self.motion;
+        let sum: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
+        b.gap = dot(&sum, &sum).sqrt();
+        let square = dot(&rate, &rate);
+        if square <= 0.0 {
+            return;
+        }
+        let (mut learnt, mut present) = (0.0, 0.0);
+        for (i, _) in self.role.iter().enumerate().filter(|(_, role)| **role == Role::Free) {
+            learnt += dot(&self.state.tangent[i], &self.state.f[i]);
+            present += dot(&self.state.q[i], &self.state.f[i]);
+        }
+        // along c, in newtons
+        let (half, most) = (0.5 * present * gain / square.sqrt(), dot(&sum, &rate) / square.sqrt());
+        let wanted = learnt / square.sqrt() + half;
+        let taken = wanted.clamp(most.min(0.0), most.max(0.0));
+        b.doubt = half.abs().min(most.abs());
+        (0..3).for_each(|k| b.instrument[k] -= taken * rate[k] / square.sqrt());
+    }
+}
