@@ -16,6 +16,7 @@ use ros2_client::qos::{Durability, History};
 use ros2_client::{Message, MessageTypeName, QosProfile, ServiceMapping};
 
 use super::arguments::{ParameterOverride, RosArguments};
+use super::bell::Bell;
 pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
 use super::logging::Severity;
@@ -89,6 +90,7 @@ pub struct Participant {
     plan: Plan,
     declarations: Vec<Declaration>,
     recorder: Option<Recorder>,
+    bell: Bell,
     inlets: Inlets,
     link: Arc<Link>,
     woken: Option<UnixStream>,
@@ -120,6 +122,7 @@ impl Participant {
             hears: false,
             endpoints: Vec::new(),
         };
+        let inlets = Inlets::default();
         let (link, woken) = Link::new().map_err(|e| refuse(fully_qualified)(e.to_string()))?;
         Ok(Self {
             names,
@@ -128,7 +131,8 @@ impl Participant {
             plan,
             declarations: Vec::new(),
             recorder: None,
-            inlets: Inlets::default(),
+            bell: inlets.bell.clone(),
+            inlets,
             link: Arc::new(link),
             woken: Some(woken),
             program: None,
@@ -176,6 +180,11 @@ impl Participant {
     /// How it goes with the middleware, once the node has started.
     pub(super) fn health(&self) -> Arc<Health> {
         self.middleware.as_ref().map(|m| Arc::clone(m.health())).unwrap_or_default()
+    }
+
+    /// Rings when a service is called, and when one that was called answers.
+    pub(super) fn bell(&self) -> Bell {
+        self.bell.clone()
     }
 
     /// Names and remapping of the node.

@@ -54,7 +54,7 @@ impl EndpointRecord {
     }
 }
 
-/// Watches discovery and tells the node.
+/// Watches discovery and tells the node who else is there: what only the node itself would hear needs no network.
 pub(super) struct Graph {
     participant: DomainParticipant,
     records: Vec<EndpointRecord>,
@@ -84,7 +84,9 @@ impl Graph {
         let uplink = &self.uplink;
         match event {
             Status::RemoteReaderMatched { local_writer: own, remote_reader: remote }
-            | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote } => {
+            | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote }
+                if remote.prefix != own.prefix =>
+            {
                 if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
                     record.update(uplink, |remotes| {
                         remotes.insert(remote);

@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use smol::channel::{Receiver, Sender};
 
 use super::wire::{Head, Kind, Stamp};
+use crate::ros::bell::Bell;
 
 /// Bytes that may wait while the process is busy: a burst, not a stream.
 const WAITING: usize = 8 << 20;
@@ -79,6 +80,8 @@ pub(in crate::ros) struct Inlets {
     bytes: Arc<AtomicUsize>,
     /// Messages that a full queue has lost.
     pub overrun: Arc<AtomicU64>,
+    /// Rung for everything that is no message of a topic.
+    pub bell: Bell,
 }
 
 impl Inlets {
@@ -112,7 +115,11 @@ impl Inlets {
         }
         self.bytes.fetch_add(body.len(), Ordering::Relaxed);
         let delivery = Delivery { stamp: head.stamp, big_endian: head.flag != 0, body: body.to_vec() };
-        let displaced = match queue.force_send(delivery) {
+        let sent = queue.force_send(delivery);
+        if head.kind != Kind::Message {
+            self.bell.ring();
+        }
+        let displaced = match sent {
             Ok(None) => return,
             Ok(Some(oldest)) => {
                 self.overrun.fetch_add(1, Ordering::Relaxed);

@@ -22,12 +22,13 @@ use ros2_client::{
 use super::ARGUMENT;
 use super::graph::{EndpointRecord, Graph};
 use super::uplink::Uplink;
-use super::watch::{Finding, LOOK, Voice, Watch};
+use super::watch::{Finding, LOOK, Voice, Watch, threads};
 use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, caller_of, times};
 use crate::ros::clock::wall_nanos;
 use crate::ros::qos::Side;
 use crate::ros::raw::RawCdr;
 use crate::ros::signals::Signals;
+use crate::ros::start::NodeError;
 use crate::ros::threads::{join, spawn};
 
 /// Time between two looks for answers, which nobody waits for in a hurry.
@@ -203,7 +204,10 @@ impl Domain {
         let Self { publishers, subscriptions, servers, clients, ear, hears, graph, node, context } = self;
         let (sender, orders) = smol::channel::bounded(ORDERS);
         let (stop, stopped) = smol::channel::bounded::<()>(1);
+        // No thread of ours yet: those that are here are the DDS's, and they are for ever.
+        let watch = Watch::new(hears, threads());
         uplink.send(Head::new(Kind::Ready), &[]);
+        let ticks = ticks().map_err(|e| e.to_string())?;
         let publishing = {
             let uplink = Arc::clone(uplink);
             spawn("to network", move || {
@@ -233,9 +237,10 @@ impl Domain {
         };
         // Fails only where sockets do, which the watch takes for deafness.
         let knock = || drop(knocker.send_to(&voice.knock(), ear));
-        let ebbed = look_after(Watch::new(hears), knock, uplink, voice, lines);
-        smol::block_on(executor.run(smol::future::or(node_gone, ebbed)));
-        drop(tasks);
+        let ebbed = look_after(watch, &ticks, knock, uplink, voice, lines);
+        // Not smol's own, which looks after sockets and timers too, and wakes a hundred times a second for it.
+        smol::future::block_on(executor.run(smol::future::or(node_gone, ebbed)));
+        drop((tasks, ticks));
         drop(executor);
         uplink.deafen();
         join(publishing);
@@ -350,12 +355,13 @@ async fn obey(
 /// Tells the node that the process lives; ends the process when the DDS does not, and returns when a flood is over.
 async fn look_after(
     mut watch: Watch,
+    ticks: &smol::channel::Receiver<()>,
     knock: impl Fn(),
     uplink: &Uplink,
     voice: &Voice,
     lines: &Receiver<(u8, String)>,
 ) {
-    loop {
+    while ticks.recv().await.is_ok() {
         uplink.send(Head { flag: u8::from(voice.heard() > 0), ..Head::new(Kind::Pulse) }, &[]);
         lines.try_iter().for_each(|line| uplink.relay(line));
         if voice.misled() {
@@ -382,6 +388,16 @@ async fn look_after(
                 std::process::exit(1);
             }
         }
-        smol::Timer::after(LOOK).await;
     }
+}
+
+/// One now and one every [`LOOK`], until nobody takes them.
+fn ticks() -> Result<smol::channel::Receiver<()>, NodeError> {
+    let (sender, ticks) = smol::channel::bounded(1);
+    spawn("ticks", move || {
+        while !matches!(sender.try_send(()), Err(smol::channel::TrySendError::Closed(()))) {
+            std::thread::sleep(LOOK);
+        }
+    })?;
+    Ok(ticks)
 }

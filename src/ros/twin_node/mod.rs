@@ -205,6 +205,7 @@ impl Node {
             rosout: start.rosout,
             reach: start.environment.reach,
             middleware: participant.health(),
+            bell: participant.bell(),
         };
         let mut supervisor = Supervisor {
             frame_id: frame_id.clone(),
@@ -214,6 +215,7 @@ impl Node {
             tissue,
             built,
             models: model_sender,
+            bell: participant.bell(),
             snapshots,
             tissue_thread: None,
         };

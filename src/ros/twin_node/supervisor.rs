@@ -11,6 +11,7 @@ use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
 use super::tissue::{self, Model, Snapshot, TissueOutputs};
+use crate::ros::bell::Bell;
 use crate::ros::signals::Signals;
 use crate::ros::start::{NodeError, SUCCESS};
 use crate::ros::threads::spawn;
@@ -29,6 +30,7 @@ pub(super) struct Supervisor {
     pub built: Receiver<Built>,
     /// To the housekeeping thread: the model, or that there is none.
     pub models: Sender<Option<Arc<Model>>>,
+    pub bell: Bell,
     pub snapshots: Receiver<Box<Snapshot>>,
     /// Started with the first model.
     pub tissue_thread: Option<JoinHandle<()>>,
@@ -114,5 +116,6 @@ impl Supervisor {
     fn tell(&self, model: Option<Arc<Model>>) {
         // Fails only when the housekeeping thread has ended.
         let _ = self.models.send(model);
+        self.bell.ring();
     }
 }
