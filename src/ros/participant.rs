@@ -9,6 +9,7 @@ use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
+use std::thread::JoinHandle;
 
 use ros2_client::log::Log;
 use ros2_client::parameters::raw::ParameterEvent;
@@ -180,6 +181,11 @@ impl Participant {
     /// How it goes with the middleware, once the node has started.
     pub(super) fn health(&self) -> Arc<Health> {
         self.middleware.as_ref().map(|m| Arc::clone(m.health())).unwrap_or_default()
+    }
+
+    /// The thread without which nothing is heard or said, once the node has started.
+    pub(super) fn thread(&self) -> Option<&JoinHandle<()>> {
+        self.middleware.as_ref().and_then(Middleware::thread)
     }
 
     /// Rings when a service is called, and when one that was called answers.

@@ -74,6 +74,11 @@ impl Middleware {
         }
     }
 
+    /// Ends only with the node.
+    pub fn thread(&self) -> Option<&JoinHandle<()>> {
+        self.thread.as_ref()
+    }
+
     /// How it goes.
     pub fn health(&self) -> &Arc<Health> {
         &self.health

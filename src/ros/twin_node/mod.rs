@@ -241,7 +241,9 @@ impl Node {
         let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification))?;
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
-        let outcome = supervisor.run(signals, &[&solver, &force, &input, &look_ahead, &housekeeping]);
+        let threads = [&solver, &force, &input, &look_ahead, &housekeeping];
+        let threads: Vec<_> = threads.into_iter().chain(participant.thread()).collect();
+        let outcome = supervisor.run(signals, &threads);
         // Inputs first, so that nothing new comes while the others finish.
         drop(stop_inputs);
         inbox.stop();
