@@ -211,7 +211,11 @@ impl Keeper {
             }
             while let Some((head, body)) = frames.next()? {
                 match head.kind {
-                    Kind::Message | Kind::Request | Kind::Response => self.inlets.put(&head, body),
+                    Kind::Message => self.inlets.put(&head, body),
+                    Kind::Request | Kind::Response => {
+                        self.inlets.put(&head, body);
+                        self.link.bell.ring();
+                    }
                     Kind::Ready => {
                         ready = true;
                         self.link.connect(socket.try_clone()?);

@@ -80,8 +80,6 @@ pub(in crate::ros) struct Inlets {
     bytes: Arc<AtomicUsize>,
     /// Messages that a full queue has lost.
     pub overrun: Arc<AtomicU64>,
-    /// Rung for everything that is no message of a topic.
-    pub bell: Bell,
 }
 
 impl Inlets {
@@ -115,11 +113,7 @@ impl Inlets {
         }
         self.bytes.fetch_add(body.len(), Ordering::Relaxed);
         let delivery = Delivery { stamp: head.stamp, big_endian: head.flag != 0, body: body.to_vec() };
-        let sent = queue.force_send(delivery);
-        if head.kind != Kind::Message {
-            self.bell.ring();
-        }
-        let displaced = match sent {
+        let displaced = match queue.force_send(delivery) {
             Ok(None) => return,
             Ok(Some(oldest)) => {
                 self.overrun.fetch_add(1, Ordering::Relaxed);
@@ -138,6 +132,8 @@ pub(in crate::ros) struct Link {
     /// Wakes who watches the socket.
     wake: UnixStream,
     stopped: AtomicBool,
+    /// Rung when a service is called, and when one that was called answers.
+    pub bell: Bell,
 }
 
 #[derive(Default)]
@@ -156,7 +152,7 @@ impl Link {
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
-        Ok((Self { outbox: Mutex::default(), wake, stopped: AtomicBool::new(false) }, woken))
+        Ok((Self { outbox: Mutex::default(), wake, stopped: AtomicBool::new(false), bell: Bell::default() }, woken))
     }
 
     fn outbox(&self) -> MutexGuard<'_, Outbox> {
