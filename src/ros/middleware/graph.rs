@@ -90,6 +90,7 @@ impl Graph {
             | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote }
                 if remote.prefix != own.prefix =>
             {
+                self.readers.matched(remote);
                 if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
                     record.update(uplink, |remotes| {
                         remotes.insert(remote);
@@ -117,7 +118,7 @@ impl Graph {
                 self.warn_qos(own, remote, &QosProfile::from(&*offered_qos));
             }
             Status::ReaderDetected { reader } => {
-                self.readers.add(reader.guid, &reader.topic_name);
+                self.readers.detected(reader.guid, &reader.topic_name);
                 self.check_type(&reader, Side::Subscription);
             }
             Status::WriterDetected { writer } => self.check_type(&writer, Side::Publisher),

@@ -1,7 +1,7 @@
 //! Calls and answers of services on their way between the node and the network.
 
 use std::cell::RefCell;
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
 use ros2_client::dds::rustdds::GUID;
@@ -43,7 +43,8 @@ pub(super) fn reply_topic(service: &str) -> String {
 /// who reads its answer. What is written by then is lost, since answers are volatile, so it waits, as it does in the
 /// middlewares of ROS.
 pub(super) struct ReplyReaders {
-    known: RefCell<BTreeSet<(GUID, String)>>,
+    /// Each with its topic, and whether the writer of that topic is matched with it.
+    known: RefCell<BTreeMap<GUID, (String, bool)>>,
     news: (Sender<()>, Receiver<()>),
 }
 
@@ -54,14 +55,23 @@ impl Default for ReplyReaders {
 }
 
 impl ReplyReaders {
-    pub fn add(&self, reader: GUID, topic: &str) {
-        if topic.starts_with("rr/") && self.known.borrow_mut().insert((reader, topic.to_owned())) {
+    /// Discovery tells of a reader. Its writer is matched a moment later, and what is written in between is lost.
+    pub fn detected(&self, reader: GUID, topic: &str) {
+        if topic.starts_with("rr/") {
+            self.known.borrow_mut().entry(reader).or_insert_with(|| (topic.to_owned(), false));
+        }
+    }
+
+    /// A writer of the node is matched with a reader.
+    pub fn matched(&self, reader: GUID) {
+        if let Some((_, matched)) = self.known.borrow_mut().get_mut(&reader) {
+            *matched = true;
             self.look_again();
         }
     }
 
     pub fn forget(&self, gone: impl Fn(GUID) -> bool) {
-        self.known.borrow_mut().retain(|(reader, _)| !gone(*reader));
+        self.known.borrow_mut().retain(|reader, _| !gone(*reader));
     }
 
     /// Makes who waits look again.
@@ -71,7 +81,8 @@ impl ReplyReaders {
     }
 
     fn has(&self, caller: GUID, topic: &str) -> bool {
-        self.known.borrow().iter().any(|(reader, of)| reader.prefix == caller.prefix && of == topic)
+        let known = self.known.borrow();
+        known.iter().any(|(reader, (of, matched))| *matched && reader.prefix == caller.prefix && of == topic)
     }
 }
 
