@@ -62,11 +62,11 @@ impl ReplyReaders {
         }
     }
 
-    /// A writer of the node is matched with a reader.
+    /// A writer of the node is matched with a reader. What waits goes at the next look and not at once: the reader's side
+    /// tells of it a moment before it takes anything (Cyclone DDS).
     pub fn matched(&self, reader: GUID) {
         if let Some((_, matched)) = self.known.borrow_mut().get_mut(&reader) {
             *matched = true;
-            self.look_again();
         }
     }
 
