@@ -12,11 +12,14 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument("bag", default_value=PathJoinSubstitution([share, "bags", "needle_insertion"])),
         DeclareLaunchArgument("rate", default_value="1.0"),
+        DeclareLaunchArgument("respawn", default_value="false"),
         Node(
             package="needle_twin",
             executable="twin_node",
             name="twin",
             output="screen",
+            respawn=LaunchConfiguration("respawn"),
+            respawn_delay=1.0,
             parameters=[PathJoinSubstitution([share, "parameters", "twin.yaml"]), {"use_sim_time": True}],
         ),
         ExecuteProcess(

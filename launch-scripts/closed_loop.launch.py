@@ -14,12 +14,15 @@ def generate_launch_description():
         DeclareLaunchArgument(
             "params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
         ),
+        DeclareLaunchArgument("respawn", default_value="false"),
         Node(
             package="needle_twin",
             executable="twin_node",
             name="twin",
             namespace=LaunchConfiguration("namespace"),
             output="screen",
+            respawn=LaunchConfiguration("respawn"),
+            respawn_delay=1.0,
             parameters=[LaunchConfiguration("params_file")],
         ),
         Node(

@@ -18,12 +18,15 @@ def generate_launch_description():
         DeclareLaunchArgument(
             "guard_params_file", default_value=PathJoinSubstitution([share, "parameters", "guard.yaml"])
         ),
+        DeclareLaunchArgument("respawn", default_value="false"),
         Node(
             package="needle_twin",
             executable="twin_node",
             name="twin",
             namespace=namespace,
             output="screen",
+            respawn=LaunchConfiguration("respawn"),
+            respawn_delay=1.0,
             parameters=[LaunchConfiguration("twin_params_file")],
         ),
         # Your own driver takes the place of this node.

@@ -9,7 +9,7 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     share = FindPackageShare("needle_twin")
-    names = ("namespace", "bag", "rate", "params_file")
+    names = ("namespace", "bag", "rate", "params_file", "respawn")
     return LaunchDescription([
         DeclareLaunchArgument("namespace", default_value=""),
         DeclareLaunchArgument("bag", default_value=PathJoinSubstitution([share, "bags", "needle_insertion"])),
@@ -17,6 +17,7 @@ def generate_launch_description():
         DeclareLaunchArgument(
             "params_file", default_value=PathJoinSubstitution([share, "parameters", "identify.yaml"])
         ),
+        DeclareLaunchArgument("respawn", default_value="false"),
         IncludeLaunchDescription(
             PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "rig_and_twin.launch.py"])),
             launch_arguments=[(name, LaunchConfiguration(name)) for name in names],

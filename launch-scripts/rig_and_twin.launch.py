@@ -19,11 +19,14 @@ def generate_launch_description():
             "params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
         ),
         DeclareLaunchArgument("log_level", default_value="info"),
+        DeclareLaunchArgument("respawn", default_value="false"),
         Node(
             package="needle_twin",
             executable="twin_node",
             name="twin",
             **own,
+            respawn=LaunchConfiguration("respawn"),
+            respawn_delay=1.0,
             parameters=[LaunchConfiguration("params_file"), {"use_sim_time": True}],
             ros_arguments=["--log-level", LaunchConfiguration("log_level")],
         ),

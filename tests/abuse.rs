@@ -271,3 +271,44 @@ fn unloading_gives_everything_back() {
         assert_eq!(twin.recoveries(), 0, "{preset}");
     }
 }
+
+/// A gap in the poses makes the way after it a jump, and so does a first pose inside.
+#[test]
+fn a_needle_that_was_not_seen_on_its_way_is_followed() {
+    let scene = Scene::preset("needle_insertion").unwrap();
+    let mut twin = Twin::new(&scene).unwrap();
+    let at = |twin: &Twin, time_s: f64, depth_m: f64| StampedPose { time_s, pose: twin.pose_at_depth(depth_m) };
+    // From where, where to, m: through the puncture, deeper, back, and from outside.
+    for (from, to) in [(0.5e-3, 2.5e-3), (0.2e-3, 1.5e-3), (1.5e-3, 2.9e-3), (2.9e-3, 0.5e-3), (-5e-3, 2.5e-3)] {
+        let settled = |twin: &mut Twin, ways: &[(f64, f64)]| {
+            twin.reset();
+            let mut time_s = 0.0;
+            for (first, last) in ways {
+                let poses = ((last - first).abs() / 5e-6).ceil().max(1.0);
+                for i in 0..=poses as u32 {
+                    time_s += 0.005;
+                    let pose = at(twin, time_s, first + (last - first) * f64::from(i) / poses);
+                    assert!(twin.step(pose).unwrap().force_n[2].is_finite());
+                }
+            }
+            time_s
+        };
+        let rest = |twin: &mut Twin, mut time_s: f64| {
+            (0..400).fold(0.0, |_, _| {
+                time_s += 0.005;
+                let pose = at(twin, time_s, to);
+                twin.step(pose).unwrap().force_n[2]
+            })
+        };
+        let time_s = settled(&mut twin, &[(-1e-4_f64.max(-from), from.max(-1e-4)), (from, to)]);
+        let seen = rest(&mut twin, time_s);
+        let time_s = settled(&mut twin, &[(-1e-4_f64.max(-from), from.max(-1e-4))]) + 1.5;
+        let begun = std::time::Instant::now();
+        let jump = at(&twin, time_s, to);
+        twin.step(jump).unwrap();
+        let took = begun.elapsed();
+        let unseen = rest(&mut twin, time_s);
+        println!("{:.1} to {:.1} mm: {unseen:.4} N, seen {seen:.4} N, {took:.1?}", 1e3 * from, 1e3 * to);
+        assert!((unseen - seen).abs() < 0.2 * seen.abs() + 1e-3, "{from} to {to}: {unseen} N, seen {seen} N");
+    }
+}

@@ -130,7 +130,9 @@ fn child_between_two_hosts() {
     let seconds = forces[0]["header"]["stamp"]["sec"].as_i64().unwrap();
     assert!((START_S..START_S + 20).contains(&seconds));
     rig.stop("INT");
-    twin.stop("INT");
+    let (_, log, _) = twin.stop("INT");
+    let exposed = "heard by every network of this machine: whoever is on them can read, send poses";
+    assert!(log.contains(exposed) && log.contains("ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST closes it"), "{log}");
 
     // Unasked, nothing leaves the machine.
     let twin = Program::start(TWIN, &COARSE, DOMAIN, &[]);
@@ -139,4 +141,5 @@ fn child_between_two_hosts() {
     rig.stop("INT");
     let (_, log, _) = twin.stop("INT");
     assert!(log.contains("loopback only") && log.contains("nobody publishes it"), "{log}");
+    assert!(log.contains("heard by this machine's loopback") && !log.contains("whoever is on them"), "{log}");
 }

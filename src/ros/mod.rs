@@ -4,6 +4,7 @@
 //! `participant` and `middleware` are the network; `twin_node`, `rig_node` and `guard_node` are the nodes.
 
 pub mod arguments;
+mod bell;
 pub mod clock;
 mod endpoint;
 pub mod environment;

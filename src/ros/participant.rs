@@ -9,13 +9,15 @@ use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
+use std::thread::JoinHandle;
 
 use ros2_client::log::Log;
 use ros2_client::parameters::raw::ParameterEvent;
 use ros2_client::qos::{Durability, History};
-use ros2_client::{Message, MessageTypeName, QosProfile, ServiceMapping};
+use ros2_client::{Message, MessageTypeName, ParameterValue, QosProfile, ServiceMapping};
 
 use super::arguments::{ParameterOverride, RosArguments};
+use super::bell::Bell;
 pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
 use super::logging::Severity;
@@ -28,7 +30,6 @@ use super::recorder::{Recorder, Recording, Tap};
 use super::service::{Client, Mapping, Service};
 use super::start::NodeError;
 use crate::bag::{self, Schema};
-use ros2_client::ParameterValue;
 
 /// Name of the parameter that limits the middleware process.
 const MEMORY: &str = "middleware_memory_mib";
@@ -178,6 +179,16 @@ impl Participant {
         self.middleware.as_ref().map(|m| Arc::clone(m.health())).unwrap_or_default()
     }
 
+    /// The thread without which nothing is heard or said, once the node has started.
+    pub(super) fn thread(&self) -> Option<&JoinHandle<()>> {
+        self.middleware.as_ref().and_then(Middleware::thread)
+    }
+
+    /// Rings when a service is called, and when one that was called answers.
+    pub(super) fn bell(&self) -> Bell {
+        self.link.bell.clone()
+    }
+
     /// Names and remapping of the node.
     #[must_use]
     pub fn names(&self) -> &Names {
@@ -221,11 +232,10 @@ impl Participant {
         type_name: &MessageTypeName,
         profile: &QosProfile,
     ) -> Result<Output<M>, ParticipantError> {
-        let (matched, failed) = (Arc::default(), Arc::default());
+        let (matched, failed, link) = (Arc::default(), Arc::default(), Arc::clone(&self.link));
         let endpoint = self.wish(Role::Publisher, &topic, type_name.package_name(), type_name.type_name(), profile)?;
         self.inlets.mute(&matched, &failed);
         let latched = profile.durability == Durability::TransientLocal;
-        let link = Arc::clone(&self.link);
         Ok(Output { link, endpoint, latched, matched, topic, failed, tap: None, messages: PhantomData })
     }
 
@@ -243,8 +253,7 @@ impl Participant {
         self.declarations.extend(qos::declarations(&topic, Side::Subscription, &profile));
         self.wish(Role::Subscription, &topic, M::PACKAGE, M::NAME, &profile)?;
         let (mailbox, matched) = self.mailbox(&profile);
-        let qos = qos::describe(&profile);
-        let unreadable = Default::default();
+        let (qos, unreadable) = (qos::describe(&profile), Default::default());
         Ok(Input { mailbox, matched, topic, type_name: M::TYPE, qos, tap, unreadable, messages: PhantomData })
     }
 
@@ -316,8 +325,8 @@ impl Participant {
     /// [`ParticipantError`].
     pub(super) fn parameter_events(&mut self) -> Result<Output<ParameterEvent>, ParticipantError> {
         // Volatile as rclcpp's: RustDDS would send a late joiner all old events.
-        let type_name = MessageTypeName::new("rcl_interfaces", "ParameterEvent");
-        self.output("/parameter_events".to_owned(), &type_name, &qos::reliable(1000))
+        let kind = MessageTypeName::new("rcl_interfaces", "ParameterEvent");
+        self.output("/parameter_events".to_owned(), &kind, &qos::reliable(1000))
     }
 
     /// The publisher of `/rosout`.
@@ -382,8 +391,7 @@ fn mebibytes(count: i64) -> u64 {
 
 /// Level up to which somebody wants to see lines of the middleware, from 1 (error) to 5 (trace).
 fn verbosity(arguments: &RosArguments) -> u8 {
-    let foreign = arguments.log.loggers.iter().map(|(_, level)| *level);
-    match foreign.min() {
+    match arguments.log.loggers.iter().map(|(_, level)| *level).min() {
         Some(Severity::Debug) => 4,
         Some(Severity::Info) => 3,
         Some(Severity::Warn) => 2,

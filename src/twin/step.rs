@@ -15,6 +15,8 @@ const INSERTED_ALIGNMENT: f64 = 0.35;
 /// Largest tilt (sine) of an axisymmetric model's instrument, and how far beside the axis it may be, over the height of
 /// the body: what it can't follow, and what a sensor may tremble by.
 const SYMMETRIC: f64 = 2e-3;
+/// Longest way that the instrument goes at once, over twice the height of the body.
+const STRIDE: f64 = 0.0125;
 
 impl Twin {
     /// Advances the tissue to a pose and predicts the force.
@@ -26,6 +28,33 @@ impl Twin {
     /// [`Halt::Pose`] if the pose can't be used (state untouched), [`Halt::Diverged`] if the solution is lost.
     pub fn step(&mut self, pose: StampedPose) -> Result<Prediction, Halt> {
         let tip = self.admit(&pose)?;
+        let (mut steps, mut event) = (0_u32, None);
+        for between in self.way(tip) {
+            let prediction = self.go(pose, between)?;
+            steps = steps.saturating_add(prediction.steps);
+            event = event.or(prediction.event);
+        }
+        let last = self.go(pose, tip)?;
+        Ok(Prediction { steps: steps.saturating_add(last.steps), event: event.or(last.event), ..last })
+    }
+
+    /// Places on the way to one that is far, without it: what was not seen of an instrument's way is taken for a straight
+    /// one. All at once it would tear the tissue: the needle preset's solution is lost in half of the jumps of 1.0 mm.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
+    fn way(&self, to: Tip) -> impl Iterator<Item = Tip> + use<> {
+        let (from, stride) = (self.tip, STRIDE * self.height);
+        let far = (0..3).map(|k| (to.offset[k] - from[k]).powi(2)).sum::<f64>().sqrt();
+        let strides = if far > 2.0 * stride { (far / stride).ceil() as u32 } else { 1 };
+        let secant = (1.0 + to.slope.iter().map(|s| s * s).sum::<f64>()).sqrt();
+        (1..strides).map(move |i| {
+            let share = f64::from(i) / f64::from(strides);
+            let offset: [f64; 3] = std::array::from_fn(|k| from[k] + share * (to.offset[k] - from[k]));
+            Tip { offset, depth: -offset[2] * secant, slope: to.slope }
+        })
+    }
+
+    /// Takes the tissue to a place at once.
+    fn go(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
         let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.tip[k]);
         let (mut phase, mut event) = (Phase::Approach, None);
         let mut taken = 0;

@@ -57,6 +57,33 @@ fn each_wrong_pose_is_refused_counted_and_said_once_and_the_right_ones_are_answe
 }
 
 #[test]
+fn a_message_that_can_not_be_read_is_skipped_and_said_once() {
+    let domain = free_domain();
+    let (node, mut peer) = connected_twin(domain, &[]);
+    assert!(peer.steps(&[(START, 1e-4)])[0].is_some());
+    // Cut off after the stamp; a frame_id of 4 GiB; two thousand million names.
+    let bodies =
+        ["0100000002000000", "0100000002000000ffffffff41420000", "01000000020000000100000000000000ffffff7f00000000"];
+    let heard = peer.ask(json!({"op": "garble", "dds_topic": "rt/measured_js", "times": 10, "bodies": bodies,
+        "dds_type": "sensor_msgs::msg::dds_::JointState_"}));
+    assert_eq!(heard["heard"], bodies.len());
+    // A call that is shorter than what rmw_cyclonedds puts in front of it.
+    let heard = peer
+        .ask(json!({"op": "garble", "dds_topic": "rq/twin/resetRequest", "bodies": ["010203"], "times": 10,
+        "dds_type": "std_srvs::srv::dds_::Trigger_Request_"}));
+    assert_eq!(heard["heard"], 1);
+    assert!(peer.steps(&[(START + SECOND, 1e-4)])[0].is_some(), "the right ones go on");
+    let status = peer.status();
+    assert_eq!((count(&status, "poses_answered"), count(&status, "poses_rejected")), (2, 0), "{status}");
+    let call = json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"});
+    assert_eq!(peer.ask(call)["response"]["success"], true);
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+    assert_eq!(log.matches("`/measured_js`: a message can't be read").count(), 1, "{log}");
+    assert_eq!(log.matches("a call of `/twin/reset` can't be read").count(), 1, "{log}");
+}
+
+#[test]
 fn ten_thousand_poses_a_second_are_taken_in_and_the_newest_is_answered() {
     let domain = free_domain();
     let (node, mut peer) = connected_twin(domain, &[]);

@@ -63,8 +63,22 @@ for stem in ("twin", "rig_and_twin"):
     ):
         finding(arguments == python, f"{stem}: arguments of {name} {arguments} and of py {python} differ")
         finding(found == python_nodes, f"{stem}: nodes of {name} {found} and of py {python_nodes} differ")
+    again = [(e.get("respawn"), e.get("respawn_delay")) for e in markup if e.tag == "node"]
+    finding(again == [("$(var respawn)", "1.0")] + (len(again) - 1) * [(None, None)], f"{stem}.launch.xml: respawn {again}")
+    again = [(e["node"].get("respawn"), e["node"].get("respawn_delay")) for e in text if "node" in e]
+    finding(again == [("$(var respawn)", 1.0)] + (len(again) - 1) * [(None, None)], f"{stem}.launch.yaml: respawn {again}")
+
+# A supervisor brings back the twin, if asked to, and no other node: a guard or a driver that starts anew would move.
 for path in scripts.glob("*.launch.py"):
-    ast.parse(path.read_text())
+    calls = [c for c in ast.walk(ast.parse(path.read_text())) if isinstance(c, ast.Call)]
+    named = lambda function: [c for c in calls if getattr(c.func, "id", "") == function]
+    declared = {c.args[0].value: c.keywords[0].value for c in named("DeclareLaunchArgument")}
+    default = declared.get("respawn")
+    finding(isinstance(default, ast.Constant) and default.value == "false", f"{path.name}: respawn is not offered, or not off")
+    for node in named("Node"):
+        words = {k.arg: k.value for k in node.keywords}
+        twin, again = words["executable"].value == "twin_node", "respawn" in words and "respawn_delay" in words
+        finding(twin == again, f"{path.name}: {words['executable'].value}: respawn is {again}")
 
 # Layouts: they can be parsed and name topics that the nodes have.
 topics = {"tissue_surface", "tissue_points", "targets", "predicted_cf", "comparison", "measured_js", "status", "diagnostics"}

@@ -12,6 +12,8 @@ import time
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import make_idl_struct
+from cyclonedds.idl.types import array, uint8
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -279,6 +281,42 @@ class Peer:
                     return {"response": ros_types.to_dict(sample)}
             time.sleep(0.002)
         return {"error": f"no answer from {service}"}
+
+    def call_early(self, service, type, reader_after_s, timeout=10.0):
+        """Calls before there is a reader for the answer, which comes so many seconds later."""
+        ask, reply = ros_types.service(type)
+        writer = DataWriter(self.participant, Topic(self.participant, f"rq{service}Request", ask), qos("reliable", 10))
+        end = time.monotonic() + timeout
+        while not writer.get_matched_subscriptions() and time.monotonic() < end:
+            time.sleep(0.01)
+        writer.write(ros_types.from_dict(ask, {"client_guid": list(writer.guid.bytes[8:16]), "sequence_number": 77}))
+        time.sleep(reader_after_s)
+        reader = DataReader(self.participant, Topic(self.participant, f"rr{service}Reply", reply), qos("reliable", 10))
+        while time.monotonic() < end:
+            for sample in reader.take(N=10):
+                if hasattr(sample, "sequence_number") and sample.sequence_number == 77:
+                    return {"response": ros_types.to_dict(sample)}
+            time.sleep(0.002)
+        return {"error": f"no answer from {service}"}
+
+    def garble(self, dds_topic, dds_type, bodies, times=1):
+        """Publishes bodies (bytes as hex) that are no message of the type that they claim to be; how many had a reader."""
+        heard = 0
+        for body in map(bytes.fromhex, bodies):
+            # A participant has one type per topic, so each body gets a participant of its own.
+            participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
+            cls = make_idl_struct("Garbled", dds_type, {"body": array[uint8, len(body)]})
+            writer = DataWriter(participant, Topic(participant, dds_topic, cls), qos("reliable", 100))
+            end = time.monotonic() + 20.0
+            while not writer.get_matched_subscriptions() and time.monotonic() < end:
+                time.sleep(0.01)
+            heard += bool(writer.get_matched_subscriptions())
+            # Known to the other side as well: best-effort readers get nothing again.
+            time.sleep(0.5)
+            for _ in range(times):
+                writer.write(cls(body=list(body)))
+            time.sleep(0.3)
+        return {"heard": heard}
 
 
 def main():

@@ -50,6 +50,25 @@ fn each_caller_is_answered_in_its_own_manner() {
     assert!(log.contains("rmw_fastrtps_cpp and rmw_cyclonedds_cpp"), "{log}");
 }
 
+/// Discovery may tell the node of a caller's request before it tells who reads the answer.
+#[test]
+fn an_answer_waits_for_its_reader() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    let early =
+        json!({"op": "call_early", "service": "/twin/reset", "type": "std_srvs/srv/Trigger", "reader_after_s": 0.3});
+    assert_eq!(peer.ask(early)["response"]["success"], true);
+    // One that never reads its answer keeps nobody else waiting.
+    let deaf = json!({"op": "garble", "dds_topic": "rq/twin/resetRequest", "bodies": ["00".repeat(17)], "times": 50,
+        "dds_type": "std_srvs::srv::dds_::Trigger_Request_"});
+    assert_eq!(peer.ask(deaf)["heard"], 1);
+    let state = json!({"op": "call", "service": "/twin/get_state", "type": "lifecycle_msgs/srv/GetState"});
+    assert_eq!(peer.ask(state)["response"]["current_state"]["label"], "active");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+}
+
 #[test]
 fn a_change_is_announced_on_parameter_events_and_rosout() {
     let domain = free_domain();

@@ -4,10 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, RecvTimeoutError};
+use crossbeam_channel::Receiver;
 
 use super::control::{Report, Shared};
 use crate::guard::Phase;
+use crate::ros::bell::Bell;
 use crate::ros::clock::NodeClock;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::std_msgs::Header;
@@ -20,13 +21,15 @@ use crate::ros::qos;
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
 
-const TICK: Duration = Duration::from_millis(10);
+/// Longest time between two looks at anything that rings no bell.
+const TICK: Duration = Duration::from_millis(100);
 /// Time between two diagnostics.
 const DIAGNOSTICS: Duration = Duration::from_millis(200);
 
 pub(super) struct Housekeeping {
     parameters: Arc<Parameters>,
     parameter_services: ParameterServices,
+    bell: Bell,
     resume: Service<TriggerRequest, TriggerResponse>,
     diagnostics: Output<DiagnosticArray>,
     node: String,
@@ -37,6 +40,7 @@ impl Housekeeping {
         Ok(Self {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
+            bell: participant.bell(),
             resume: participant.server("~/resume", "std_srvs", "Trigger")?,
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
             node: participant.names().fully_qualified(),
@@ -60,7 +64,7 @@ impl Housekeeping {
                     });
                 }
             }
-            if !matches!(stop.recv_timeout(TICK), Err(RecvTimeoutError::Timeout)) {
+            if !self.bell.wait(stop, Instant::now() + TICK) {
                 rosout.publish();
                 return;
             }

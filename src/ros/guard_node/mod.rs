@@ -129,6 +129,9 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
             let gone = || "the control thread has ended unexpectedly".to_owned();
             break finished.try_recv().err().map(|_| gone());
         }
+        if keeper.is_finished() {
+            break Some("the housekeeping thread has ended unexpectedly".to_owned());
+        }
     };
     drop(stop);
     join(control);

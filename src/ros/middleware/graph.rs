@@ -1,6 +1,7 @@
 //! Who is matched with whom, and why somebody is not: a QoS or a type that doesn't fit is said loudly, with the remedy.
 
 use std::collections::BTreeSet;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use ros2_client::QosProfile;
@@ -11,6 +12,7 @@ use ros2_client::dds::rustdds::{DomainParticipant, GUID, RTPSEntity};
 use ros2_client::qos::{Durability, Reliability};
 use smol::stream::StreamExt;
 
+use super::services::ReplyReaders;
 use super::uplink::Uplink;
 use super::wire::{Head, Kind};
 use crate::ros::qos::{self, Side};
@@ -54,17 +56,18 @@ impl EndpointRecord {
     }
 }
 
-/// Watches discovery and tells the node.
+/// Watches discovery and tells the node who else is there: what only the node itself would hear needs no network.
 pub(super) struct Graph {
     participant: DomainParticipant,
     records: Vec<EndpointRecord>,
     warned: BTreeSet<(GUID, GUID)>,
     uplink: Arc<Uplink>,
+    readers: Rc<ReplyReaders>,
 }
 
 impl Graph {
-    pub fn new(participant: &DomainParticipant, uplink: Arc<Uplink>) -> Self {
-        Self { participant: participant.clone(), records: Vec::new(), warned: BTreeSet::new(), uplink }
+    pub fn new(participant: &DomainParticipant, uplink: Arc<Uplink>, readers: Rc<ReplyReaders>) -> Self {
+        Self { participant: participant.clone(), records: Vec::new(), warned: BTreeSet::new(), uplink, readers }
     }
 
     pub fn add(&mut self, record: EndpointRecord) {
@@ -84,7 +87,10 @@ impl Graph {
         let uplink = &self.uplink;
         match event {
             Status::RemoteReaderMatched { local_writer: own, remote_reader: remote }
-            | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote } => {
+            | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote }
+                if remote.prefix != own.prefix =>
+            {
+                self.readers.matched(remote);
                 if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
                     record.update(uplink, |remotes| {
                         remotes.insert(remote);
@@ -92,6 +98,7 @@ impl Graph {
                 }
             }
             Status::ReaderLost { guid, .. } | Status::WriterLost { guid, .. } => {
+                self.readers.forget(|reader| reader == guid);
                 for record in &mut self.records {
                     record.update(uplink, |remotes| {
                         remotes.remove(&guid);
@@ -99,6 +106,7 @@ impl Graph {
                 }
             }
             Status::ParticipantLost { id, .. } => {
+                self.readers.forget(|reader| reader.prefix == id);
                 for record in &mut self.records {
                     record.update(uplink, |remotes| remotes.retain(|guid| guid.prefix != id));
                 }
@@ -109,7 +117,10 @@ impl Graph {
             Status::RemoteWriterQosIncompatible { local_reader: own, remote_writer: remote, offered_qos, .. } => {
                 self.warn_qos(own, remote, &QosProfile::from(&*offered_qos));
             }
-            Status::ReaderDetected { reader } => self.check_type(&reader, Side::Subscription),
+            Status::ReaderDetected { reader } => {
+                self.readers.detected(reader.guid, &reader.topic_name);
+                self.check_type(&reader, Side::Subscription);
+            }
             Status::WriterDetected { writer } => self.check_type(&writer, Side::Publisher),
             _ => {}
         }

@@ -21,14 +21,16 @@ use crate::ros::logging::Throttle;
 use crate::ros::start::NodeError;
 use crate::ros::threads::{join, spawn};
 
-/// Time between two looks at a silent socket.
-const LOOK: Duration = Duration::from_millis(100);
+/// Time between two looks at a silent socket, a little longer than that between two pulses.
+const LOOK: Duration = Duration::from_millis(300);
 /// Looks in a row that find nothing, not even a pulse, until the process counts as stuck: a machine may be busy.
-const SILENT_LOOKS: u32 = 30;
+const SILENT_LOOKS: u32 = 10;
 /// The same for a process that the system says is stopped.
-const STOPPED_LOOKS: u32 = 5;
+const STOPPED_LOOKS: u32 = 2;
 /// The same before the first process has said that it is ready, and before a later one has: a machine may be busy.
-const STARTING_LOOKS: [u32; 2] = [200, 30];
+const STARTING_LOOKS: [u32; 2] = [67, 10];
+/// Time for what was said last to go out, and for a process that is of no more use to end by itself.
+const REST: Duration = Duration::from_millis(100);
 /// A process that has lived so long is replaced at once.
 const SOUND: Duration = Duration::from_secs(2);
 /// Shortest and longest wait before the next one otherwise.
@@ -70,6 +72,11 @@ impl Middleware {
             Ok(Err(reason)) => Err(NodeError::Other(reason)),
             Err(_) => Err(NodeError::Other("the middleware thread has ended unexpectedly".to_owned())),
         }
+    }
+
+    /// Ends only with the node.
+    pub fn thread(&self) -> Option<&JoinHandle<()>> {
+        self.thread.as_ref()
     }
 
     /// How it goes.
@@ -165,7 +172,7 @@ impl Keeper {
             self.link.disconnect();
             say_goodbye(&socket);
         }
-        Ok(match (end, child.end(if self.link.is_stopped() { LEAVE } else { LOOK })) {
+        Ok(match (end, child.end(if self.link.is_stopped() { LEAVE } else { REST })) {
             (End::Lost(reason), status) => End::Lost(self.said.take().unwrap_or_else(|| why(reason, status))),
             (other, _) => other,
         })
@@ -204,7 +211,11 @@ impl Keeper {
             }
             while let Some((head, body)) = frames.next()? {
                 match head.kind {
-                    Kind::Message | Kind::Request | Kind::Response => self.inlets.put(&head, body),
+                    Kind::Message => self.inlets.put(&head, body),
+                    Kind::Request | Kind::Response => {
+                        self.inlets.put(&head, body);
+                        self.link.bell.ring();
+                    }
                     Kind::Ready => {
                         ready = true;
                         self.link.connect(socket.try_clone()?);
@@ -224,9 +235,9 @@ impl Keeper {
 
     /// What was said before the leave still goes out.
     fn flush_all(&self, socket: &UnixStream) {
-        let until = Instant::now() + LOOK;
+        let until = Instant::now() + REST;
         while self.link.flush() && Instant::now() < until {
-            poll(&mut [(socket.as_raw_fd(), libc::POLLOUT)], LOOK);
+            poll(&mut [(socket.as_raw_fd(), libc::POLLOUT)], REST);
         }
     }
 

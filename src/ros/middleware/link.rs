@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use smol::channel::{Receiver, Sender};
 
 use super::wire::{Head, Kind, Stamp};
+use crate::ros::bell::Bell;
 
 /// Bytes that may wait while the process is busy: a burst, not a stream.
 const WAITING: usize = 8 << 20;
@@ -131,6 +132,8 @@ pub(in crate::ros) struct Link {
     /// Wakes who watches the socket.
     wake: UnixStream,
     stopped: AtomicBool,
+    /// Rung when a service is called, and when one that was called answers.
+    pub bell: Bell,
 }
 
 #[derive(Default)]
@@ -149,7 +152,7 @@ impl Link {
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
-        Ok((Self { outbox: Mutex::default(), wake, stopped: AtomicBool::new(false) }, woken))
+        Ok((Self { outbox: Mutex::default(), wake, stopped: AtomicBool::new(false), bell: Bell::default() }, woken))
     }
 
     fn outbox(&self) -> MutexGuard<'_, Outbox> {

@@ -15,6 +15,7 @@ mod health;
 mod keeper;
 mod link;
 mod process;
+mod services;
 mod uplink;
 mod watch;
 mod wire;

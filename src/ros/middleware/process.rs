@@ -9,31 +9,29 @@ use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::pin::Pin;
 use std::process::ExitCode;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::Receiver;
-use ros2_client::dds::rustdds::{DomainParticipantBuilder, GUID};
+use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::{
     Client, Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
-    RmwRequestId, Server, ServiceMapping, ServiceTypeName, Subscription,
+    ServiceMapping, ServiceTypeName, Subscription,
 };
 
 use super::ARGUMENT;
 use super::graph::{EndpointRecord, Graph};
+use super::services::{ORDERS, Order, ReplyReaders, Served, be_answered, be_asked, obey, reply_topic};
 use super::uplink::Uplink;
-use super::watch::{Finding, LOOK, Voice, Watch};
-use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, caller_of, times};
+use super::watch::{Finding, LOOK, Voice, Watch, threads};
+use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, times};
 use crate::ros::clock::wall_nanos;
 use crate::ros::qos::Side;
 use crate::ros::raw::RawCdr;
 use crate::ros::signals::Signals;
+use crate::ros::start::NodeError;
 use crate::ros::threads::{join, spawn};
-
-/// Time between two looks for answers, which nobody waits for in a hurry.
-const ANSWERS: Duration = Duration::from_millis(20);
-/// Answers and calls that may wait.
-const ORDERS: usize = 1024;
 
 /// Makes the process a middleware process if that is what its arguments ask for, and gives its exit code. Every program
 /// whose nodes come from this library calls it first of all in `main`: a node starts its own program a second time.
@@ -99,19 +97,14 @@ fn limit(_bytes: u64) -> io::Result<()> {
 struct Domain {
     publishers: Vec<(u16, Publisher<RawCdr>)>,
     subscriptions: Vec<(u16, Subscription<RawCdr>)>,
-    servers: Vec<(u16, Server<RawCdr, RawCdr>)>,
+    servers: Vec<Served>,
     clients: Vec<(u16, Client<RawCdr, RawCdr>)>,
+    readers: Rc<ReplyReaders>,
     ear: SocketAddr,
     hears: bool,
     graph: Graph,
     node: Node,
     context: Context,
-}
-
-/// An answer or a call on its way to the network.
-struct Order {
-    head: Head,
-    body: Vec<u8>,
 }
 
 impl Domain {
@@ -131,14 +124,16 @@ impl Domain {
         // subscribe /clock under a wrong type, which makes `ros2 topic echo /clock` refuse.
         let options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
         let node = context.new_node(name, options).map_err(|e| of_node(&e))?;
+        let readers = Rc::new(ReplyReaders::default());
         let mut domain = Self {
             publishers: Vec::new(),
             subscriptions: Vec::new(),
             servers: Vec::new(),
             clients: Vec::new(),
+            graph: Graph::new(&context.domain_participant(), Arc::clone(uplink), Rc::clone(&readers)),
+            readers,
             ear,
             hears: plan.hears,
-            graph: Graph::new(&context.domain_participant(), Arc::clone(uplink)),
             node,
             context,
         };
@@ -178,7 +173,7 @@ impl Domain {
                 let server = node
                     .create_server(ServiceMapping::Enhanced, &name, &type_name, profile.clone(), profile)
                     .map_err(|e| say(&e))?;
-                self.servers.push((number, server));
+                self.servers.push(Served { number, replies: reply_topic(&endpoint.name), server });
             }
             Role::Client { cyclone } => {
                 let type_name = ServiceTypeName::new(&endpoint.package, &endpoint.type_name);
@@ -200,10 +195,13 @@ impl Domain {
         voice: &'static Voice,
         lines: &Receiver<(u8, String)>,
     ) -> Result<(), String> {
-        let Self { publishers, subscriptions, servers, clients, ear, hears, graph, node, context } = self;
+        let Self { publishers, subscriptions, servers, clients, readers, graph, ear, hears, node, context } = self;
         let (sender, orders) = smol::channel::bounded(ORDERS);
         let (stop, stopped) = smol::channel::bounded::<()>(1);
+        // No thread of ours yet: those that are here are the DDS's, and they are for ever.
+        let watch = Watch::new(hears, threads());
         uplink.send(Head::new(Kind::Ready), &[]);
+        let ticks = ticks().map_err(|e| e.to_string())?;
         let publishing = {
             let uplink = Arc::clone(uplink);
             spawn("to network", move || {
@@ -217,10 +215,10 @@ impl Domain {
         for (number, subscription) in &subscriptions {
             tasks.push(Box::pin(hear(*number, subscription, uplink)));
         }
-        for (number, server) in &servers {
-            tasks.push(Box::pin(be_asked(*number, server, uplink)));
+        for served in &servers {
+            tasks.push(Box::pin(be_asked(served, uplink)));
         }
-        tasks.push(Box::pin(obey(&orders, &servers, &clients, uplink)));
+        tasks.push(Box::pin(obey(&orders, &servers, &clients, &readers, uplink)));
         if !clients.is_empty() {
             tasks.push(Box::pin(be_answered(&clients, uplink)));
         }
@@ -233,9 +231,10 @@ impl Domain {
         };
         // Fails only where sockets do, which the watch takes for deafness.
         let knock = || drop(knocker.send_to(&voice.knock(), ear));
-        let ebbed = look_after(Watch::new(hears), knock, uplink, voice, lines);
-        smol::block_on(executor.run(smol::future::or(node_gone, ebbed)));
-        drop(tasks);
+        let ebbed = look_after(watch, &ticks, knock, &readers, uplink, voice, lines);
+        // Not smol's own, which looks after sockets and timers too, and wakes a hundred times a second for it.
+        smol::future::block_on(executor.run(smol::future::or(node_gone, ebbed)));
+        drop((tasks, ticks));
         drop(executor);
         uplink.deafen();
         join(publishing);
@@ -302,62 +301,20 @@ async fn hear(number: u16, subscription: &Subscription<RawCdr>, uplink: &Uplink)
     }
 }
 
-async fn be_asked(number: u16, server: &Server<RawCdr, RawCdr>, uplink: &Uplink) {
-    loop {
-        match server.async_receive_request().await {
-            Ok((id, raw)) => {
-                let stamp = caller(id.writer_gid.to_bytes16(), id.sequence_number);
-                let head = Head::of(Kind::Request, number, stamp);
-                uplink.send(Head { flag: u8::from(raw.is_big_endian()), ..head }, raw.as_slice());
-            }
-            Err(_) => drop(smol::Timer::after(Duration::from_millis(1)).await),
-        }
-    }
-}
-
-async fn be_answered(clients: &[(u16, Client<RawCdr, RawCdr>)], uplink: &Uplink) {
-    loop {
-        for (number, client) in clients {
-            while let Ok(Some((_, raw))) = client.receive_response() {
-                uplink.send(Head::of(Kind::Response, *number, [0; 24]), raw.as_slice());
-            }
-        }
-        smol::Timer::after(ANSWERS).await;
-    }
-}
-
-async fn obey(
-    orders: &smol::channel::Receiver<Order>,
-    servers: &[(u16, Server<RawCdr, RawCdr>)],
-    clients: &[(u16, Client<RawCdr, RawCdr>)],
-    uplink: &Uplink,
-) {
-    while let Ok(Order { head, body }) = orders.recv().await {
-        let raw = RawCdr::new(body);
-        let sent = if head.kind == Kind::Response {
-            let (guid, sequence_number) = caller_of(&head.stamp);
-            let id = RmwRequestId { writer_gid: GUID::from_bytes(guid).into(), sequence_number };
-            servers.iter().find(|s| s.0 == head.endpoint).map(|s| s.1.send_response(id, raw).is_ok())
-        } else {
-            clients.iter().find(|c| c.0 == head.endpoint).map(|c| c.1.send_request(raw).is_ok())
-        };
-        if sent != Some(true) {
-            uplink.log(log::Level::Warn, "a call or an answer of a service could not be sent");
-        }
-    }
-}
-
 /// Tells the node that the process lives; ends the process when the DDS does not, and returns when a flood is over.
 async fn look_after(
     mut watch: Watch,
+    ticks: &smol::channel::Receiver<()>,
     knock: impl Fn(),
+    readers: &ReplyReaders,
     uplink: &Uplink,
     voice: &Voice,
     lines: &Receiver<(u8, String)>,
 ) {
-    loop {
+    while ticks.recv().await.is_ok() {
         uplink.send(Head { flag: u8::from(voice.heard() > 0), ..Head::new(Kind::Pulse) }, &[]);
         lines.try_iter().for_each(|line| uplink.relay(line));
+        readers.look_again();
         if voice.misled() {
             let reason = "was told of messages that no publisher has sent, and may be deaf for true ones";
             return uplink.text(Kind::Farewell, reason);
@@ -382,6 +339,16 @@ async fn look_after(
                 std::process::exit(1);
             }
         }
-        smol::Timer::after(LOOK).await;
     }
+}
+
+/// One now and one every [`LOOK`], until nobody takes them.
+fn ticks() -> Result<smol::channel::Receiver<()>, NodeError> {
+    let (sender, ticks) = smol::channel::bounded(1);
+    spawn("ticks", move || {
+        while !matches!(sender.try_send(()), Err(smol::channel::TrySendError::Closed(()))) {
+            std::thread::sleep(LOOK);
+        }
+    })?;
+    Ok(ticks)
 }

@@ -9,14 +9,13 @@
 //!   And it tells up to which number it takes messages for received: where no publisher ever comes, it was misled.
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crossbeam_channel::{Receiver, Sender};
 
 /// Time between two looks.
-pub(super) const LOOK: std::time::Duration = std::time::Duration::from_millis(100);
-/// Looks between two knocks, and between two counts of threads.
-const KNOCK: u32 = 2;
+pub(super) const LOOK: std::time::Duration = std::time::Duration::from_millis(200);
 /// Knocks in a row that were not heard; the same before the first that was; before it is clear that none ever is.
 const UNHEARD: [u32; 3] = [6, 10, 50];
 /// Complaints within a second that make a flood.
@@ -24,7 +23,7 @@ const FLOOD: u64 = 20;
 /// Complaints within a second that are none any more.
 const EBB: u64 = 2;
 /// Looks that make a second.
-const SECOND: usize = 10;
+const SECOND: usize = 5;
 /// Lines that may wait for the node's log.
 const LINES: usize = 64;
 /// Who complains when a packet can't be taken.
@@ -42,9 +41,6 @@ const TELLER: (&str, &str) = ("rustdds::rtps::rtps_writer_proxy", "ack_base incr
 const UNHEARD_OF: u64 = 1 << 40;
 /// Who complains of a knock.
 const KNOCKED: &str = COMPLAINERS[0];
-/// How the middleware's threads are called.
-#[cfg(target_os = "linux")]
-const THREADS: &str = "RustDDS";
 
 /// What a look finds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,8 +59,7 @@ pub(super) enum Finding {
 
 /// The looks of one process.
 pub(super) struct Watch {
-    looks: u32,
-    threads: usize,
+    threads: Vec<PathBuf>,
     unheard: u32,
     heard: u64,
     /// A process before this one has heard its knocks, so this one must.
@@ -74,34 +69,29 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// After the participant was made.
-    pub fn new(hears: bool) -> Self {
-        Self { looks: 0, threads: threads(), unheard: 0, heard: 0, hears, complaints: VecDeque::new(), flooded: false }
+    /// `threads` are those that must live as long as the process does.
+    pub fn new(hears: bool, threads: Vec<PathBuf>) -> Self {
+        Self { threads, unheard: 0, heard: 0, hears, complaints: VecDeque::new(), flooded: false }
     }
 
     /// Looks; call it every [`LOOK`] with how many complaints and how many knocks were heard in all.
     pub fn look(&mut self, complaints: u64, heard: u64, knock: impl FnOnce()) -> Finding {
-        self.looks = self.looks.wrapping_add(1);
         if self.heard != heard {
             self.heard = heard;
             self.unheard = 0;
         }
-        if self.looks.is_multiple_of(KNOCK) {
-            let threads = threads();
-            self.threads = self.threads.max(threads);
-            if threads < self.threads {
-                return Finding::Deaf("its DDS threads have ended (it was stopped by SIGSTOP or a debugger)");
-            }
-            // Where none was ever heard, RustDDS may complain in other words.
-            let judged = self.hears || self.heard > 0;
-            if judged && self.unheard >= UNHEARD[usize::from(self.heard == 0)] {
-                return Finding::Deaf("its DDS does not take packets any more");
-            }
-            self.unheard = self.unheard.saturating_add(1);
-            knock();
-            if self.unheard == UNHEARD[2] {
-                return Finding::Untold;
-            }
+        if !self.threads.iter().all(|thread| thread.exists()) {
+            return Finding::Deaf("its DDS threads have ended (it was stopped by SIGSTOP or a debugger)");
+        }
+        // Where none was ever heard, RustDDS may complain in other words.
+        let judged = self.hears || self.heard > 0;
+        if judged && self.unheard >= UNHEARD[usize::from(self.heard == 0)] {
+            return Finding::Deaf("its DDS does not take packets any more");
+        }
+        self.unheard = self.unheard.saturating_add(1);
+        knock();
+        if self.unheard == UNHEARD[2] {
+            return Finding::Untold;
         }
         self.count(complaints)
     }
@@ -121,16 +111,9 @@ impl Watch {
     }
 }
 
-#[cfg(target_os = "linux")]
-fn threads() -> usize {
-    let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return 0 };
-    let name = |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("comm")).unwrap_or_default();
-    tasks.flatten().map(name).filter(|name| name.starts_with(THREADS)).count()
-}
-
-#[cfg(not(target_os = "linux"))]
-fn threads() -> usize {
-    0
+/// Those of the process at present, as files that go when they do; none where the system does not show them.
+pub(super) fn threads() -> Vec<PathBuf> {
+    std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten().map(|task| task.path()).collect()
 }
 
 /// How a knock begins: like no RTPS packet, and not like that of another process.
@@ -233,13 +216,13 @@ mod tests {
 
     #[test]
     fn a_flood_is_noticed_and_its_end_too() {
-        let mut watch = Watch::new(false);
+        let mut watch = Watch::new(false, Vec::new());
         let mut found = Vec::new();
         let mut total = 0;
-        for look in 0..60_u64 {
+        for look in 0..30_u64 {
             total += match look {
-                10..20 => 50,
-                _ => u64::from(look % 10 == 0),
+                5..10 => 50,
+                _ => u64::from(look % 5 == 0),
             };
             let finding = watch.look(total, look + 1, || ());
             if finding != Finding::Well {
@@ -249,7 +232,24 @@ mod tests {
                 }
             }
         }
-        assert!(matches!(found[..], [(10, Finding::Flooded(50)), (29, Finding::Ebbed)]), "{found:?}");
+        assert!(matches!(found[..], [(5, Finding::Flooded(50)), (14, Finding::Ebbed)]), "{found:?}");
+    }
+
+    #[test]
+    fn a_thread_that_ends_is_missed() {
+        let here = threads();
+        let (end, ended) = crossbeam_channel::bounded::<()>(0);
+        let thread = std::thread::spawn(move || ended.recv().is_ok());
+        let more = threads().into_iter().filter(|task| !here.contains(task)).collect::<Vec<_>>();
+        // Other tests have threads too: what matters is that this one's end is seen.
+        let mut watch = Watch::new(false, more.clone());
+        drop(end);
+        let _ = thread.join();
+        let seen = (0..100).any(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(10));
+            matches!(watch.look(0, 0, || ()), Finding::Deaf(_))
+        });
+        assert!(seen || more.is_empty(), "{more:?}");
     }
 
     #[test]
@@ -266,13 +266,13 @@ mod tests {
 
     #[test]
     fn who_does_not_hear_himself_is_deaf() {
-        for (heard, hears, expected) in [(1, false, (Some(13), 6)), (0, true, (Some(21), 10))] {
-            let (mut watch, mut sent) = (Watch::new(hears), 0);
+        for (heard, hears, expected) in [(1, false, (Some(6), 6)), (0, true, (Some(10), 10))] {
+            let (mut watch, mut sent) = (Watch::new(hears, Vec::new()), 0);
             let deaf = (0..40).find(|_| matches!(watch.look(0, heard, || sent += 1), Finding::Deaf(_)));
             assert_eq!((deaf, sent), expected);
         }
-        let mut watch = Watch::new(false);
+        let mut watch = Watch::new(false, Vec::new());
         let untold = (0..400).filter(|_| watch.look(0, 0, || ()) != Finding::Well).collect::<Vec<_>>();
-        assert_eq!(untold, [99], "not known whether it would hear");
+        assert_eq!(untold, [49], "not known whether it would hear");
     }
 }

@@ -1,12 +1,13 @@
 //! The housekeeping thread of the rig: the player's services, parameters, discovery, `/rosout`.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
+use crossbeam_channel::{Receiver, Sender};
 
 use super::playback::Command;
 use crate::rig::Stretch;
+use crate::ros::bell::Bell;
 use crate::ros::clock::NodeClock;
 use crate::ros::messages::rosbag2_interfaces::{
     BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
@@ -18,7 +19,8 @@ use crate::ros::participant::{Participant, ParticipantError};
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
 
-const TICK: Duration = Duration::from_millis(10);
+/// Longest time between two looks at anything that rings no bell.
+const TICK: Duration = Duration::from_millis(100);
 /// Longest wait for the playback thread.
 const PATIENCE: Duration = Duration::from_millis(500);
 const PACKAGE: &str = "rosbag2_interfaces";
@@ -100,6 +102,7 @@ fn ask<T>(commands: &Sender<Command>, command: impl FnOnce(Sender<T>) -> Command
 pub(super) struct Housekeeping {
     parameters: Arc<Parameters>,
     parameter_services: ParameterServices,
+    bell: Bell,
     player: Option<PlayerServices>,
 }
 
@@ -112,6 +115,7 @@ impl Housekeeping {
         Ok(Self {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
+            bell: participant.bell(),
             player: if plays { Some(PlayerServices::new(participant)?) } else { None },
         })
     }
@@ -129,7 +133,7 @@ impl Housekeeping {
                 player.serve(commands);
             }
             rosout.publish();
-            if !matches!(stop.recv_timeout(TICK), Err(RecvTimeoutError::Timeout)) {
+            if !self.bell.wait(stop, Instant::now() + TICK) {
                 rosout.publish();
                 return;
             }

@@ -60,8 +60,13 @@ impl Assurance {
         self.output.send(Bool { data: false });
     }
 
+    /// Whether anyone listens.
+    pub fn is_wanted(&self) -> bool {
+        self.output.is_wanted()
+    }
+
     pub fn publish(&self, said: &Said, shared: &Shared) {
-        if !self.output.is_wanted() {
+        if !self.is_wanted() {
             return;
         }
         let settings = shared.settings();

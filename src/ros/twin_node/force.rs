@@ -19,6 +19,9 @@ use crate::twin::Prediction;
 /// A first pose deeper than this is no beginning: a driver at 100 mm/s goes so far between two poses of 100 Hz.
 const SEEN_FROM_M: f64 = 1e-3;
 
+/// Time between two looks whether somebody has come to listen to `safe_to_go_on`.
+const UNHEARD: Duration = Duration::from_millis(100);
+
 /// The publishers.
 pub(super) struct ForceOutputs {
     pub force: Output<WrenchStamped>,
@@ -84,7 +87,10 @@ pub(super) fn run(
         compare(outputs, frame_id, shared, &mut comparator, &mut said);
         let now = Instant::now();
         if now >= due {
-            let period = Duration::from_secs_f64(1.0 / shared.settings().guard_rate_hz);
+            let mut period = Duration::from_secs_f64(1.0 / shared.settings().guard_rate_hz);
+            if !outputs.assurance.is_wanted() {
+                period = period.max(UNHEARD);
+            }
             // Absolute deadlines; what was missed is skipped, not caught up.
             due = if now - due > period { now + period } else { due + period };
             outputs.assurance.publish(&said, shared);

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
+use crossbeam_channel::{Receiver, Sender};
 
 use super::declared::Settings;
 use super::force::ForceOutputs;
@@ -15,6 +15,7 @@ use super::shared::Shared;
 use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
+use crate::ros::bell::Bell;
 use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
@@ -29,8 +30,8 @@ use crate::ros::qos;
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
 
-/// Longest time between two looks at the services.
-const TICK: Duration = Duration::from_millis(20);
+/// Longest time between two looks at anything that rings no bell.
+const TICK: Duration = Duration::from_millis(100);
 /// Time between two lines about what the node waits for.
 const WAITING: Duration = Duration::from_secs(5);
 
@@ -69,6 +70,7 @@ pub(super) struct Context {
     pub rosout: Rosout,
     pub reach: Reach,
     pub middleware: Arc<Health>,
+    pub bell: Bell,
 }
 
 impl Housekeeping {
@@ -136,9 +138,8 @@ impl Housekeeping {
                 }
             }
             let next = status_due.min(diagnostics_due).min(Instant::now() + TICK);
-            match stop.recv_deadline(next) {
-                Err(RecvTimeoutError::Timeout) => {}
-                _ => break,
+            if !context.bell.wait(stop, next) {
+                break;
             }
         }
         if self.shared.lock().dying.is_some() {
@@ -261,6 +262,9 @@ impl Housekeeping {
     }
 
     fn publish_diagnostics(&self, context: &Context, model: Option<&Model>) {
+        if !self.diagnostics.is_wanted() {
+            return;
+        }
         let settings = self.shared.settings();
         let around = self.around(context);
         let judgement = judge(&self.shared.lock(), &self.shared, &settings, &around);

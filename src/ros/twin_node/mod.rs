@@ -205,6 +205,7 @@ impl Node {
             rosout: start.rosout,
             reach: start.environment.reach,
             middleware: participant.health(),
+            bell: participant.bell(),
         };
         let mut supervisor = Supervisor {
             frame_id: frame_id.clone(),
@@ -214,6 +215,7 @@ impl Node {
             tissue,
             built,
             models: model_sender,
+            bell: participant.bell(),
             snapshots,
             tissue_thread: None,
         };
@@ -239,7 +241,9 @@ impl Node {
         let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification))?;
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
-        let outcome = supervisor.run(signals, &[&solver, &force, &input, &look_ahead, &housekeeping]);
+        let threads = [&solver, &force, &input, &look_ahead, &housekeeping];
+        let threads: Vec<_> = threads.into_iter().chain(participant.thread()).collect();
+        let outcome = supervisor.run(signals, &threads);
         // Inputs first, so that nothing new comes while the others finish.
         drop(stop_inputs);
         inbox.stop();

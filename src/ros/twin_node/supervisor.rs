@@ -11,6 +11,7 @@ use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
 use super::tissue::{self, Model, Snapshot, TissueOutputs};
+use crate::ros::bell::Bell;
 use crate::ros::signals::Signals;
 use crate::ros::start::{NodeError, SUCCESS};
 use crate::ros::threads::spawn;
@@ -29,6 +30,7 @@ pub(super) struct Supervisor {
     pub built: Receiver<Built>,
     /// To the housekeeping thread: the model, or that there is none.
     pub models: Sender<Option<Arc<Model>>>,
+    pub bell: Bell,
     pub snapshots: Receiver<Box<Snapshot>>,
     /// Started with the first model.
     pub tissue_thread: Option<JoinHandle<()>>,
@@ -65,7 +67,8 @@ impl Supervisor {
                 }
                 Err(_) => {}
             }
-            if let Some(thread) = threads.iter().find(|thread| thread.is_finished()) {
+            if let Some(thread) = threads.iter().copied().chain(&self.tissue_thread).find(|thread| thread.is_finished())
+            {
                 let name = thread.thread().name().unwrap_or("?");
                 return Err(NodeError::Other(format!(
                     "the {name} thread has ended unexpectedly (a panic above says where): start the node again, and \
@@ -114,5 +117,59 @@ impl Supervisor {
     fn tell(&self, model: Option<Arc<Model>>) {
         // Fails only when the housekeeping thread has ended.
         let _ = self.models.send(model);
+        self.bell.ring();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic)]
+    use super::*;
+    use crate::ros::arguments::RosArguments;
+    use crate::ros::clock::NodeClock;
+    use crate::ros::environment::Environment;
+    use crate::ros::messages::needle_twin::TwinStatus;
+    use crate::ros::names::Names;
+    use crate::ros::parameters::Parameters;
+    use crate::ros::participant::Participant;
+    use crate::ros::start::FAILURE;
+    use crate::ros::twin_node::declared::{Settings, declarations};
+    use crate::ros::twin_node::judgement::{Around, judge};
+
+    /// Nothing from outside is known to make a thread panic, so one is made that does.
+    #[test]
+    fn a_thread_that_panics_ends_the_node_with_its_name_and_an_error() {
+        let environment = Environment::from_lookup(|_| None).unwrap();
+        let names = Names::new("twin", &RosArguments::default()).unwrap();
+        // Endpoints that are never made: it does not join the network.
+        let mut participant = Participant::new(names, &environment, &RosArguments::default()).unwrap();
+        let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
+        let shared = Arc::new(Shared::new(Settings::of(&parameters), NodeClock::new(false)));
+        let ((_built, built), (models, _models)) = (crossbeam_channel::bounded(1), crossbeam_channel::bounded(1));
+        let (_snapshots, snapshots) = crossbeam_channel::bounded(1);
+        let mut supervisor = Supervisor {
+            frame_id: "sample".to_owned(),
+            autostart: true,
+            shared: Arc::clone(&shared),
+            inbox: Arc::default(),
+            tissue: Arc::new(TissueOutputs::new(&mut participant).unwrap()),
+            built,
+            models,
+            bell: participant.bell(),
+            snapshots,
+            tissue_thread: None,
+        };
+        let (end, ended) = crossbeam_channel::bounded::<()>(0);
+        let sound = spawn("force", move || assert!(ended.recv().is_err())).unwrap();
+        let broken = spawn("solver", || panic!("on purpose")).unwrap();
+        let signals = Signals::block().unwrap();
+        let error = supervisor.run(&signals, &[&sound, &broken]).unwrap_err();
+        assert_eq!(error.exit_code(), FAILURE);
+        assert!(error.to_string().starts_with("the solver thread has ended unexpectedly"), "{error}");
+        let judgement = judge(&shared.lock(), &shared, &shared.settings(), &Around::default());
+        assert!(judgement.health == TwinStatus::HEALTH_ERROR && !judgement.vouches(), "the last status says so");
+        assert!(judgement.reasons.iter().any(|r| r.contains("solver thread")), "{:?}", judgement.reasons);
+        drop(end);
+        sound.join().unwrap();
     }
 }

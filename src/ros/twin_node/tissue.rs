@@ -189,6 +189,9 @@ impl TissueOutputs {
     }
 }
 
+/// Time between two looks whether somebody has come to listen.
+const UNWANTED: Duration = Duration::from_millis(100);
+
 /// The tissue thread: asks for a snapshot at the rate, publishes it, ends when the solver has.
 pub(super) fn run(
     outputs: &TissueOutputs,
@@ -202,14 +205,14 @@ pub(super) fn run(
     let mut due = std::time::Instant::now();
     loop {
         let rate = shared.settings().tissue_rate_hz;
-        let period = if rate > 0.0 { Duration::from_secs_f64(1.0 / rate) } else { Duration::from_millis(200) };
+        let wanted = rate > 0.0 && outputs.wants(model).any();
+        let period = if wanted { Duration::from_secs_f64(1.0 / rate) } else { UNWANTED };
         let now = std::time::Instant::now();
         if now >= due {
             // Absolute deadlines; what was missed is skipped, not caught up.
             due = if now - due > period { now + period } else { due + period };
-            if rate > 0.0
+            if wanted
                 && shared.is_active()
-                && outputs.wants(model).any()
                 && let Some(mut snapshot) = spare.take()
             {
                 snapshot.wants = outputs.wants(model);
