@@ -148,8 +148,11 @@ fn what_the_data_cannot_tell_apart_or_tell_at_all_is_named() {
     let names: Vec<&str> = groups.iter().flat_map(|g| g.as_array().unwrap()).filter_map(Value::as_str).collect();
     assert!(names.contains(&MODULUS) && names.contains(&COEFFICIENT), "{result}");
     assert!(said.contains("can't tell apart") && said.contains(MODULUS) && said.contains(COEFFICIENT), "{said}");
+    // how closely depends on the fine shape of the curve, as the values do; of their product the bag knows
     let correlation = number(&result["correlation"]["matrix"][0][1]);
-    assert!(correlation < -0.9, "{correlation}");
+    assert!((-1.0..-0.3).contains(&correlation), "{correlation}");
+    let [coefficient, modulus] = [COEFFICIENT, MODULUS].map(|key| number(&result["fit"][key]["value"]));
+    assert!((coefficient * modulus / (0.4 * 1678.0) - 1.0).abs() < 0.03, "{coefficient} {modulus}");
     // masses are scaled: the density is not in the force
     let density = "material.density_kg_per_m3";
     let (result, said) = json(&[&shipped("compression"), "--fit", MODULUS, density]);

@@ -15,6 +15,8 @@
 //! nothing and all of the instrument's own motion, F lies between the forces on instrument and base: it is never further off than
 //! those.
 
+use crate::approximation::Form;
+
 use super::state::{Role, Solver};
 use super::step::Balance;
 
@@ -41,6 +43,10 @@ impl Solver {
         for (path, _) in self.path.iter().zip(&self.role).filter(|(_, role)| **role == Role::Instrument) {
             (0..3).for_each(|k| sum[k] += path.end[k] - path.start[k]);
             count += 1.0;
+        }
+        if self.form == Form::Axisymmetric {
+            // round a ring radial motions cancel, as their forces do
+            sum[0] = 0.0;
         }
         if count > 0.0 {
             self.motion.rate = sum.map(|s| s / (count * travel));

@@ -15,7 +15,7 @@ const INSERTED_ALIGNMENT: f64 = 0.35;
 /// Largest tilt (sine) of an axisymmetric model's instrument, and how far beside the axis it may be, over the height of
 /// the body: what it can't follow, and what a sensor may tremble by.
 const SYMMETRIC: f64 = 2e-3;
-/// Longest way that the instrument goes at once, over twice the height of the body.
+/// Distance between the places of a way that was not seen, over the height of the body; a way of less than two is no such.
 const STRIDE: f64 = 0.0125;
 
 impl Twin {
@@ -40,14 +40,20 @@ impl Twin {
 
     /// Places on the way to one that is far, without it: what was not seen of an instrument's way is taken for a straight
     /// one. All at once it would tear the tissue: the needle preset's solution is lost in half of the jumps of 1.0 mm.
+    /// Only what is below the surface counts, which the sample bounds.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     fn way(&self, to: Tip) -> impl Iterator<Item = Tip> + use<> {
         let (from, stride) = (self.tip, STRIDE * self.height);
-        let far = (0..3).map(|k| (to.offset[k] - from[k]).powi(2)).sum::<f64>().sqrt();
-        let strides = if far > 2.0 * stride { (far / stride).ceil() as u32 } else { 1 };
+        let (start, end) = (from[2], to.offset[2]);
+        // shares of the way at which it passes the surface
+        let enters = if start > 0.0 { start / (start - end) } else { 0.0 };
+        let leaves = if end > 0.0 { start / (start - end) } else { 1.0 };
+        let inside = if start.min(end) < 0.0 { leaves - enters } else { 0.0 };
+        let far = inside * (0..3).map(|k| (to.offset[k] - from[k]).powi(2)).sum::<f64>().sqrt();
+        let strides = if far > 2.0 * stride { (far / stride).ceil() as u32 } else { 0 };
         let secant = (1.0 + to.slope.iter().map(|s| s * s).sum::<f64>()).sqrt();
-        (1..strides).map(move |i| {
-            let share = f64::from(i) / f64::from(strides);
+        let share = move |i: u32| enters + inside * f64::from(i) / f64::from(strides);
+        (0..=strides).map(share).filter(|share| (f64::MIN_POSITIVE..1.0).contains(share)).map(move |share| {
             let offset: [f64; 3] = std::array::from_fn(|k| from[k] + share * (to.offset[k] - from[k]));
             Tip { offset, depth: -offset[2] * secant, slope: to.slope }
         })
