@@ -173,7 +173,7 @@ fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
         live.gaps.unseen_m += (depth_m - from_m).abs();
         tracing::warn!(
             "no pose for {gap_s:.3} s: the instrument went from {from_m:.6} m to {depth_m:.6} m unseen, and the tissue is \
-             taken there at once"
+             taken there straight"
         );
     }
 }
