@@ -44,7 +44,7 @@ pub struct Advance {
 /// Forces and energies after an advance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Balance {
-    /// Force of the tissue on the instrument, less what inertia and damping add along its way (see [`super::inertia`]), N.
+    /// Force of the tissue on the instrument, less what inertia and damping add along its way (see `solver::inertia`), N.
     pub instrument: [f64; 3],
     /// How far that may be from the force at rest in this position, N: an estimate.
     pub doubt: f64,
