@@ -24,7 +24,7 @@ const FADE: f64 = 0.95;
 
 impl Solver {
     /// Brings the masses up to date with the last evaluation of the internal force, and the slowest frequency with the
-    /// masses. Costs about a third of a step.
+    /// masses. Costs less than a third of a step.
     pub(super) fn refresh_masses(&mut self) {
         let count = self.mass.len();
         let scale = self.mass_scale;
