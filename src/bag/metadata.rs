@@ -47,6 +47,9 @@ pub struct Metadata {
     pub ros_distro: Option<String>,
 }
 
+/// Distribution that is written into a bag; the type hashes are those of this and later ones.
+const ROS_DISTRO: &str = "jazzy";
+
 /// A number of nanoseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 pub struct Nanoseconds {
@@ -129,6 +132,32 @@ struct Document {
 }
 
 impl Metadata {
+    /// Of a bag with one MCAP file, and the first and last log time of its messages.
+    pub(super) fn of_one_file(
+        name: &str,
+        (first, last): (u64, u64),
+        topics: Vec<TopicCount>,
+        custom_data: BTreeMap<String, String>,
+    ) -> Self {
+        let starting_time = StartingTime { nanoseconds_since_epoch: first as i64 };
+        let duration = Nanoseconds { nanoseconds: (last - first) as i64 };
+        let message_count = topics.iter().map(|t| t.message_count).sum();
+        Self {
+            version: VERSION,
+            storage_identifier: "mcap".to_owned(),
+            duration,
+            starting_time,
+            message_count,
+            topics_with_message_count: topics,
+            compression_format: String::new(),
+            compression_mode: String::new(),
+            relative_file_paths: vec![name.to_owned()],
+            files: vec![FileCount { path: name.to_owned(), starting_time, duration, message_count }],
+            custom_data: Some(custom_data),
+            ros_distro: Some(ROS_DISTRO.to_owned()),
+        }
+    }
+
     /// Reads the text of a metadata.yaml.
     ///
     /// # Errors

@@ -6,15 +6,14 @@
 
 use super::error::{BagError, Loss};
 use super::folder::{self, Located};
-use super::index::{FileIndex, Segment, read_index, unpack_limit};
+use super::index::{FileIndex, read_index};
+use super::messages::Messages;
 use super::metadata::Metadata;
 use super::qos::Qos;
 use super::record::ChannelRecord;
-use super::segment::{Entry, OpenSegment};
 use super::source::Source;
 use crate::ros::messages::{RosMessage, from_cdr};
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -61,7 +60,7 @@ pub(super) struct BagFile {
     pub(super) source: Source,
     pub(super) index: FileIndex,
     /// Topic of each channel.
-    topics: BTreeMap<u16, usize>,
+    pub(super) topics: BTreeMap<u16, usize>,
 }
 
 /// An opened bag. Cheap to clone; every clone reads the same files.
@@ -300,132 +299,5 @@ impl Bag {
                 Some(_) => {}
             }
         }
-    }
-}
-
-/// Messages in the order of their log times. Chunks are read when their time comes.
-#[derive(Debug)]
-pub struct Messages {
-    bag: BagReader,
-    wanted: Vec<bool>,
-    /// Segments that are not open yet, the earliest last.
-    waiting: Vec<(usize, Segment)>,
-    open: BTreeMap<u64, OpenSegment>,
-    /// Time of the next message of each open segment.
-    next: BinaryHeap<Reverse<(u64, u64)>>,
-    opened: u64,
-    /// Bytes of all open segments.
-    held: u64,
-    limit: u64,
-    unknown: BTreeMap<usize, u64>,
-    losses: Vec<Loss>,
-}
-
-impl Messages {
-    fn new(bag: &BagReader, wanted: Vec<bool>) -> Self {
-        let files = bag.files().iter().enumerate();
-        let mut waiting: Vec<(usize, Segment)> =
-            files.flat_map(|(f, file)| file.index.segments.iter().map(move |s| (f, *s))).collect();
-        waiting.sort_by_key(|(file, s)| Reverse((s.start_ns, *file, s.offset)));
-        Self {
-            bag: bag.clone(),
-            wanted,
-            waiting,
-            open: BTreeMap::new(),
-            next: BinaryHeap::new(),
-            opened: 0,
-            held: 0,
-            limit: unpack_limit(bag.size()),
-            unknown: BTreeMap::new(),
-            losses: Vec::new(),
-        }
-    }
-
-    /// What turned out to be lost while reading, beside [`BagReader::losses`]. Complete at the end.
-    #[must_use]
-    pub fn losses(&self) -> &[Loss] {
-        &self.losses
-    }
-
-    /// Opens every segment that may hold the next message.
-    fn open_due(&mut self) {
-        while let Some(&(file, segment)) = self.waiting.last() {
-            let due = self.next.peek().is_none_or(|Reverse((time, _))| segment.start_ns <= *time);
-            if !due {
-                return;
-            }
-            self.waiting.pop();
-            self.open_segment(file, segment);
-        }
-    }
-
-    fn open_segment(&mut self, file_number: usize, segment: Segment) {
-        let bag = self.bag.clone();
-        let Some(file) = bag.files().get(file_number) else { return };
-        let left = self.limit.saturating_sub(self.held);
-        let opened = OpenSegment::read(file_number, &file.source, segment, left.min(unpack_limit(file.source.len())));
-        let (name, offset) = (&file.name, segment.offset);
-        let open = match opened {
-            Ok(open) => open,
-            Err(reason) => {
-                self.losses.push(Loss::Chunk { file: name.clone(), offset, messages: None, reason });
-                return;
-            }
-        };
-        if let Some(reason) = open.cut.clone() {
-            let loss = Loss::PartOfChunk { file: name.clone(), offset, read: open.left(), reason };
-            if !bag.losses().contains(&loss) {
-                self.losses.push(loss);
-            }
-        }
-        let (open, unknown) = open.keep(|channel| {
-            let topic = file.topics.get(&channel)?;
-            Some(self.wanted.get(*topic).copied().unwrap_or(false))
-        });
-        if unknown > 0 {
-            *self.unknown.entry(file_number).or_default() += unknown;
-        }
-        if let Some(first) = open.peek() {
-            self.opened += 1;
-            self.held += open.size();
-            self.next.push(Reverse((first.log_ns, self.opened)));
-            self.open.insert(self.opened, open);
-        }
-    }
-
-    fn take(&mut self, key: u64) -> Option<Message> {
-        let open = self.open.get_mut(&key)?;
-        let (entry, data) = open.pop()?;
-        let Entry { channel, sequence, log_ns, publish_ns, .. } = entry;
-        let file = self.bag.files().get(open.file)?;
-        let topic = *file.topics.get(&channel)?;
-        match open.peek().map(|next| next.log_ns) {
-            Some(time) => self.next.push(Reverse((time, key))),
-            None => {
-                self.held -= open.size();
-                self.open.remove(&key);
-            }
-        }
-        Some(Message { topic, log_ns, publish_ns, sequence, data })
-    }
-
-    fn report_unknown(&mut self) {
-        for (file, messages) in std::mem::take(&mut self.unknown) {
-            let file = self.bag.files().get(file).map_or(String::new(), |f| f.name.clone());
-            self.losses.push(Loss::UnknownChannel { file, messages });
-        }
-    }
-}
-
-impl Iterator for Messages {
-    type Item = Message;
-
-    fn next(&mut self) -> Option<Message> {
-        self.open_due();
-        let Some(Reverse((_, key))) = self.next.pop() else {
-            self.report_unknown();
-            return None;
-        };
-        self.take(key)
     }
 }

@@ -5,7 +5,7 @@
 //! message is taken, so a full disk ends the recording, not the file.
 
 use super::error::BagError;
-use super::metadata::{FileCount, Metadata, Nanoseconds, QosField, StartingTime, TopicCount, TopicMetadata, VERSION};
+use super::metadata::{Metadata, QosField, TopicCount, TopicMetadata};
 use super::qos::Qos;
 use super::schema::{Schema, schema};
 use super::space::Reserved;
@@ -16,9 +16,6 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-
-/// Distribution that is written into the bag; the type hashes are those of this and later ones.
-const ROS_DISTRO: &str = "jazzy";
 
 /// Bytes that a message takes in a chunk beside its content, and in the index behind the chunk.
 const PER_MESSAGE: u64 = 31 + 16;
@@ -366,25 +363,9 @@ impl BagWriter {
 
     /// What metadata.yaml says now.
     fn metadata(&self) -> Metadata {
-        let (first, last) = self.span.unwrap_or((0, 0));
-        let starting_time = StartingTime { nanoseconds_since_epoch: first as i64 };
-        let duration = Nanoseconds { nanoseconds: (last - first) as i64 };
-        let message_count = self.messages();
         let count = |t: &Topic| TopicCount { topic_metadata: t.metadata.clone(), message_count: t.messages };
-        Metadata {
-            version: VERSION,
-            storage_identifier: "mcap".to_owned(),
-            duration,
-            starting_time,
-            message_count,
-            topics_with_message_count: self.topics.iter().map(count).collect(),
-            compression_format: String::new(),
-            compression_mode: String::new(),
-            relative_file_paths: vec![self.file_name.clone()],
-            files: vec![FileCount { path: self.file_name.clone(), starting_time, duration, message_count }],
-            custom_data: Some(self.options.custom_data.clone()),
-            ros_distro: Some(ROS_DISTRO.to_owned()),
-        }
+        let topics = self.topics.iter().map(count).collect();
+        Metadata::of_one_file(&self.file_name, self.span.unwrap_or((0, 0)), topics, self.options.custom_data.clone())
     }
 
     /// Written anew with every topic, so that it is there whenever the process ends.

@@ -4,7 +4,13 @@
 //! and mute while `publish` keeps returning Ok. Blocking all signals before the participant is built (its threads
 //! inherit the mask) keeps handled signals and Ctrl-Z away from them.
 
+use std::os::fd::AsFd;
 use std::time::Duration;
+
+use nix::sys::signal::SigSet;
+use nix::sys::signal::Signal::{SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGINT, SIGSEGV, SIGTERM, SIGTRAP};
+use nix::sys::signalfd::{SfdFlags, SignalFd};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// Why the process asked itself to stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,46 +24,33 @@ pub enum Signal {
 /// The process's signals, blocked in the calling thread and in every thread that it starts afterwards.
 #[derive(Debug)]
 pub struct Signals {
-    set: libc::sigset_t,
+    /// Readable when SIGINT or SIGTERM is pending.
+    asked: SignalFd,
 }
 
 impl Signals {
     /// Blocks all signals that can be blocked. Call it first of all, in the main thread.
     ///
     /// # Errors
-    /// The error of `pthread_sigmask`.
+    /// The error of `pthread_sigmask` or of `signalfd`.
     pub fn block() -> std::io::Result<Self> {
-        // SAFETY: both sets are plain data that the sig*set calls initialise before anything reads them.
-        unsafe {
-            let mut all: libc::sigset_t = std::mem::zeroed();
-            libc::sigfillset(&raw mut all);
-            // Faults of the program itself must end it.
-            for fault in [libc::SIGSEGV, libc::SIGBUS, libc::SIGFPE, libc::SIGILL, libc::SIGABRT, libc::SIGTRAP] {
-                libc::sigdelset(&raw mut all, fault);
-            }
-            let code = libc::pthread_sigmask(libc::SIG_BLOCK, &raw const all, std::ptr::null_mut());
-            if code != 0 {
-                return Err(std::io::Error::from_raw_os_error(code));
-            }
-            let mut set: libc::sigset_t = std::mem::zeroed();
-            libc::sigemptyset(&raw mut set);
-            libc::sigaddset(&raw mut set, libc::SIGINT);
-            libc::sigaddset(&raw mut set, libc::SIGTERM);
-            Ok(Self { set })
-        }
+        let mut all = SigSet::all();
+        // Faults of the program itself must end it.
+        [SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP].into_iter().for_each(|fault| all.remove(fault));
+        all.thread_block()?;
+        let asked: SigSet = [SIGINT, SIGTERM].into_iter().collect();
+        Ok(Self { asked: SignalFd::with_flags(&asked, SfdFlags::SFD_NONBLOCK | SfdFlags::SFD_CLOEXEC)? })
     }
 
     /// Waits for SIGINT or SIGTERM, at most so long.
     #[must_use]
     pub fn wait(&self, timeout: Duration) -> Option<Signal> {
-        let timeout = libc::timespec {
-            tv_sec: libc::time_t::try_from(timeout.as_secs()).unwrap_or(libc::time_t::MAX),
-            tv_nsec: i64::from(timeout.subsec_nanos()),
-        };
-        // SAFETY: the set was initialised by `block`, the timespec is valid, and no siginfo is asked for.
-        match unsafe { libc::sigtimedwait(&raw const self.set, std::ptr::null_mut(), &raw const timeout) } {
-            libc::SIGINT => Some(Signal::Interrupt),
-            libc::SIGTERM => Some(Signal::Terminate),
+        let fd = self.asked.as_fd();
+        // Interrupted or not: what is pending is read. A timeout beyond what the system counts is for ever.
+        let _ = poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], Timespec::try_from(timeout).ok().as_ref());
+        match self.asked.read_signal() {
+            Ok(Some(signal)) if signal.ssi_signo == SIGINT as u32 => Some(Signal::Interrupt),
+            Ok(Some(_)) => Some(Signal::Terminate),
             _ => None,
         }
     }

@@ -1,7 +1,7 @@
 //! Starts the middleware process, hands on what it says, and replaces it when it dies or falls silent.
 
 use std::io;
-use std::os::fd::{AsRawFd, OwnedFd, RawFd};
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
@@ -12,6 +12,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::Sender;
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::process::Signal;
 
 use super::ARGUMENT;
 use super::health::Health;
@@ -149,7 +151,7 @@ impl Keeper {
     fn rests(&mut self, pause: Duration) -> bool {
         let until = Instant::now() + pause;
         while !self.link.is_stopped() && Instant::now() < until {
-            poll(&mut [(self.woken.as_raw_fd(), libc::POLLIN)], until - Instant::now());
+            poll([(&self.woken, PollFlags::IN)], until - Instant::now());
             self.drain_nudges();
         }
         self.link.is_stopped()
@@ -183,10 +185,10 @@ impl Keeper {
         let (mut ready, mut silent) = (false, 0);
         loop {
             let more = self.link.flush();
-            let interest = if more { libc::POLLIN | libc::POLLOUT } else { libc::POLLIN };
-            let mut sockets = [(socket.as_raw_fd(), interest), (self.woken.as_raw_fd(), libc::POLLIN)];
+            let interest = if more { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
+            let sockets = [(socket, interest), (&self.woken, PollFlags::IN)];
             // Looks are counted and not time: a node that was stopped itself must not take its own sleep for silence.
-            silent = if poll(&mut sockets, LOOK) { 0 } else { silent + 1 };
+            silent = if poll(sockets, LOOK) { 0 } else { silent + 1 };
             let patience = match (ready, first.is_some()) {
                 (true, _) => SILENT_LOOKS,
                 (false, first) => STARTING_LOOKS[usize::from(!first)],
@@ -237,7 +239,7 @@ impl Keeper {
     fn flush_all(&self, socket: &UnixStream) {
         let until = Instant::now() + REST;
         while self.link.flush() && Instant::now() < until {
-            poll(&mut [(socket.as_raw_fd(), libc::POLLOUT)], REST);
+            poll([(socket, PollFlags::OUT)], REST);
         }
     }
 
@@ -333,9 +335,13 @@ fn say_goodbye(socket: &UnixStream) {
 
 fn why(reason: String, status: Option<ExitStatus>) -> String {
     match status.map(|s| (s.signal(), s.code())) {
-        Some((Some(libc::SIGABRT), _)) => "has failed (most likely it has reached middleware_memory_mib)".to_owned(),
-        Some((Some(libc::SIGKILL), _)) => "was killed (by somebody, or for want of memory)".to_owned(),
-        Some((Some(signal), _)) => format!("was ended by signal {signal}"),
+        Some((Some(n), _)) if n == Signal::ABORT.as_raw() => {
+            "has failed (most likely it has reached middleware_memory_mib)".to_owned()
+        }
+        Some((Some(n), _)) if n == Signal::KILL.as_raw() => {
+            "was killed (by somebody, or for want of memory)".to_owned()
+        }
+        Some((Some(n), _)) => format!("was ended by signal {n}"),
         Some((None, Some(code))) => format!("has ended with exit code {code}"),
         _ => reason,
     }
@@ -366,12 +372,8 @@ fn relay(level: u8, body: &str) {
 }
 
 /// Waits until something can be done with one of the sockets; false if nothing could in time.
-fn poll(sockets: &mut [(RawFd, libc::c_short)], patience: Duration) -> bool {
-    let mut entries: Vec<libc::pollfd> =
-        sockets.iter().map(|(fd, events)| libc::pollfd { fd: *fd, events: *events, revents: 0 }).collect();
-    let millis = libc::c_int::try_from(patience.as_millis()).unwrap_or(libc::c_int::MAX);
-    // SAFETY: the entries live as long as the call, and their number is theirs.
-    let ready = unsafe { libc::poll(entries.as_mut_ptr(), entries.len() as libc::nfds_t, millis) };
+fn poll<const N: usize>(sockets: [(&UnixStream, PollFlags); N], patience: Duration) -> bool {
+    let mut entries = sockets.map(|(socket, interest)| PollFd::new(socket, interest));
     // An interruption is no silence.
-    ready != 0
+    !matches!(rustix::event::poll(&mut entries, Timespec::try_from(patience).ok().as_ref()), Ok(0))
 }
