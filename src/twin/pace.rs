@@ -25,7 +25,7 @@ const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force: with it
-/// the tissue lags behind by no more than 0.2% of its largest displacement at 5 mm/s, 0.6% at 20 mm/s (needle).
+/// the tissue of the needle lags behind by 0.2% of its largest displacement at 5 mm/s, 0.6% at 20 mm/s (at a depth of 10 mm).
 const LAG: f64 = 4.0;
 /// Steps after a relaxation of the stress: the pressure has to find its new balance, which its fast waves do in these.
 const SETTLING: u32 = 4;

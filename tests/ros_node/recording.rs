@@ -88,11 +88,12 @@ fn a_folder_that_is_not_empty_is_refused() {
 #[test]
 fn a_full_disk_ends_the_recording_and_not_the_node_and_the_bag_is_closed() {
     let folder = tempfile::tempdir().unwrap();
-    // `wait` may miss a signal that comes just before it sleeps; a trap between two commands does not
+    // `wait` may miss a signal that comes just before it sleeps; a trap between two commands does not. A shell that was
+    // started with SIGINT ignored, as in the background of another, can't trap that, so it is told by SIGTERM
     let script = r#"mount -t tmpfs -o size=800k none "$1" && shift || exit 99
         check=$1; bag=$2; shift 2
         "$@" & twin=$!
-        trap 'kill -INT $twin' INT
+        trap 'kill -INT $twin' TERM
         while kill -0 $twin 2>/dev/null; do sleep 0.1; done
         wait $twin; code=$?
         "$check" bag check "$bag" >&2 && echo "the bag is sound" >&2
@@ -116,7 +117,7 @@ fn a_full_disk_ends_the_recording_and_not_the_node_and_the_bag_is_closed() {
     let mut peer = Peer::start(domain);
     let answered = insert(&mut peer) + insert(&mut peer);
     assert!(answered > 60, "the node goes on: {answered}");
-    let (code, log, _) = node.stop("INT");
+    let (code, log, _) = node.stop("TERM");
     assert_eq!(code, Some(3), "{log}");
     assert_eq!(log.matches("the recording stops").count(), 1, "said once: {log}");
     assert!(log.contains("the bag is sound"), "{log}");
