@@ -17,9 +17,11 @@ use super::lanes::{LANES, Lanes};
 use super::memory::Memory;
 use super::real::{Number, Real};
 
-/// Visits per block: 200 kB of gradients stream through, the few hundred nodes stay in cache. Four times as many make a
-/// step 8% cheaper on one thread, and leave too few blocks to share among sixteen.
-const VISITS: usize = 4096;
+/// Blocks to share among threads: two for each of sixteen.
+const BLOCKS: usize = 32;
+/// Visits per block at least and at most: the larger, the fewer nodes belong to several (four times as many visits make a
+/// step 8% cheaper), until the block's own nodes no longer stay in cache while its gradients stream through.
+const VISITS: std::ops::RangeInclusive<usize> = 4096..=16384;
 
 /// In [`Block::point`]: a lane that holds no point.
 const NO_POINT: u32 = u32::MAX;
@@ -63,8 +65,6 @@ pub struct Block<T: Real> {
     pub dilation: Vec<T>,
     /// Pressure at each local node, Pa.
     pub pressure: Vec<T>,
-    /// Internal force on each local node, by the lane of the points that exert it, N; zero between evaluations.
-    pub force_of_lane: Vec<[Lanes<T>; 3]>,
     /// Internal force of the block's points on each local node, N.
     pub force: Vec<[T; 3]>,
     /// Smallest volume ratio of the block's points at the last evaluation.
@@ -74,6 +74,10 @@ pub struct Block<T: Real> {
     /// What the points of a relaxing material remember.
     pub memory: Memory,
 }
+
+/// A thread's own memory while it works on a block: internal force on each local node by the lane of the points that
+/// exert it, N; zero between blocks. It stays in the thread's first cache, where the blocks' own would not.
+pub type ForceOfLane<T> = Vec<[Lanes<T>; 3]>;
 
 /// Where each global index's shares lie: block and local index, in block order.
 #[derive(Clone, Debug, Default)]
@@ -94,10 +98,12 @@ impl<T: Real> Block<T> {
             .collect();
         let groups = groups(&centres, |p| corners(p), points.len());
         let visited: Vec<Vec<u32>> = groups.par_iter().map(|group| visited(table, group)).collect();
+        let total: usize = visited.iter().map(Vec::len).sum();
+        let most = total.div_ceil(BLOCKS).clamp(*VISITS.start(), *VISITS.end());
         let mut ranges = Vec::new();
         let (mut first, mut visits) = (0, 0);
         for (g, visited) in visited.iter().enumerate() {
-            if visits + visited.len() > VISITS && g > first {
+            if visits + visited.len() > most && g > first {
                 ranges.push(first..g);
                 (first, visits) = (g, 0);
             }
@@ -132,7 +138,6 @@ impl<T: Real> Block<T> {
             deformation: vec![Default::default(); groups.len()],
             dilation: vec![T::default(); nodes.len()],
             pressure: vec![T::default(); nodes.len()],
-            force_of_lane: vec![Default::default(); nodes.len()],
             force: vec![[T::default(); 3]; nodes.len()],
             min_jacobian: 1.0,
             energy: 0.0,

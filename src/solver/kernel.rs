@@ -13,7 +13,7 @@ use crate::material::neo_hookean::Gradient;
 use crate::material::{Law, Volumetric};
 use crate::scene::VolumeRatio;
 
-use super::block::{Block, Shares};
+use super::block::{Block, ForceOfLane, Shares};
 use super::dilatation::{Dilatation, POINTWISE_BULK};
 use super::fold::{self, Guard, Resistance};
 use super::lanes::{LANES, Lanes, Loop, run};
@@ -21,12 +21,12 @@ use super::memory::Memory;
 use super::points::{Constants, Relaxing};
 use super::pool::{Dealt, Team};
 use super::real::{Number, Real};
-use super::rows::Rows;
+use super::strip::Strip;
 
 /// Nodes per share of the sums over nodes.
 pub const NODES_PER_DEAL: usize = 256;
-/// Groups of rows per share of a product with N_aP.
-const ROWS_PER_DEAL: usize = NODES_PER_DEAL / LANES;
+/// Coarse nodes per share of the sums over them.
+const COARSE_PER_DEAL: usize = 64;
 
 /// Internal-force kernel of one model.
 #[derive(Clone, Debug)]
@@ -36,46 +36,43 @@ pub struct Kernel<T: Real> {
     slot: Vec<(u32, u32)>,
     node_shares: Shares,
     projection: Projection<T>,
-    pressure: Pressure<T>,
     guard: Guard,
     /// Of the guarded cells at the last evaluation.
     resistance: Vec<Resistance>,
+    /// Of each thread.
+    scratch: Vec<ForceOfLane<T>>,
     nodes: usize,
     pub(super) constants: Constants,
 }
 
-/// N_aP both ways, and the volumes of the coarse nodes.
+/// The projection of the dilation and its last values.
 #[derive(Clone, Debug)]
 struct Projection<T> {
-    /// Rows P.
-    to_coarse: Rows<T>,
-    /// Rows a.
-    to_nodes: Rows<T>,
+    /// N_aP, [`NODES_PER_DEAL`] nodes each; none with the pointwise volume ratio.
+    strips: Vec<Strip<T>>,
+    /// Strips that have a coarse node.
+    shares: Shares,
     /// V_P, m^3.
     volume: Vec<f64>,
-}
-
-/// Volume ratios and pressures of the last evaluation; whole groups of lanes.
-#[derive(Clone, Debug)]
-struct Pressure<T> {
-    /// V_a (J_a - 1), m^3.
-    dilation: Vec<T>,
     /// (kappa - kappa_s) u'(J_P), Pa.
     coarse: Vec<T>,
-    /// The same at the nodes, Pa.
+    /// The same at the nodes, Pa; whole groups of lanes.
     nodal: Vec<T>,
 }
 
 /// The kernel's memory during a job, dealt to the team's threads.
 pub struct Parts<'a, T: Real> {
     pub(super) blocks: Dealt<'a, Block<T>>,
-    dilation: Dealt<'a, T>,
+    strips: Dealt<'a, Strip<T>>,
     coarse: Dealt<'a, T>,
     nodal: Dealt<'a, T>,
     resistance: Dealt<'a, Resistance>,
+    pub(super) scratch: Dealt<'a, ForceOfLane<T>>,
     pub(super) guard: &'a Guard,
     node_shares: &'a Shares,
-    projection: &'a Projection<T>,
+    shares: &'a Shares,
+    /// V_P, m^3.
+    volume: &'a [f64],
     nodes: usize,
     pub(super) constants: Constants,
 }
@@ -105,15 +102,12 @@ impl<T: Real> Kernel<T> {
             block.memory = Memory::new(&law.prony, block.point.len());
             block.occupied().for_each(|(s, point)| slot[point] = (b as u32, s as u32));
         }
+        let most = blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
         let projection = Projection::new(&dilatation, table, cells, nodes);
         Self {
             node_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
-            pressure: Pressure {
-                dilation: vec![T::default(); nodes],
-                coarse: vec![T::default(); LANES * projection.to_coarse.groups()],
-                nodal: vec![T::default(); LANES * projection.to_nodes.groups()],
-            },
             projection,
+            scratch: vec![vec![Default::default(); most]],
             resistance: vec![Resistance::default(); table.guarded.len()],
             guard: Guard::new(&table.guarded, cells, points, mu),
             nodes,
@@ -128,17 +122,26 @@ impl<T: Real> Kernel<T> {
         }
     }
 
+    /// Makes memory for a team of so many threads; a new kernel has it for one.
+    #[must_use]
+    pub fn for_threads(mut self, threads: usize) -> Self {
+        self.scratch.resize(threads.max(1), self.scratch[0].clone());
+        self
+    }
+
     /// Lends the kernel's memory to a job.
     pub fn parts(&mut self) -> Parts<'_, T> {
         Parts {
             blocks: Dealt::new(&mut self.blocks),
-            dilation: Dealt::new(&mut self.pressure.dilation),
-            coarse: Dealt::new(&mut self.pressure.coarse),
-            nodal: Dealt::new(&mut self.pressure.nodal),
+            strips: Dealt::new(&mut self.projection.strips),
+            coarse: Dealt::new(&mut self.projection.coarse),
+            nodal: Dealt::new(&mut self.projection.nodal),
             resistance: Dealt::new(&mut self.resistance),
+            scratch: Dealt::new(&mut self.scratch),
             guard: &self.guard,
             node_shares: &self.node_shares,
-            projection: &self.projection,
+            shares: &self.projection.shares,
+            volume: &self.projection.volume,
             nodes: self.nodes,
             constants: self.constants,
         }
@@ -180,7 +183,7 @@ impl<T: Real> Kernel<T> {
         let projected: f64 = if self.constants.projected > 0.0 {
             let (kappa, volumetric) = (self.constants.projected, self.constants.law.volumetric);
             let density = |p: f64| kappa * volumetric.energy(volumetric.dilation(p / kappa));
-            self.pressure.coarse.iter().zip(&self.projection.volume).map(|(p, v)| v * density(p.get())).sum()
+            self.projection.coarse.iter().zip(&self.projection.volume).map(|(p, v)| v * density(p.get())).sum()
         } else {
             0.0
         };
@@ -208,10 +211,6 @@ impl<T: Real> Projection<T> {
             let (coarse, value) = dilatation.of_node(a);
             coarse.iter().copied().zip(value.iter().copied())
         };
-        let mut of_coarse = vec![Vec::new(); dilatation.count];
-        for a in 0..nodes {
-            entries(a).for_each(|(coarse, value)| of_coarse[coarse as usize].push((a as u32, value)));
-        }
         let mut volume = vec![0.0; dilatation.count];
         let corners = table.form.corners();
         let share = 1.0 / corners as f64;
@@ -220,10 +219,18 @@ impl<T: Real> Projection<T> {
                 entries(*n as usize).for_each(|(coarse, value)| volume[coarse as usize] += share * v * value);
             }
         }
+        let strips: Vec<Strip<T>> = if dilatation.count > 0 {
+            let range = |first: usize| first..(first + NODES_PER_DEAL).min(nodes);
+            (0..nodes).step_by(NODES_PER_DEAL).map(|first| Strip::new(range(first), entries)).collect()
+        } else {
+            Vec::new()
+        };
         Self {
-            to_nodes: Rows::new(if dilatation.count > 0 { nodes } else { 0 }, |a| entries(a).collect()),
-            to_coarse: Rows::new(dilatation.count, |coarse| of_coarse[coarse].clone()),
+            shares: Shares::of(strips.iter().map(Strip::coarse), dilatation.count),
             volume,
+            coarse: vec![T::default(); dilatation.count],
+            nodal: vec![T::default(); strips.len() * NODES_PER_DEAL],
+            strips,
         }
     }
 }
@@ -233,23 +240,25 @@ impl<T: Real> Parts<'_, T> {
     /// the blocks hold their forces and the team has passed a barrier.
     pub fn force(&self, team: &Team, u: &[[f64; 3]]) {
         let count = self.blocks.len();
-        // SAFETY (all blocks below): each block, then each range of nodes or rows, is claimed by one thread between
-        // barriers, and what a phase reads no thread writes in it.
+        // SAFETY (all blocks below): each block, strip or range of nodes is claimed by one thread between barriers, a
+        // thread's scratch memory is its own, and what a phase reads no thread writes in it.
         team.claim(count, |b| unsafe { self.blocks.get(b) }.deform(u));
         team.barrier();
         let pressures: &[T] = if self.constants.projected > 0.0 {
-            team.claim(self.nodes.div_ceil(NODES_PER_DEAL), |deal| self.sum_dilation(deal));
+            team.claim(self.strips.len(), |strip| run(ToCoarse(self, strip)));
             team.barrier();
-            team.claim(self.projection.to_coarse.groups().div_ceil(ROWS_PER_DEAL), |deal| run(ToCoarse(self, deal)));
+            team.claim(self.coarse.len().div_ceil(COARSE_PER_DEAL), |deal| self.press(deal));
             team.barrier();
-            team.claim(self.projection.to_nodes.groups().div_ceil(ROWS_PER_DEAL), |deal| run(ToNodes(self, deal)));
+            team.claim(self.strips.len(), |strip| run(ToNodes(self, strip)));
             team.barrier();
             unsafe { self.nodal.read() }
         } else {
             &[]
         };
         team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
-            None => unsafe { self.blocks.get(i) }.stress(pressures, &self.constants),
+            None => {
+                unsafe { self.blocks.get(i) }.stress(pressures, &self.constants, unsafe { self.scratch.get(team.rank) })
+            }
             Some(deal) => self.resist(deal, |cell| self.guard.resistance(cell, u)),
         });
         team.barrier();
@@ -269,14 +278,30 @@ impl<T: Real> Parts<'_, T> {
         }
     }
 
-    /// V_a (J_a - 1) of one deal of nodes.
-    fn sum_dilation(&self, deal: usize) {
-        let range = deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(self.nodes);
+    /// V_a (J_a - 1), m^3.
+    #[inline(always)]
+    fn dilation(&self, n: usize) -> T {
         // SAFETY: as in `force`.
-        let (blocks, dilation) = unsafe { (self.blocks.read(), self.dilation.part(range.clone())) };
-        for (out, n) in dilation.iter_mut().zip(range) {
-            let shares = self.node_shares.of_index(n).iter();
-            *out = T::of(shares.map(|&(b, l)| blocks[b as usize].dilation[l as usize].get()).sum());
+        let blocks = unsafe { self.blocks.read() };
+        let shares = self.node_shares.of_index(n).iter();
+        T::of(shares.map(|&(b, l)| blocks[b as usize].dilation[l as usize].get()).sum())
+    }
+
+    /// Pressures of one deal of coarse nodes.
+    fn press(&self, deal: usize) {
+        let range = deal * COARSE_PER_DEAL..((deal + 1) * COARSE_PER_DEAL).min(self.coarse.len());
+        let kappa = self.constants.projected;
+        // SAFETY: as in `force`.
+        let (strips, out) = unsafe { (self.strips.read(), self.coarse.part(range.clone())) };
+        for (out, coarse) in out.iter_mut().zip(range) {
+            let shares = self.shares.of_index(coarse).iter();
+            let sum: f64 = shares.map(|&(s, l)| strips[s as usize].sum(l as usize).get()).sum();
+            let dilation = sum / self.volume[coarse];
+            *out = T::of(match self.constants.law.volumetric {
+                _ if self.volume[coarse] <= 0.0 => 0.0,
+                Volumetric::Quadratic => kappa * dilation,
+                other => kappa * other.slope(dilation),
+            });
         }
     }
 
@@ -301,44 +326,28 @@ impl<T: Real> Parts<'_, T> {
     }
 }
 
-/// Coarse pressures of one deal of rows.
+/// The dilations of one strip's nodes, to its coarse nodes.
 struct ToCoarse<'a, T: Real>(&'a Parts<'a, T>, usize);
 
 impl<T: Real> Loop for ToCoarse<'_, T> {
     #[inline(always)]
     fn go(self) {
-        let Self(parts, deal) = self;
-        let Projection { to_coarse, volume, .. } = parts.projection;
-        let kappa = parts.constants.projected;
-        for group in deal * ROWS_PER_DEAL..((deal + 1) * ROWS_PER_DEAL).min(to_coarse.groups()) {
-            let range = LANES * group..LANES * (group + 1);
-            // SAFETY: as in `Parts::force`.
-            let (dilation, out) = unsafe { (parts.dilation.read(), parts.coarse.part(range.clone())) };
-            let sums = to_coarse.times(group, dilation);
-            for ((out, sum), volume) in out.iter_mut().zip(sums.0).zip(&volume[range.start..]) {
-                let dilation = sum.get() / volume;
-                *out = T::of(match parts.constants.law.volumetric {
-                    _ if *volume <= 0.0 => 0.0,
-                    Volumetric::Quadratic => kappa * dilation,
-                    other => kappa * other.slope(dilation),
-                });
-            }
-        }
+        let Self(parts, strip) = self;
+        // SAFETY: as in `Parts::force`.
+        unsafe { parts.strips.get(strip) }.to_coarse(|n| parts.dilation(n));
     }
 }
 
-/// Nodal pressures of one deal of rows.
+/// The coarse pressures to one strip's nodes.
 struct ToNodes<'a, T: Real>(&'a Parts<'a, T>, usize);
 
 impl<T: Real> Loop for ToNodes<'_, T> {
     #[inline(always)]
     fn go(self) {
-        let Self(parts, deal) = self;
-        let rows = &parts.projection.to_nodes;
-        for group in deal * ROWS_PER_DEAL..((deal + 1) * ROWS_PER_DEAL).min(rows.groups()) {
-            // SAFETY: as in `Parts::force`.
-            let (coarse, out) = unsafe { (parts.coarse.read(), parts.nodal.part(LANES * group..LANES * (group + 1))) };
-            out.copy_from_slice(&rows.times(group, coarse).0);
-        }
+        let Self(parts, strip) = self;
+        let range = strip * NODES_PER_DEAL..(strip + 1) * NODES_PER_DEAL;
+        // SAFETY: as in `Parts::force`.
+        let (coarse, out) = unsafe { (parts.coarse.read(), parts.nodal.part(range)) };
+        unsafe { parts.strips.get(strip) }.to_nodes(coarse, out);
     }
 }

@@ -11,7 +11,7 @@
 //! heavier, and the rest of the body moves on at its own pace: one mass factor for all would slow all of it. s is set
 //! once, at rest, from the true largest eigenvalue.
 
-use super::block::Block;
+use super::block::{Block, ForceOfLane};
 use super::kernel::{NODES_PER_DEAL, Parts};
 use super::lanes::{LANES, Lanes, Loop, run};
 use super::points::Constants;
@@ -55,7 +55,7 @@ impl<T: Real> Parts<'_, T> {
         let count = self.blocks.len();
         // SAFETY: each block is claimed by one thread.
         team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
-            None => run(Bound(unsafe { self.blocks.get(i) }, &self.constants)),
+            None => run(Bound(unsafe { self.blocks.get(i) }, &self.constants, unsafe { self.scratch.get(team.rank) })),
             Some(deal) => self.resist(deal, |cell| self.guard.bound(cell, u)),
         });
         team.barrier();
@@ -63,12 +63,12 @@ impl<T: Real> Parts<'_, T> {
 }
 
 /// The loop over points of the bounds.
-struct Bound<'a, T: Real>(&'a mut Block<T>, &'a Constants);
+struct Bound<'a, T: Real>(&'a mut Block<T>, &'a Constants, &'a mut ForceOfLane<T>);
 
 impl<T: Real> Loop for Bound<'_, T> {
     #[inline(always)]
     fn go(self) {
-        let Self(block, constants) = self;
+        let Self(block, constants, force) = self;
         for group in 0..block.volume.len() {
             let volume = block.volume[group].max(-block.volume[group]);
             let mut stiffness = Lanes::default();
@@ -78,10 +78,10 @@ impl<T: Real> Loop for Bound<'_, T> {
             }
             let share = volume * block.squares[group] * stiffness;
             for visit in block.start[group] as usize..block.start[group + 1] as usize {
-                block.force_of_lane[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);
+                force[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);
             }
         }
-        T::sum_and_clear(&mut block.force_of_lane, &mut block.force);
+        T::sum_and_clear(force, &mut block.force);
     }
 }
 

@@ -15,9 +15,9 @@ mod points;
 pub mod pool;
 pub mod real;
 mod relax;
-mod rows;
 mod state;
 mod step;
+mod strip;
 mod work;
 
 pub use state::{Role, Solver, SolverSettings};

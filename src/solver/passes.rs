@@ -3,7 +3,7 @@
 use crate::approximation::Form;
 use crate::material::neo_hookean::{Gradient, cofactor, determinant};
 
-use super::block::Block;
+use super::block::{Block, ForceOfLane};
 use super::lanes::{LANES, Lanes, Loop, run};
 use super::points::{Constants, PointLaw, Relaxing};
 use super::real::{Number, Real};
@@ -44,7 +44,7 @@ impl<T: Real> Block<T> {
     }
 
     /// Pass 2. `pressure` at all nodes, or empty.
-    pub(super) fn stress(&mut self, pressure: &[T], constants: &Constants) {
+    pub(super) fn stress(&mut self, pressure: &[T], constants: &Constants, scratch: &mut ForceOfLane<T>) {
         if !pressure.is_empty() {
             for (local, &n) in self.pressure.iter_mut().zip(&self.nodes) {
                 *local = pressure[n as usize];
@@ -52,10 +52,10 @@ impl<T: Real> Block<T> {
         }
         // the usual law has a loop of its own, with no choices in it
         if let Some(plain) = constants.plain() {
-            self.spread(&plain);
+            self.spread(&plain, scratch);
         } else {
             let memory = std::mem::take(&mut self.memory);
-            self.spread(&Relaxing { constants, memory: &memory });
+            self.spread(&Relaxing { constants, memory: &memory }, scratch);
             self.energy += memory.offset;
             self.memory = memory;
         }
@@ -65,12 +65,12 @@ impl<T: Real> Block<T> {
         }
     }
 
-    fn spread(&mut self, law: &impl PointLaw<T>) {
+    fn spread(&mut self, law: &impl PointLaw<T>, scratch: &mut ForceOfLane<T>) {
         match self.form {
-            Form::Full => run(Stress::<_, _, false>(self, law)),
-            Form::Axisymmetric => run(Stress::<_, _, true>(self, law)),
+            Form::Full => run(Stress::<_, _, false>(self, law, scratch)),
+            Form::Axisymmetric => run(Stress::<_, _, true>(self, law, scratch)),
         }
-        T::sum_and_clear(&mut self.force_of_lane, &mut self.force);
+        T::sum_and_clear(scratch, &mut self.force);
     }
 
     #[inline(always)]
@@ -128,12 +128,12 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
 }
 
 /// The loop over points of pass 2.
-struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a L);
+struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a L, &'a mut ForceOfLane<T>);
 
 impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L, AXISYMMETRIC> {
     #[inline(always)]
     fn go(self) {
-        let Self(block, law) = self;
+        let Self(block, law, force) = self;
         let zero = Lanes::default();
         let mut energy = zero;
         for group in 0..block.volume.len() {
@@ -146,14 +146,12 @@ impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L
             let here = volume * volume;
             energy += (volume * density).where_positive(here, zero);
             let factor = volume * block.scale[group];
-            let stress = stress.map(|s| (factor * s).where_positive(here, zero));
+            let mut spread = [zero; 9];
+            for (spread, stress) in spread.iter_mut().zip(stress) {
+                *spread = (factor * stress).where_positive(here, zero);
+            }
             let range = block.start[group] as usize..block.start[group + 1] as usize;
-            scatter::<T, AXISYMMETRIC>(
-                &block.local[range.clone()],
-                &block.gradient[range],
-                &stress,
-                &mut block.force_of_lane,
-            );
+            scatter::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, force);
         }
         block.energy = energy.sum().get();
     }

@@ -29,8 +29,8 @@ impl Constants {
                 prony,
                 ..
             } if prony.is_empty() => Some(NeoHookean {
-                mu: Lanes::of(shear_modulus),
-                pointwise: Lanes::of(self.pointwise),
+                mu: T::of(shear_modulus),
+                pointwise: T::of(self.pointwise),
                 resists_collapse: self.resists_collapse,
             }),
             _ => None,
@@ -91,24 +91,39 @@ pub trait PointLaw<T: Real> {
 
 /// [`crate::material::neo_hookean`] in the kernel's own precision.
 pub(super) struct NeoHookean<T> {
-    mu: Lanes<T>,
-    pointwise: Lanes<T>,
+    mu: T,
+    pointwise: T,
     resists_collapse: bool,
 }
 
-impl<T: Real> PointLaw<T> for NeoHookean<T> {
+impl<T: Real> NeoHookean<T> {
     #[inline(always)]
-    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
+    fn lane(&self, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
         let cof = cofactor(f);
         let j = determinant(f, &cof);
         let (energy, own) = if self.resists_collapse {
             collapse(j, self.pointwise)
         } else {
-            let dilation = j - Lanes::of(1.0);
-            (Lanes::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
+            let dilation = j - T::of(1.0);
+            (T::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
         };
         let energy = distortional_energy(f, j, self.mu) + energy;
         (energy, first_piola(f, &cof, j, self.mu, projected + own))
+    }
+}
+
+impl<T: Real> PointLaw<T> for NeoHookean<T> {
+    #[inline(always)]
+    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
+        let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
+        for lane in 0..LANES {
+            let (w, p) = self.lane(&std::array::from_fn(|i| f[i].0[lane]), projected.0[lane]);
+            density.0[lane] = w;
+            for i in 0..9 {
+                stress[i].0[lane] = p[i];
+            }
+        }
+        (density, stress)
     }
 }
 

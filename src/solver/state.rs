@@ -158,8 +158,12 @@ impl Solver {
     ) -> Self {
         let (law, ratio) = (&settings.law, settings.volume_ratio);
         let kernel = match settings.precision {
-            Precision::F32 => AnyKernel::F32(Kernel::new(table, cells, points, law, ratio)),
-            Precision::F64 => AnyKernel::F64(Kernel::new(table, cells, points, law, ratio)),
+            Precision::F32 => {
+                AnyKernel::F32(Kernel::new(table, cells, points, law, ratio).for_threads(settings.threads))
+            }
+            Precision::F64 => {
+                AnyKernel::F64(Kernel::new(table, cells, points, law, ratio).for_threads(settings.threads))
+            }
         };
         let nodes = points.len();
         let mu = law.shear_modulus();

@@ -56,6 +56,7 @@ impl Twin {
             repaired_supports,
             pace: Pace::new(scene, height),
             steps_since_save: 0,
+            constraint_error_m: 0.0,
             steps: 0,
             recoveries: 0,
             tip: [0.0; 3],

@@ -70,6 +70,7 @@ impl Twin {
             repaired_supports: self.repaired_supports,
             pace: self.pace.clone(),
             steps_since_save: self.steps_since_save,
+            constraint_error_m: self.constraint_error_m,
             steps: self.steps,
             recoveries: self.recoveries,
             tip: self.tip,
@@ -88,6 +89,7 @@ impl Twin {
         }
         self.pace.clone_from(&live.pace);
         self.steps_since_save = 0;
+        self.constraint_error_m = live.constraint_error_m;
         self.steps = live.steps;
         self.recoveries = live.recoveries;
         self.tip = live.tip;

@@ -93,7 +93,7 @@ pub struct Health {
     pub kinetic_to_strain_energy: f64,
     /// |instrument force + base reaction| over the peak force so far.
     pub force_imbalance: f64,
-    /// Largest distance between the field and its prescribed value at a constrained point, m.
+    /// Largest distance between the field and its prescribed value at a constrained point, m; measured every 64 steps.
     pub constraint_error_m: f64,
 }
 
@@ -226,6 +226,8 @@ pub struct Twin {
     repaired_supports: usize,
     pace: Pace,
     steps_since_save: u32,
+    /// See [`Health`].
+    constraint_error_m: f64,
     steps: u64,
     /// Times that the twin went back to the last good state.
     recoveries: u64,

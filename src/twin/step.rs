@@ -15,6 +15,8 @@ const INSERTED_ALIGNMENT: f64 = 0.35;
 /// Largest tilt (sine) of an axisymmetric model's instrument, and how far beside the axis it may be, over the height of
 /// the body: what it can't follow, and what a sensor may tremble by.
 const SYMMETRIC: f64 = 2e-3;
+/// Steps between two looks at the field where it is prescribed.
+const LOOK: u64 = 64;
 /// Distance between the places of a way that was not seen, over the height of the body; a way of less than two is no such.
 const STRIDE: f64 = 0.0125;
 
@@ -64,7 +66,7 @@ impl Twin {
         let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.tip[k]);
         let (mut phase, mut event) = (Phase::Approach, None);
         let mut taken = 0;
-        let mut balance = self.solver.balance();
+        let mut advanced = None;
         if let Some(contact) = &mut self.contact {
             (phase, event) = contact.impose(&tip, &mut self.solver);
             // a needle that tilts moves the tissue even if its tip stays
@@ -77,17 +79,23 @@ impl Twin {
             let unrest = self.solver.unrest(pose.time_s);
             let steps = self.pace.steps(distance, self.solver.slowest(), unrest);
             if steps > 0 {
-                balance = self.advance_safely(steps, travel, tip.depth, pose.time_s)?;
+                let balance = self.advance_safely(steps, travel, tip.depth, pose.time_s)?;
                 self.pace.judge(&balance, distance > 0.0);
+                advanced = Some(balance);
                 taken = steps;
             } else {
                 self.solver.rest(pose.time_s);
             }
         }
+        let balance = advanced.unwrap_or_else(|| self.solver.balance());
         self.tip = tip.offset;
         self.shaft = tip.axis_at(0.0);
         self.phase = phase;
+        let looks = self.steps / LOOK;
         self.steps += u64::from(taken);
+        if self.steps / LOOK > looks {
+            self.constraint_error_m = self.constraint_error();
+        }
         Ok(Prediction {
             time_s: pose.time_s,
             depth_m: tip.depth,
@@ -129,6 +137,7 @@ impl Twin {
         self.steps = 0;
         self.recoveries = 0;
         self.steps_since_save = 0;
+        self.constraint_error_m = 0.0;
         self.tip = [0.0; 3];
         self.shaft = [0.0; 2];
         self.phase = Phase::Approach;
@@ -140,7 +149,7 @@ impl Twin {
             min_jacobian: self.solver.min_jacobian(),
             kinetic_to_strain_energy: balance.kinetic / strain,
             force_imbalance: self.pace.imbalance,
-            constraint_error_m: self.constraint_error(),
+            constraint_error_m: self.constraint_error_m,
         }
     }
 
