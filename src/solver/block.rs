@@ -208,15 +208,16 @@ fn packed<T: Real>(gradient: &[[f64; 3]]) -> (f64, Vec<[T::Stored; 3]>) {
     let scale = if largest > 0.0 { largest / (most - 1.0) } else { 1.0 };
     let exact: Vec<[f64; 3]> = gradient.iter().map(|g| g.map(|g| g / scale)).collect();
     let mut whole: Vec<[f64; 3]> = exact.iter().map(|g| g.map(f64::round)).collect();
-    let mut order: Vec<usize> = (0..exact.len()).collect();
     for k in 0..3 {
         let sum = |g: &[[f64; 3]]| g.iter().map(|g| g[k]).sum::<f64>();
-        let missing = sum(&exact).round() - sum(&whole);
-        // those that were rounded furthest the wrong way give way
-        let gain = |i: usize| (exact[i][k] - whole[i][k]) * missing.signum();
-        order.sort_unstable_by(|&a, &b| gain(b).total_cmp(&gain(a)).then(a.cmp(&b)));
-        let moved: Vec<usize> = order.iter().copied().take(missing.abs() as usize).collect();
-        moved.into_iter().for_each(|i| whole[i][k] += missing.signum());
+        let mut missing = sum(&exact).round() - sum(&whole);
+        // those that were rounded furthest the wrong way give way: a few
+        while missing != 0.0 {
+            let gain = |i: usize| (exact[i][k] - whole[i][k]) * missing.signum();
+            let Some(most) = (0..exact.len()).reduce(|a, b| if gain(b) > gain(a) { b } else { a }) else { break };
+            whole[most][k] += missing.signum();
+            missing -= missing.signum();
+        }
     }
     (scale, whole.iter().map(|g| g.map(T::store)).collect())
 }

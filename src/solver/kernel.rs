@@ -73,7 +73,6 @@ pub struct Parts<'a, T: Real> {
     shares: &'a Shares,
     /// V_P, m^3.
     volume: &'a [f64],
-    nodes: usize,
     pub(super) constants: Constants,
 }
 
@@ -142,7 +141,6 @@ impl<T: Real> Kernel<T> {
             node_shares: &self.node_shares,
             shares: &self.projection.shares,
             volume: &self.projection.volume,
-            nodes: self.nodes,
             constants: self.constants,
         }
     }

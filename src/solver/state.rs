@@ -19,6 +19,9 @@ const BLOCKS_PER_THREAD: usize = 4;
 
 /// Power iterations at the start: the estimate is from below, so [`EIGENVALUE_MARGIN`] stands on top.
 const POWER_ITERATIONS: usize = 40;
+/// They end once so many have raised the estimate by less than [`GROWTH`].
+const SETTLED: usize = 8;
+const GROWTH: f64 = 0.005;
 /// Safety on the estimated largest eigenvalue.
 const EIGENVALUE_MARGIN: f64 = 1.06;
 
@@ -202,8 +205,13 @@ impl Solver {
         };
         step::evaluate(&mut solver);
         solver.refresh_masses();
-        for _ in 0..POWER_ITERATIONS {
+        let mut before = [0.0; SETTLED];
+        for i in 0..POWER_ITERATIONS {
             step::probe(&mut solver);
+            if solver.largest < (1.0 + GROWTH) * before[i % SETTLED] {
+                break;
+            }
+            before[i % SETTLED] = solver.largest;
         }
         let limit = 4.0 * settings.step_factor * settings.step_factor;
         let scale = EIGENVALUE_MARGIN * solver.largest / limit;

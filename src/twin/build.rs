@@ -79,8 +79,13 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     table.guarded = guarded(scene, cloud, held);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
+    // the table is the largest thing of all: gone before the fields are made
+    let (of_point, volume) = {
+        let table = table;
+        (table.cell, table.volume)
+    };
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
-    let model = Cells { nodes: cloud.points.len(), triangles: None, of_point: table.cell, volume: table.volume };
+    let model = Cells { nodes: cloud.points.len(), triangles: None, of_point, volume };
     let Cloud { points, cells, surface, .. } = body.cloud;
     Ok(Built {
         solver,

@@ -97,3 +97,42 @@ impl Twin {
         ENERGY_FLOOR * self.scene.material.shear_modulus.get() * self.height.powi(3)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use crate::solver::Role;
+
+    #[test]
+    fn each_trouble_is_known_by_its_own_sign() {
+        let mut twin = Twin::new(&Scene::preset("compression").unwrap()).unwrap();
+        let good = Balance { strain: 1e-3, kinetic: 9e-3, ..Balance::default() };
+        assert_eq!(twin.trouble(&good), None);
+        for bad in [
+            Balance { instrument: [0.0, 0.0, f64::NAN], ..good },
+            Balance { base: [f64::INFINITY, 0.0, 0.0], ..good },
+            Balance { kinetic: f64::NAN, ..good },
+            Balance { strain: f64::INFINITY, ..good },
+        ] {
+            assert_eq!(twin.trouble(&bad), Some(Trouble::NotFinite), "{bad:?}");
+        }
+        let fast = Balance { kinetic: 1.1e-2, ..good };
+        assert_eq!(twin.trouble(&fast), Some(Trouble::RunsAway { kinetic_j: 1.1e-2, strain_j: 1e-3 }));
+        // next to no energy at all is no running away
+        let floor = twin.energy_floor();
+        assert_eq!(twin.trouble(&Balance { kinetic: 9.0 * floor, strain: 0.0, ..good }), None);
+        assert!(twin.trouble(&Balance { kinetic: 11.0 * floor, strain: 0.0, ..good }).is_some());
+        // the plate goes through the sample at once
+        let held: Vec<usize> =
+            (0..twin.solver.roles().len()).filter(|&n| twin.solver.roles()[n] == Role::Instrument).collect();
+        assert!(!held.is_empty());
+        let through = -1.2 * twin.height;
+        held.iter().for_each(|&n| twin.solver.prescribe(n, [0.0, 0.0, through]));
+        twin.solver.advance(&Advance { steps: 1, travel: -through });
+        let Some(Trouble::Inverted { volume_ratio, place, .. }) = twin.trouble(&good) else {
+            panic!("{:?}", twin.trouble(&good));
+        };
+        assert!(volume_ratio < INVERTED && (0.0..=twin.height).contains(&place[2]), "{volume_ratio} {place:?}");
+    }
+}
