@@ -246,6 +246,7 @@ fn unloading_gives_everything_back() {
         ("indentation", 13e-3, &[("discretisation.edge_refinement", "0.25"), ("motion.depth_m", "0.0135")][..]),
         // a fine edge, whose cells fold: without the guard a tenth of a millimetre is left at 100 nodes
         ("indentation", 10e-3, &[("discretisation.edge_refinement", "0.08")]),
+        ("indentation", 13e-3, &[("discretisation.edge_refinement", "0.08"), ("motion.depth_m", "0.0135")]),
         // the half planes, coarser than they ship
         ("indentation", 13e-3, &[half, ("discretisation.edge_refinement", "0.08"), ("motion.depth_m", "0.0135")]),
         ("compression", 5.1e-3, &[half, ("motion.depth_m", "0.0055")]),

@@ -96,7 +96,7 @@ fn bad(rows: &Result<Vec<Row>, ApproximationError>, steepest: f64) -> Option<Poi
 }
 
 /// Mean length of the edges of a cell, m.
-pub(super) fn mean_edge<const K: usize>(corners: &[Point; K]) -> f64 {
+pub(crate) fn mean_edge<const K: usize>(corners: &[Point; K]) -> f64 {
     let pairs = (0..K).flat_map(|a| (a + 1..K).map(move |b| (a, b)));
     let sum: f64 = pairs.map(|(a, b)| super::support::distance(corners[a], corners[b])).sum();
     2.0 * sum / (K * (K - 1)) as f64

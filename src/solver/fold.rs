@@ -5,13 +5,16 @@
 //! linear tetrahedra that they are:
 //!
 //! ```text
-//! W = sum_c V_c k/2 min(J_c - J_1, 0)^2,      f_a = V_c k min(J_c - J_1, 0) cof(F_c) grad N_a
+//! W = sum_c V_c k_c/2 min(J_c - J_1, 0)^2,      f_a = V_c k_c min(J_c - J_1, 0) cof(F_c) grad N_a
+//! k_c = 0.03 mu max(1, min((h_1 / h_c)^4, 1/0.03)),     h_1 = 0.024 H
 //! ```
 //!
-//! A cell that keeps more than J_1 = 0.25 of its volume feels nothing of it, and one that is inside out is pushed back by a
-//! finite force, so the stable step is not at risk. k = 0.03 mu is enough to bring cells back from 10 mm of 17, and changes the
-//! displacement at 4 mm, where cells are crushed already, by 0.04 % of the depth; 0.3 mu by 0.18 %, 3 mu by 0.4 %.
+//! with h_c the mean edge of the cell and H the height of the body. A cell that keeps more than J_1 = 0.25 of its volume
+//! feels nothing of it, and one that is inside out is pushed back by a finite force, so the stable step is not at risk.
+//! The finer the cloud at the edge, the more of its cells are crushed and the more firmly they have to resist, and the less
+//! of the body they are: docs/stability.md has what was measured.
 
+use crate::approximation::mean_edge;
 use crate::approximation::table::tetrahedron;
 use crate::material::neo_hookean::{cofactor, determinant};
 
@@ -19,8 +22,14 @@ use super::block::Shares;
 
 /// J_1: volume ratio below which a cell resists.
 const LEAST: f64 = 0.25;
-/// k over the shear modulus.
+/// k over the shear modulus, of cells that are not fine.
 const STIFFNESS: f64 = 0.03;
+/// The same of the finest.
+const LARGEST_STIFFNESS: f64 = 1.0;
+/// h_1 over the height of the body: mean edge below which a cell is fine.
+const FINE: f64 = 0.024;
+/// Power of h_1 / h_c.
+const POWER: i32 = 4;
 /// Cells per share of an evaluation.
 pub const CELLS_PER_DEAL: usize = 128;
 
@@ -32,6 +41,8 @@ struct Cell {
     gradient: [[f64; 3]; 4],
     /// V_c, m^3.
     volume: f64,
+    /// k_c, Pa.
+    stiffness: f64,
 }
 
 /// What a cell resists with.
@@ -49,24 +60,27 @@ pub struct Guard {
     cells: Vec<Cell>,
     /// Cells of each node, with its place in them.
     of_node: Shares,
-    /// k, Pa.
-    stiffness: f64,
 }
 
 impl Guard {
     /// Guards cells of a tissue with shear modulus `mu`, Pa.
     pub fn new(guarded: &[u32], cells: &[[u32; 4]], points: &[[f64; 3]], mu: f64) -> Self {
+        let (bottom, top) = points.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p[2]), b.max(p[2])));
+        let fine = FINE * (top - bottom);
         let cell = |&c: &u32| {
             let nodes = cells[c as usize];
-            let (volume, gradient) = tetrahedron(&nodes.map(|n| points[n as usize]));
-            Cell { nodes, gradient, volume }
+            let corners = nodes.map(|n| points[n as usize]);
+            let (volume, gradient) = tetrahedron(&corners);
+            let finer = (fine / mean_edge(&corners)).powi(POWER);
+            let stiffness = mu * (STIFFNESS * finer).clamp(STIFFNESS, LARGEST_STIFFNESS);
+            Cell { nodes, gradient, volume, stiffness }
         };
         let of_node = if guarded.is_empty() {
             Shares::default()
         } else {
             Shares::of(guarded.iter().map(|&c| cells[c as usize].as_slice()), points.len())
         };
-        Self { cells: guarded.iter().map(cell).collect(), of_node, stiffness: STIFFNESS * mu }
+        Self { cells: guarded.iter().map(cell).collect(), of_node }
     }
 
     /// Number of cells.
@@ -85,7 +99,7 @@ impl Guard {
         if lack >= 0.0 {
             return Resistance::default();
         }
-        let factor = c.volume * self.stiffness * lack;
+        let factor = c.volume * c.stiffness * lack;
         let force =
             c.gradient.map(|g| std::array::from_fn(|i| factor * (0..3).map(|k| cof[3 * i + k] * g[k]).sum::<f64>()));
         Resistance { force, energy: 0.5 * factor * lack }
@@ -101,7 +115,7 @@ impl Guard {
         let square = |m: &[f64; 9]| m.iter().map(|x| x * x).sum::<f64>();
         let largest = square(&cof) - lack * square(&f).sqrt();
         let squares: f64 = c.gradient.iter().flatten().map(|g| g * g).sum();
-        let share = self.stiffness * largest * c.volume * squares;
+        let share = c.stiffness * largest * c.volume * squares;
         Resistance { force: [[share, 0.0, 0.0]; 4], energy: 0.0 }
     }
 

@@ -14,6 +14,9 @@ use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
 use super::{Body, BuildError, Phase, Twin, axisymmetric, edge};
 
+/// Distance from the edge of contact within which cells are guarded against folding, over the height of the body.
+const GUARDED: f64 = 0.03;
+
 /// What a model brings to the twin.
 pub(super) struct Built {
     pub solver: Solver,
@@ -76,7 +79,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
-    table.guarded = guarded(scene, cloud, held);
+    table.guarded = guarded(scene, cloud, held, body.height);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
     // the table is the largest thing of all: gone before the fields are made
@@ -120,10 +123,10 @@ pub(super) fn settings(scene: &Scene) -> Settings {
 }
 
 /// Cells to guard against folding, if the scene asks for it: those at the edge of a bonded instrument.
-fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32]) -> Vec<u32> {
+fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32], height: f64) -> Vec<u32> {
     let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
     if bonded && scene.discretisation.fold_guard {
-        edge::cells(cloud.points.len(), &cloud.cells, &cloud.surface, held)
+        edge::cells(&cloud.points, &cloud.cells, &cloud.surface, held, GUARDED * height)
     } else {
         Vec::new()
     }
