@@ -332,7 +332,7 @@ impl<T: Real> Loop for ToCoarse<'_, T> {
     fn go(self) {
         let Self(parts, strip) = self;
         // SAFETY: as in `Parts::force`.
-        unsafe { parts.strips.get(strip) }.to_coarse(|n| parts.dilation(n));
+        unsafe { parts.strips.get(strip) }.sum_to_coarse(|n| parts.dilation(n));
     }
 }
 
@@ -346,6 +346,6 @@ impl<T: Real> Loop for ToNodes<'_, T> {
         let range = strip * NODES_PER_DEAL..(strip + 1) * NODES_PER_DEAL;
         // SAFETY: as in `Parts::force`.
         let (coarse, out) = unsafe { (parts.coarse.read(), parts.nodal.part(range)) };
-        unsafe { parts.strips.get(strip) }.to_nodes(coarse, out);
+        unsafe { parts.strips.get(strip) }.hand_to_nodes(coarse, out);
     }
 }

@@ -69,14 +69,14 @@ impl<T: Real> Strip<T> {
         &self.coarse
     }
 
-    /// Sum over the run's nodes of N_aP x_a for a local coarse node, after [`Strip::to_coarse`].
+    /// Sum over the run's nodes of N_aP x_a for a local coarse node, after [`Strip::sum_to_coarse`].
     pub fn sum(&self, local: usize) -> T {
         self.sum[local]
     }
 
     /// Sums N_aP x_a over the run's nodes.
     #[inline(always)]
-    pub fn to_coarse(&mut self, x: impl Fn(usize) -> T) {
+    pub fn sum_to_coarse(&mut self, x: impl Fn(usize) -> T) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
             let mut here = Lanes::default();
             for (here, n) in here.0.iter_mut().zip(first..self.nodes.end) {
@@ -96,7 +96,7 @@ impl<T: Real> Strip<T> {
 
     /// Sums N_aP p_P over the coarse nodes, for each of the run's nodes.
     #[inline(always)]
-    pub fn to_nodes(&mut self, p: &[T], out: &mut [T]) {
+    pub fn hand_to_nodes(&mut self, p: &[T], out: &mut [T]) {
         for (handed, &coarse) in self.handed.iter_mut().zip(&self.coarse) {
             *handed = p[coarse as usize];
         }
@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(strip.coarse(), (0..9).collect::<Vec<u32>>());
         let x = |a: usize| (a * a) as f64;
         for again in 0..2 {
-            strip.to_coarse(x);
+            strip.sum_to_coarse(x);
             for p in 0..9 {
                 let all = (4..17).flat_map(|a| entries(a).filter(|e| e.0 == p).map(move |e| e.1 * x(a)));
                 let expected: f64 = all.sum();
@@ -141,7 +141,7 @@ mod tests {
         }
         let p: Vec<f64> = (0..9).map(|p| f64::from(p * p)).collect();
         let mut out = [f64::NAN; 16];
-        strip.to_nodes(&p, &mut out);
+        strip.hand_to_nodes(&p, &mut out);
         for a in 4..17 {
             let expected: f64 = entries(a).map(|(p, v)| v * f64::from(p * p)).sum();
             assert!((out[a - 4] - expected).abs() < 1e-9, "{a}");

@@ -99,6 +99,7 @@ impl Twin {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use super::*;
     use crate::scene::Scene;
