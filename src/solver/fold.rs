@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! W = sum_c V_c k_c/2 min(J_c - J_1, 0)^2,      f_a = V_c k_c min(J_c - J_1, 0) cof(F_c) grad N_a
-//! k_c = 0.03 mu max(1, min((h_1 / h_c)^4, 1/0.03)),     h_1 = 0.024 H
+//! k_c = 0.03 mu max(1, min((h_1 / h_c)^6, 1/0.03)),     h_1 = 0.0177 H
 //! ```
 //!
 //! with h_c the mean edge of the cell and H the height of the body. A cell that keeps more than J_1 = 0.25 of its volume
@@ -27,9 +27,9 @@ const STIFFNESS: f64 = 0.03;
 /// The same of the finest.
 const LARGEST_STIFFNESS: f64 = 1.0;
 /// h_1 over the height of the body: mean edge below which a cell is fine.
-const FINE: f64 = 0.024;
+const FINE: f64 = 0.0177;
 /// Power of h_1 / h_c.
-const POWER: i32 = 4;
+const POWER: i32 = 6;
 /// Cells per share of an evaluation.
 pub const CELLS_PER_DEAL: usize = 128;
 
