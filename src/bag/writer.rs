@@ -23,8 +23,7 @@ const PER_MESSAGE: u64 = 31 + 16;
 /// How a bag is written.
 #[derive(Clone, Debug)]
 pub struct WriterOptions {
-    /// A chunk is closed when it holds this many bytes before compression. What is lost when the process dies, and
-    /// what damage to the file costs, comes in whole chunks.
+    /// Bytes before compression at which a chunk is closed. A crash, or damage to the file, loses whole chunks.
     pub chunk_bytes: u64,
     /// A chunk is also closed when it is this old. `None`: the same messages always give the same file.
     pub flush_after: Option<Duration>,

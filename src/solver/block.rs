@@ -52,8 +52,11 @@ pub struct Block<T: Real> {
     pub volume: Vec<Lanes<T>>,
     /// Share of each point that is tissue: 1, or less where a needle fills its cell.
     pub active: Vec<Lanes<T>>,
-    /// Local indices of the corners of each point's cell: the nodes that share its volume ratio. A triangle repeats its
-    /// last.
+    /// Global index of each corner of the points' cells, ascending: the nodes that share volume ratios.
+    pub vertices: Vec<u32>,
+    /// Where the block's forces begin among those of all blocks, and its dilations among theirs.
+    pub first: First,
+    /// Position in `vertices` of the corners of each point's cell. A triangle repeats its last.
     pub corners: Vec<[[u16; LANES]; 4]>,
     /// Index of each slot's point in the shape table.
     pub point: Vec<u32>,
@@ -61,12 +64,8 @@ pub struct Block<T: Real> {
     pub u: Vec<[T; 3]>,
     /// Deformation gradient of each point.
     pub deformation: Vec<Gradient<Lanes<T>>>,
-    /// Sum over the block's points of V (J - 1) over the number of corners, at each local node, m^3.
-    pub dilation: Vec<T>,
-    /// Pressure at each local node, Pa.
+    /// Pressure at each vertex, Pa.
     pub pressure: Vec<T>,
-    /// Internal force of the block's points on each local node, N.
-    pub force: Vec<[T; 3]>,
     /// Smallest volume ratio of the block's points at the last evaluation.
     pub min_jacobian: f64,
     /// Strain energy of the block's points less the projected volumetric part, at the last evaluation, J.
@@ -79,13 +78,22 @@ pub struct Block<T: Real> {
 /// exert it, N; zero between blocks. It stays in the thread's first cache, where the blocks' own would not.
 pub type ForceOfLane<T> = Vec<[Lanes<T>; 3]>;
 
-/// Where each global index's shares lie: block and local index, in block order.
+/// Where a block's numbers begin among those of all blocks.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct First {
+    /// Of what it has for each node.
+    pub node: usize,
+    /// Of what it has for each vertex.
+    pub vertex: usize,
+}
+
+/// Where each global index's shares lie among those of all blocks (or strips, or cells), one after another.
 #[derive(Clone, Debug, Default)]
 pub struct Shares {
     /// Offsets, one more than indices.
     pub start: Vec<u32>,
-    /// (block, local index).
-    pub at: Vec<(u32, u32)>,
+    /// Positions, ascending for each index.
+    pub at: Vec<u32>,
 }
 
 impl<T: Real> Block<T> {
@@ -113,13 +121,21 @@ impl<T: Real> Block<T> {
             ranges.push(first..groups.len());
         }
         let block = |r: Range<usize>| Self::new(table, cells, points.len(), &groups[r.clone()], &visited[r]);
-        ranges.into_par_iter().map(block).collect()
+        let mut blocks: Vec<Self> = ranges.into_par_iter().map(block).collect();
+        let mut first = First::default();
+        for block in &mut blocks {
+            block.first = first;
+            first.node += block.nodes.len();
+            first.vertex += block.vertices.len();
+        }
+        blocks
     }
 
     fn new(table: &ShapeTable, cells: &[[u32; 4]], count: usize, groups: &[Vec<u32>], visited: &[Vec<u32>]) -> Self {
         let corners = |p: u32| cells[table.cell[p as usize] as usize];
         let members = || groups.iter().flatten().copied();
-        let nodes = ascending(visited.iter().flatten().copied().chain(members().flat_map(corners)));
+        let nodes = ascending(visited.iter().flatten().copied());
+        let vertices = ascending(members().flat_map(corners));
         let mut block = Self {
             // entries beyond the last node are images
             originals: nodes.partition_point(|&n| (n as usize) < count),
@@ -136,13 +152,13 @@ impl<T: Real> Block<T> {
             point: vec![NO_POINT; LANES * groups.len()],
             u: vec![[T::default(); 3]; nodes.len()],
             deformation: vec![Default::default(); groups.len()],
-            dilation: vec![T::default(); nodes.len()],
-            pressure: vec![T::default(); nodes.len()],
-            force: vec![[T::default(); 3]; nodes.len()],
+            pressure: vec![T::default(); vertices.len()],
+            first: First::default(),
             min_jacobian: 1.0,
             energy: 0.0,
             memory: Memory::default(),
             nodes: nodes.iter().map(|&n| n % count as u32).collect(),
+            vertices: Vec::new(),
         };
         let mut from = 0;
         for (g, (group, visited)) in groups.iter().zip(visited).enumerate() {
@@ -150,7 +166,7 @@ impl<T: Real> Block<T> {
                 block.point[LANES * g + lane] = p;
                 block.volume[g].0[lane] = T::of(table.volume[p as usize]);
                 for (k, n) in corners(p).into_iter().enumerate() {
-                    block.corners[g][k][lane] = position(&nodes, n);
+                    block.corners[g][k][lane] = position(&vertices, n);
                 }
                 let entries = table.start[p as usize] as usize..table.start[p as usize + 1] as usize;
                 let (scale, packed) = packed::<T>(&table.gradient[entries.clone()]);
@@ -167,6 +183,7 @@ impl<T: Real> Block<T> {
             from += visited.len();
             block.start.push(from as u32);
         }
+        block.vertices = vertices;
         block
     }
 
@@ -240,7 +257,7 @@ fn position(sorted: &[u32], n: u32) -> u16 {
 }
 
 impl Shares {
-    /// Collects the shares of every index in `0..count` from the blocks' ascending index lists.
+    /// Collects the shares of every index in `0..count` from the blocks' index lists.
     #[must_use]
     pub fn of<'a>(lists: impl Iterator<Item = &'a [u32]> + Clone, count: usize) -> Self {
         let mut start = vec![0u32; count + 1];
@@ -250,20 +267,18 @@ impl Shares {
         for n in 0..count {
             start[n + 1] += start[n];
         }
-        let mut at = vec![(0, 0); start[count] as usize];
+        let mut at = vec![0; start[count] as usize];
         let mut next = start.clone();
-        for (b, list) in lists.enumerate() {
-            for (l, &n) in list.iter().enumerate() {
-                at[next[n as usize] as usize] = (b as u32, l as u32);
-                next[n as usize] += 1;
-            }
+        for (position, &n) in lists.flatten().enumerate() {
+            at[next[n as usize] as usize] = position as u32;
+            next[n as usize] += 1;
         }
         Self { start, at }
     }
 
     /// Shares of one index.
     #[must_use]
-    pub fn of_index(&self, n: usize) -> &[(u32, u32)] {
+    pub fn of_index(&self, n: usize) -> &[u32] {
         &self.at[self.start[n] as usize..self.start[n + 1] as usize]
     }
 }

@@ -33,6 +33,7 @@ impl Solver {
             steps_since_refresh: self.steps_since_refresh,
             usual_travel: self.usual_travel,
             motion: self.motion,
+            sums: self.sums.clone(),
         }
     }
 
@@ -49,6 +50,7 @@ impl Solver {
         self.steps_since_refresh = other.steps_since_refresh;
         self.usual_travel = other.usual_travel;
         self.motion = other.motion;
+        self.sums.copy_from_slice(&other.sums);
         match (&mut self.kernel, &other.kernel) {
             (AnyKernel::F32(own), AnyKernel::F32(other)) => own.take_over(other),
             (AnyKernel::F64(own), AnyKernel::F64(other)) => own.take_over(other),

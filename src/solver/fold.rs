@@ -88,8 +88,8 @@ impl Guard {
         self.cells.len()
     }
 
-    /// (cell, corner) for each cell that has node n.
-    pub fn of_node(&self, n: usize) -> &[(u32, u32)] {
+    /// Four times the cell plus the corner, for each cell that has node n.
+    pub fn of_node(&self, n: usize) -> &[u32] {
         if self.cells.is_empty() { &[] } else { self.of_node.of_index(n) }
     }
 

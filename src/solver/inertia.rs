@@ -29,7 +29,35 @@ pub(super) struct Motion {
     pub gain: f64,
 }
 
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+/// Sums over nodes that the balance is made of.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sums {
+    /// Force of the tissue on the instrument, N.
+    pub instrument: [f64; 3],
+    /// Force of the tissue on the base, N.
+    pub base: [f64; 3],
+    /// Kinetic energy of the scaled masses, J.
+    pub kinetic: f64,
+    /// sum t_j . f_j over the free nodes, N.
+    pub learnt: f64,
+    /// sum q_j . f_j over the free nodes, J.
+    pub present: f64,
+}
+
+impl std::ops::Add for Sums {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            instrument: std::array::from_fn(|k| self.instrument[k] + other.instrument[k]),
+            base: std::array::from_fn(|k| self.base[k] + other.base[k]),
+            kinetic: self.kinetic + other.kinetic,
+            learnt: self.learnt + other.learnt,
+            present: self.present + other.present,
+        }
+    }
+}
+
+pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -54,7 +82,7 @@ impl Solver {
     }
 
     /// Takes inertia out of the force on the instrument; fills in gap and doubt.
-    pub(super) fn take_out_inertia(&self, b: &mut Balance) {
+    pub(super) fn take_out_inertia(&self, b: &mut Balance, sums: &Sums) {
         let Motion { rate, gain } = self.motion;
         let sum: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
         b.gap = dot(&sum, &sum).sqrt();
@@ -62,14 +90,9 @@ impl Solver {
         if square <= 0.0 {
             return;
         }
-        let (mut learnt, mut present) = (0.0, 0.0);
-        for (i, _) in self.role.iter().enumerate().filter(|(_, role)| **role == Role::Free) {
-            learnt += dot(&self.state.tangent[i], &self.state.f[i]);
-            present += dot(&self.state.q[i], &self.state.f[i]);
-        }
         // along c, in newtons
-        let (half, most) = (0.5 * present * gain / square.sqrt(), dot(&sum, &rate) / square.sqrt());
-        let wanted = learnt / square.sqrt() + half;
+        let (half, most) = (0.5 * sums.present * gain / square.sqrt(), dot(&sum, &rate) / square.sqrt());
+        let wanted = sums.learnt / square.sqrt() + half;
         let taken = wanted.clamp(most.min(0.0), most.max(0.0));
         b.doubt = half.abs().min(most.abs());
         (0..3).for_each(|k| b.instrument[k] -= taken * rate[k] / square.sqrt());

@@ -34,7 +34,12 @@ pub struct Kernel<T: Real> {
     pub(super) blocks: Vec<Block<T>>,
     /// Block and slot of each integration point.
     slot: Vec<(u32, u32)>,
-    node_shares: Shares,
+    /// Internal force of each block on each of its nodes, block after block, N.
+    force: Vec<[T; 3]>,
+    force_shares: Shares,
+    /// V (J - 1) of each block at each of its vertices, block after block, m^3.
+    dilation: Vec<T>,
+    dilation_shares: Shares,
     projection: Projection<T>,
     guard: Guard,
     /// Of the guarded cells at the last evaluation.
@@ -50,7 +55,10 @@ pub struct Kernel<T: Real> {
 struct Projection<T> {
     /// N_aP, [`NODES_PER_DEAL`] nodes each; none with the pointwise volume ratio.
     strips: Vec<Strip<T>>,
-    /// Strips that have a coarse node.
+    /// Sums of the strips to each of their coarse nodes, strip after strip, m^3.
+    sums: Vec<T>,
+    /// Where the sums of each strip begin, one more than strips.
+    start: Vec<usize>,
     shares: Shares,
     /// V_P, m^3.
     volume: Vec<f64>,
@@ -63,13 +71,19 @@ struct Projection<T> {
 /// The kernel's memory during a job, dealt to the team's threads.
 pub struct Parts<'a, T: Real> {
     pub(super) blocks: Dealt<'a, Block<T>>,
+    force: Dealt<'a, [T; 3]>,
+    dilation: Dealt<'a, T>,
     strips: Dealt<'a, Strip<T>>,
+    sums: Dealt<'a, T>,
     coarse: Dealt<'a, T>,
     nodal: Dealt<'a, T>,
     resistance: Dealt<'a, Resistance>,
     pub(super) scratch: Dealt<'a, ForceOfLane<T>>,
     pub(super) guard: &'a Guard,
-    node_shares: &'a Shares,
+    force_shares: &'a Shares,
+    dilation_shares: &'a Shares,
+    /// Where the sums of each strip begin.
+    start: &'a [usize],
     shares: &'a Shares,
     /// V_P, m^3.
     volume: &'a [f64],
@@ -104,7 +118,10 @@ impl<T: Real> Kernel<T> {
         let most = blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
         let projection = Projection::new(&dilatation, table, cells, nodes);
         Self {
-            node_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
+            force: vec![[T::default(); 3]; blocks.iter().map(|b| b.nodes.len()).sum()],
+            force_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
+            dilation: vec![T::default(); blocks.iter().map(|b| b.vertices.len()).sum()],
+            dilation_shares: Shares::of(blocks.iter().map(|b| b.vertices.as_slice()), nodes),
             projection,
             scratch: vec![vec![Default::default(); most]],
             resistance: vec![Resistance::default(); table.guarded.len()],
@@ -132,13 +149,18 @@ impl<T: Real> Kernel<T> {
     pub fn parts(&mut self) -> Parts<'_, T> {
         Parts {
             blocks: Dealt::new(&mut self.blocks),
+            force: Dealt::new(&mut self.force),
+            dilation: Dealt::new(&mut self.dilation),
             strips: Dealt::new(&mut self.projection.strips),
+            sums: Dealt::new(&mut self.projection.sums),
             coarse: Dealt::new(&mut self.projection.coarse),
             nodal: Dealt::new(&mut self.projection.nodal),
             resistance: Dealt::new(&mut self.resistance),
             scratch: Dealt::new(&mut self.scratch),
             guard: &self.guard,
-            node_shares: &self.node_shares,
+            force_shares: &self.force_shares,
+            dilation_shares: &self.dilation_shares,
+            start: &self.projection.start,
             shares: &self.projection.shares,
             volume: &self.projection.volume,
             constants: self.constants,
@@ -223,7 +245,14 @@ impl<T: Real> Projection<T> {
         } else {
             Vec::new()
         };
+        let mut start = vec![0];
+        start.extend(strips.iter().scan(0, |sum, strip| {
+            *sum += strip.coarse().len();
+            Some(*sum)
+        }));
         Self {
+            sums: vec![T::default(); strips.iter().map(|s| s.coarse().len()).sum()],
+            start,
             shares: Shares::of(strips.iter().map(Strip::coarse), dilatation.count),
             volume,
             coarse: vec![T::default(); dilatation.count],
@@ -240,7 +269,11 @@ impl<T: Real> Parts<'_, T> {
         let count = self.blocks.len();
         // SAFETY (all blocks below): each block, strip or range of nodes is claimed by one thread between barriers, a
         // thread's scratch memory is its own, and what a phase reads no thread writes in it.
-        team.claim(count, |b| unsafe { self.blocks.get(b) }.deform(u));
+        team.claim(count, |b| {
+            let block = unsafe { self.blocks.get(b) };
+            let range = block.first.vertex..block.first.vertex + block.vertices.len();
+            block.deform(u, unsafe { self.dilation.part(range) });
+        });
         team.barrier();
         let pressures: &[T] = if self.constants.projected > 0.0 {
             team.claim(self.strips.len(), |strip| run(ToCoarse(self, strip)));
@@ -255,11 +288,23 @@ impl<T: Real> Parts<'_, T> {
         };
         team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
             None => {
-                unsafe { self.blocks.get(i) }.stress(pressures, &self.constants, unsafe { self.scratch.get(team.rank) })
+                let block = unsafe { self.blocks.get(i) };
+                let (scratch, force) = unsafe { (self.scratch.get(team.rank), self.force_of(block)) };
+                block.stress(pressures, &self.constants, scratch, force);
             }
             Some(deal) => self.resist(deal, |cell| self.guard.resistance(cell, u)),
         });
         team.barrier();
+    }
+
+    /// Forces of a block.
+    ///
+    /// # Safety
+    /// The caller must have claimed the block, and no thread may read forces.
+    #[expect(clippy::mut_from_ref, reason = "exclusive by the contract above")]
+    pub(super) unsafe fn force_of(&self, block: &Block<T>) -> &mut [[T; 3]] {
+        // SAFETY: blocks don't overlap.
+        unsafe { self.force.part(block.first.node..block.first.node + block.nodes.len()) }
     }
 
     /// Shares of a pass over the guarded cells.
@@ -280,9 +325,8 @@ impl<T: Real> Parts<'_, T> {
     #[inline(always)]
     fn dilation(&self, n: usize) -> T {
         // SAFETY: as in `force`.
-        let blocks = unsafe { self.blocks.read() };
-        let shares = self.node_shares.of_index(n).iter();
-        T::of(shares.map(|&(b, l)| blocks[b as usize].dilation[l as usize].get()).sum())
+        let dilation = unsafe { self.dilation.read() };
+        T::of(self.dilation_shares.of_index(n).iter().map(|&at| dilation[at as usize].get()).sum())
     }
 
     /// Pressures of one deal of coarse nodes.
@@ -290,10 +334,9 @@ impl<T: Real> Parts<'_, T> {
         let range = deal * COARSE_PER_DEAL..((deal + 1) * COARSE_PER_DEAL).min(self.coarse.len());
         let kappa = self.constants.projected;
         // SAFETY: as in `force`.
-        let (strips, out) = unsafe { (self.strips.read(), self.coarse.part(range.clone())) };
+        let (sums, out) = unsafe { (self.sums.read(), self.coarse.part(range.clone())) };
         for (out, coarse) in out.iter_mut().zip(range) {
-            let shares = self.shares.of_index(coarse).iter();
-            let sum: f64 = shares.map(|&(s, l)| strips[s as usize].sum(l as usize).get()).sum();
+            let sum: f64 = self.shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum();
             let dilation = sum / self.volume[coarse];
             *out = T::of(match self.constants.law.volumetric {
                 _ if self.volume[coarse] <= 0.0 => 0.0,
@@ -309,15 +352,15 @@ impl<T: Real> Parts<'_, T> {
     /// Since the barrier that ends [`Parts::force`] no thread may have begun another evaluation.
     #[inline]
     pub unsafe fn node_force(&self, n: usize) -> [f64; 3] {
-        // SAFETY: blocks are only read now, by the caller's promise.
-        let (blocks, resistance) = unsafe { (self.blocks.read(), self.resistance.read()) };
+        // SAFETY: forces are only read now, by the caller's promise.
+        let (force, resistance) = unsafe { (self.force.read(), self.resistance.read()) };
         let mut sum = [0.0; 3];
-        for &(b, l) in self.node_shares.of_index(n) {
-            let share = blocks[b as usize].force[l as usize];
+        for &at in self.force_shares.of_index(n) {
+            let share = force[at as usize];
             (0..3).for_each(|k| sum[k] += share[k].get());
         }
-        for &(cell, corner) in self.guard.of_node(n) {
-            let share = resistance[cell as usize].force[corner as usize];
+        for &at in self.guard.of_node(n) {
+            let share = resistance[at as usize / 4].force[at as usize % 4];
             (0..3).for_each(|k| sum[k] += share[k]);
         }
         sum
@@ -332,7 +375,9 @@ impl<T: Real> Loop for ToCoarse<'_, T> {
     fn go(self) {
         let Self(parts, strip) = self;
         // SAFETY: as in `Parts::force`.
-        unsafe { parts.strips.get(strip) }.sum_to_coarse(|n| parts.dilation(n));
+        let (own, out) =
+            unsafe { (parts.strips.get(strip), parts.sums.part(parts.start[strip]..parts.start[strip + 1])) };
+        own.sum_to_coarse(|n| parts.dilation(n), out);
     }
 }
 

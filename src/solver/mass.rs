@@ -55,7 +55,11 @@ impl<T: Real> Parts<'_, T> {
         let count = self.blocks.len();
         // SAFETY: each block is claimed by one thread.
         team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
-            None => run(Bound(unsafe { self.blocks.get(i) }, &self.constants, unsafe { self.scratch.get(team.rank) })),
+            None => {
+                let block = unsafe { self.blocks.get(i) };
+                let (scratch, force) = unsafe { (self.scratch.get(team.rank), self.force_of(block)) };
+                run(Bound(block, &self.constants, scratch, force));
+            }
             Some(deal) => self.resist(deal, |cell| self.guard.bound(cell, u)),
         });
         team.barrier();
@@ -63,12 +67,12 @@ impl<T: Real> Parts<'_, T> {
 }
 
 /// The loop over points of the bounds.
-struct Bound<'a, T: Real>(&'a mut Block<T>, &'a Constants, &'a mut ForceOfLane<T>);
+struct Bound<'a, T: Real>(&'a Block<T>, &'a Constants, &'a mut ForceOfLane<T>, &'a mut [[T; 3]]);
 
 impl<T: Real> Loop for Bound<'_, T> {
     #[inline(always)]
     fn go(self) {
-        let Self(block, constants, force) = self;
+        let Self(block, constants, lanes, force) = self;
         for group in 0..block.volume.len() {
             let volume = block.volume[group].max(-block.volume[group]);
             let mut stiffness = Lanes::default();
@@ -78,10 +82,10 @@ impl<T: Real> Loop for Bound<'_, T> {
             }
             let share = volume * block.squares[group] * stiffness;
             for visit in block.start[group] as usize..block.start[group + 1] as usize {
-                force[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);
+                lanes[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);
             }
         }
-        T::sum_and_clear(force, &mut block.force);
+        T::sum_and_clear(lanes, force);
     }
 }
 

@@ -13,23 +13,23 @@ use super::real::{Number, Real};
 const VISITS_AHEAD: usize = 40;
 
 impl<T: Real> Block<T> {
-    /// Pass 1.
-    pub(super) fn deform(&mut self, u: &[[f64; 3]]) {
+    /// Pass 1. `dilation`: sum over the block's points of V (J - 1) over the number of corners, at each vertex, m^3.
+    pub(super) fn deform(&mut self, u: &[[f64; 3]], dilation: &mut [T]) {
         // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
         // whole sample costs no digits in single precision.
         let origin = u[self.nodes[0] as usize];
-        self.dilation.fill(T::default());
+        dilation.fill(T::default());
         match self.form {
             Form::Full => {
                 for (local, &n) in self.u.iter_mut().zip(&self.nodes) {
                     let u = u[n as usize];
                     *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
                 }
-                run(Deform::<_, false>(self));
+                run(Deform::<_, false>(self, dilation));
             }
             Form::Axisymmetric => {
                 self.copy_meridian(u, origin[2]);
-                run(Deform::<_, true>(self));
+                run(Deform::<_, true>(self, dilation));
             }
         }
     }
@@ -43,10 +43,16 @@ impl<T: Real> Block<T> {
         }
     }
 
-    /// Pass 2. `pressure` at all nodes, or empty.
-    pub(super) fn stress(&mut self, pressure: &[T], constants: &Constants, scratch: &mut ForceOfLane<T>) {
+    /// Pass 2. `pressure` at all nodes, or empty; `force`: internal force of the block's points on each of its nodes, N.
+    pub(super) fn stress(
+        &mut self,
+        pressure: &[T],
+        constants: &Constants,
+        scratch: &mut ForceOfLane<T>,
+        force: &mut [[T; 3]],
+    ) {
         if !pressure.is_empty() {
-            for (local, &n) in self.pressure.iter_mut().zip(&self.nodes) {
+            for (local, &n) in self.pressure.iter_mut().zip(&self.vertices) {
                 *local = pressure[n as usize];
             }
         }
@@ -59,8 +65,9 @@ impl<T: Real> Block<T> {
             self.energy += memory.offset;
             self.memory = memory;
         }
+        T::sum_and_clear(scratch, force);
         // what pulls an image outwards pulls its node the other way
-        for force in &mut self.force[self.originals..] {
+        for force in &mut force[self.originals..] {
             force[0] = -force[0];
         }
     }
@@ -70,7 +77,6 @@ impl<T: Real> Block<T> {
             Form::Full => run(Stress::<_, _, false>(self, law, scratch)),
             Form::Axisymmetric => run(Stress::<_, _, true>(self, law, scratch)),
         }
-        T::sum_and_clear(scratch, &mut self.force);
     }
 
     #[inline(always)]
@@ -91,12 +97,12 @@ impl<T: Real> Block<T> {
 }
 
 /// The loop over points of pass 1.
-struct Deform<'a, T: Real, const AXISYMMETRIC: bool>(&'a mut Block<T>);
+struct Deform<'a, T: Real, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a mut [T]);
 
 impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
     #[inline(always)]
     fn go(self) {
-        let block = self.0;
+        let Self(block, dilation) = self;
         let (one, zero) = (Lanes::of(1.0), Lanes::default());
         let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
         let mut min = Lanes::of(f64::MAX);
@@ -119,7 +125,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
             let share = share_of_corner * active * block.volume[group] * (j - one);
             for corner in &block.corners[group][..if AXISYMMETRIC { 3 } else { 4 }] {
                 for (&c, share) in corner.iter().zip(share.0) {
-                    block.dilation[usize::from(c)] += share;
+                    dilation[usize::from(c)] += share;
                 }
             }
         }

@@ -135,8 +135,15 @@ fn work(team: &Team) {
     let s = &team.shared;
     let mut seen = 0;
     loop {
+        let mut spins = 0;
         while s.epoch.load(Ordering::Acquire) == seen {
-            thread::park();
+            // waking up took a tenth of a step: the next job often comes at once
+            if spins < SPINS {
+                spins += 1;
+                std::hint::spin_loop();
+            } else {
+                thread::park();
+            }
         }
         seen = s.epoch.load(Ordering::Acquire);
         if s.stop.load(Ordering::Acquire) {

@@ -8,8 +8,8 @@ use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 use crate::scene::{Precision, VolumeRatio};
 
-use super::inertia::Motion;
-use super::kernel::Kernel;
+use super::inertia::{Motion, Sums};
+use super::kernel::{Kernel, NODES_PER_DEAL};
 use super::mass::Sway;
 use super::pool::Pool;
 use super::step;
@@ -147,6 +147,8 @@ pub struct Solver {
     /// Travel per step of late, m.
     pub(super) usual_travel: f64,
     pub(super) motion: Motion,
+    /// Of each deal of nodes, after the last advance.
+    pub(super) sums: Vec<Sums>,
 }
 
 impl Solver {
@@ -201,6 +203,7 @@ impl Solver {
             steps_since_refresh: 0,
             usual_travel: 0.0,
             motion: Motion::default(),
+            sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_DEAL)],
             role,
         };
         step::evaluate(&mut solver);
@@ -290,6 +293,7 @@ impl Solver {
         self.steps_since_refresh = 0;
         self.usual_travel = 0.0;
         self.motion = Motion::default();
+        self.sums.fill(Sums::default());
         with_kernel!(&mut self.kernel, k => {
             k.activate_all();
             k.clear_memory();

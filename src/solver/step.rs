@@ -12,6 +12,7 @@
 
 use crate::approximation::Form;
 
+use super::inertia::{Sums, dot};
 use super::kernel::{NODES_PER_DEAL, Parts};
 use super::pool::{Dealt, Team};
 use super::real::Real;
@@ -89,7 +90,7 @@ impl Solver {
             first = last + 1;
         }
         // further steps at the same pose must not travel the path again
-        for path in &mut self.path {
+        for (path, _) in self.path.iter_mut().zip(&self.role).filter(|(_, role)| **role == Role::Instrument) {
             path.start = path.end;
         }
     }
@@ -100,6 +101,7 @@ impl Solver {
             q: Dealt::new(&mut self.state.q),
             tangent: Dealt::new(&mut self.state.tangent),
             f: Dealt::new(&mut self.state.f),
+            sums: Dealt::new(&mut self.sums),
             mass: &self.mass,
             role: &self.role,
             path: &self.path,
@@ -110,28 +112,22 @@ impl Solver {
         });
     }
 
-    /// Sums reactions and energies of the state after the last advance.
+    /// Forces and energies after the last advance.
     #[must_use]
     pub fn balance(&self) -> Balance {
-        let mut b = Balance { strain: energy(&self.kernel), ..Balance::default() };
-        for (i, role) in self.role.iter().enumerate() {
-            let f = self.state.f[i];
-            match role {
-                // The internal force on a held node is what its holder exerts on the tissue.
-                Role::Instrument => (0..3).for_each(|k| b.instrument[k] -= f[k]),
-                Role::Base => (0..3).for_each(|k| b.base[k] -= f[k]),
-                Role::Free => {
-                    let q = self.state.q[i];
-                    b.kinetic +=
-                        0.5 * self.mass[i] * self.state.mass_factor * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
-                }
-            }
-        }
+        let sums = self.sums.iter().fold(Sums::default(), |all, deal| all + *deal);
+        let mut b = Balance {
+            instrument: sums.instrument,
+            base: sums.base,
+            kinetic: sums.kinetic,
+            strain: energy(&self.kernel),
+            ..Balance::default()
+        };
         if self.form == Form::Axisymmetric {
             // the radial forces round a ring cancel
             (b.instrument[0], b.base[0]) = (0.0, 0.0);
         }
-        self.take_out_inertia(&mut b);
+        self.take_out_inertia(&mut b, &sums);
         b
     }
 
@@ -206,6 +202,7 @@ struct Nodes<'a> {
     q: Dealt<'a, [f64; 3]>,
     tangent: Dealt<'a, [f64; 3]>,
     f: Dealt<'a, [f64; 3]>,
+    sums: Dealt<'a, Sums>,
     mass: &'a [f64],
     role: &'a [Role],
     path: &'a [Path],
@@ -227,12 +224,38 @@ fn march<T: Real>(team: &Team, parts: &Parts<'_, T>, nodes: &Nodes<'_>, rule: &R
                     unsafe { nodes.integrate(n, step + 1, rule) };
                 }
             }
+            if step == rule.steps {
+                unsafe { *nodes.sums.get(deal) = nodes.sums(range(deal), rule.mass_factor) };
+            }
         });
         team.barrier();
     }
 }
 
 impl Nodes<'_> {
+    /// What some nodes contribute to the balance.
+    ///
+    /// # Safety
+    /// No other thread may touch these nodes.
+    unsafe fn sums(&self, range: std::ops::Range<usize>, mass_factor: f64) -> Sums {
+        let mut sums = Sums::default();
+        for n in range {
+            // SAFETY: by the caller's promise.
+            let (q, tangent, f) = unsafe { (&*self.q.get(n), &*self.tangent.get(n), &*self.f.get(n)) };
+            match self.role[n] {
+                // The internal force on a held node is what its holder exerts on the tissue.
+                Role::Instrument => (0..3).for_each(|k| sums.instrument[k] -= f[k]),
+                Role::Base => (0..3).for_each(|k| sums.base[k] -= f[k]),
+                Role::Free => {
+                    sums.kinetic += 0.5 * self.mass[n] * mass_factor * dot(q, q);
+                    sums.learnt += dot(tangent, f);
+                    sums.present += dot(q, f);
+                }
+            }
+        }
+        sums
+    }
+
     /// Moves node n through one step, from the force at its start.
     ///
     /// # Safety

@@ -22,8 +22,6 @@ pub struct Strip<T> {
     value: Vec<Lanes<T>>,
     /// Of each local coarse node: sums by lane, zero between products.
     lanes: Vec<Lanes<T>>,
-    /// Their sums.
-    sum: Vec<T>,
     /// What the coarse nodes hand on.
     handed: Vec<T>,
 }
@@ -39,7 +37,6 @@ impl<T: Real> Strip<T> {
         let coarse = ascending(nodes.clone().flat_map(&entries).map(|e| e.0).collect());
         let mut strip = Self {
             lanes: vec![Lanes::default(); coarse.len()],
-            sum: vec![T::default(); coarse.len()],
             handed: vec![T::default(); coarse.len()],
             start: vec![0],
             local: Vec::new(),
@@ -69,14 +66,9 @@ impl<T: Real> Strip<T> {
         &self.coarse
     }
 
-    /// Sum over the run's nodes of N_aP x_a for a local coarse node, after [`Strip::sum_to_coarse`].
-    pub fn sum(&self, local: usize) -> T {
-        self.sum[local]
-    }
-
-    /// Sums N_aP x_a over the run's nodes.
+    /// Sums N_aP x_a over the run's nodes, for each of its coarse nodes.
     #[inline(always)]
-    pub fn sum_to_coarse(&mut self, x: impl Fn(usize) -> T) {
+    pub fn sum_to_coarse(&mut self, x: impl Fn(usize) -> T, out: &mut [T]) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
             let mut here = Lanes::default();
             for (here, n) in here.0.iter_mut().zip(first..self.nodes.end) {
@@ -88,7 +80,7 @@ impl<T: Real> Strip<T> {
                 *sum = value.fma(here, *sum);
             }
         }
-        for (sum, lanes) in self.sum.iter_mut().zip(&mut self.lanes) {
+        for (sum, lanes) in out.iter_mut().zip(&mut self.lanes) {
             *sum = lanes.sum();
             *lanes = Lanes::default();
         }
@@ -131,12 +123,13 @@ mod tests {
         let mut strip: Strip<f64> = Strip::new(4..17, entries);
         assert_eq!(strip.coarse(), (0..9).collect::<Vec<u32>>());
         let x = |a: usize| (a * a) as f64;
+        let mut sums = [f64::NAN; 9];
         for again in 0..2 {
-            strip.sum_to_coarse(x);
+            strip.sum_to_coarse(x, &mut sums);
             for p in 0..9 {
                 let all = (4..17).flat_map(|a| entries(a).filter(|e| e.0 == p).map(move |e| e.1 * x(a)));
                 let expected: f64 = all.sum();
-                assert!((strip.sum(p as usize) - expected).abs() < 1e-9, "{again} {p}");
+                assert!((sums[p as usize] - expected).abs() < 1e-9, "{again} {p}");
             }
         }
         let p: Vec<f64> = (0..9).map(|p| f64::from(p * p)).collect();
