@@ -9,7 +9,7 @@ use super::state::{Solver, with_kernel};
 /// (18), energies and pressures (30), stress (36).
 const LAW_FLOPS: f64 = 168.0;
 
-/// StepWork per integration point and evaluation of the internal force.
+/// Work per integration point and evaluation of the internal force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepWork {
     /// Mean number of support nodes.

@@ -53,7 +53,7 @@ pub struct Row {
     pub nodes: usize,
     /// Integration points.
     pub points: usize,
-    /// StepWork per point.
+    /// What a step does for each point.
     pub work: StepWork,
     /// From the scene to the first step, s.
     pub build_s: f64,

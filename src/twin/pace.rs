@@ -24,9 +24,6 @@ const QUIET: f64 = 0.1;
 const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
-/// Share of the doubt that is held against the tolerance: the mean of two approximations is nearer to the force at rest than half of
-/// their distance. Largest errors were the same with 1, and 0.5 left twice the error of a needle's force at 20 mm/s and 2 mm.
-const DOUBT: f64 = 0.7;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
 /// Steps after a relaxation of the stress: the pressure has to find its new balance, which its fast waves do in these.
@@ -101,7 +98,7 @@ impl Pace {
         let unbalanced = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
         self.imbalance = if self.peak > 0.0 { unbalanced / self.peak } else { 0.0 };
         // at rest nothing doubts the force but the gap itself
-        let error = if moving { (DOUBT * balance.doubt).max(balance.gap / LAG) } else { balance.gap };
+        let error = if moving { balance.doubt.max(balance.gap / LAG) } else { balance.gap };
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
         self.unsettled = self.gap.max(FADE * self.unsettled);
         self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
