@@ -24,6 +24,7 @@ pub(super) struct Progress {
     begun: Instant,
     /// When the next picture or line is due, after the beginning; `None` where nothing is shown.
     due: Option<Duration>,
+    /// All of them; 0 if nobody said.
     poses: usize,
 }
 
@@ -97,8 +98,9 @@ impl Watch for Progress {
             self.bar.set_position(done as u64);
             self.bar.set_message(format!("{}\n{now}", self.curves.picture()));
         } else {
+            let of = if self.poses > 0 { format!(" of {}", self.poses) } else { String::new() };
             // nowhere left to say that it can't be said
-            let _ = writeln!(std::io::stderr(), "{done} of {} poses, {now}", self.poses);
+            let _ = writeln!(std::io::stderr(), "{done}{of} poses, {now}");
         }
     }
 
