@@ -6,15 +6,15 @@
 //!
 //! A point's largest eigenvalue is at most n_g k_g V_g sum_j |grad phi_j|^2 over its mass, so with its mass shared
 //! equally by its n_g nodes every point has the same bound (method: Joldes, Wittek, Miller 2012). k_g is the largest
-//! stiffness of a plane wave in the point's present state ([`Constants::stiffness`]); it grows by orders of magnitude
+//! stiffness of a plane wave in the point's present state ([`super::points::Constants::stiffness`]); it grows by orders of magnitude
 //! where tissue is crushed at the edge of an indenter. Because the motion is quasi-static, that part alone is made
 //! heavier, and the rest of the body moves on at its own pace: one mass factor for all would slow all of it. s is set
 //! once, at rest, from the true largest eigenvalue.
 
 use super::block::{Block, ForceOfLane};
 use super::kernel::{NODES_PER_DEAL, Parts};
-use super::lanes::{LANES, Lanes, Loop, run};
-use super::points::Constants;
+use super::lanes::{Loop, run};
+use super::points::{PointLaw, Relaxing};
 use super::pool::{Dealt, Team};
 use super::real::{Number, Real};
 use super::state::{Solver, with_kernel};
@@ -58,7 +58,15 @@ impl<T: Real> Parts<'_, T> {
             None => {
                 let block = unsafe { self.blocks.get(i) };
                 let (scratch, force) = unsafe { (self.scratch.get(team.rank), self.force_of(block)) };
-                run(Bound(block, &self.constants, scratch, force));
+                match self.constants.plain() {
+                    Some(plain) => run(Bound(block, &plain, scratch, force)),
+                    None => run(Bound(
+                        block,
+                        &Relaxing { constants: &self.constants, memory: &block.memory },
+                        scratch,
+                        force,
+                    )),
+                }
             }
             Some(deal) => self.resist(deal, |cell| self.guard.bound(cell, u)),
         });
@@ -67,19 +75,15 @@ impl<T: Real> Parts<'_, T> {
 }
 
 /// The loop over points of the bounds.
-struct Bound<'a, T: Real>(&'a Block<T>, &'a Constants, &'a mut ForceOfLane<T>, &'a mut [[T; 3]]);
+struct Bound<'a, T: Real, L>(&'a Block<T>, &'a L, &'a mut ForceOfLane<T>, &'a mut [[T; 3]]);
 
-impl<T: Real> Loop for Bound<'_, T> {
+impl<T: Real, L: PointLaw<T>> Loop for Bound<'_, T, L> {
     #[inline(always)]
     fn go(self) {
-        let Self(block, constants, lanes, force) = self;
+        let Self(block, law, lanes, force) = self;
         for group in 0..block.volume.len() {
             let volume = block.volume[group].max(-block.volume[group]);
-            let mut stiffness = Lanes::default();
-            for (lane, stiffness) in stiffness.0.iter_mut().enumerate() {
-                let slot = LANES * group + lane;
-                *stiffness = T::of(constants.stiffness(&block.deformation_in(slot), block.projected_pressure_in(slot)));
-            }
+            let stiffness = law.stiffness(&block.deformation[group], block.projected_pressure(group));
             let share = volume * block.squares[group] * stiffness;
             for visit in block.start[group] as usize..block.start[group + 1] as usize {
                 lanes[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);

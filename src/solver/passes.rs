@@ -80,7 +80,7 @@ impl<T: Real> Block<T> {
     }
 
     #[inline(always)]
-    fn projected_pressure(&self, group: usize) -> Lanes<T> {
+    pub(super) fn projected_pressure(&self, group: usize) -> Lanes<T> {
         let [a, b, c, d] = &self.corners[group];
         let two = Lanes::look_up(&self.pressure, a) + Lanes::look_up(&self.pressure, b);
         let third = Lanes::look_up(&self.pressure, c);

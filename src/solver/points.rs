@@ -31,6 +31,7 @@ impl Constants {
             } if prony.is_empty() => Some(NeoHookean {
                 mu: T::of(shear_modulus),
                 pointwise: T::of(self.pointwise),
+                projected: T::of(self.projected),
                 resists_collapse: self.resists_collapse,
             }),
             _ => None,
@@ -50,8 +51,8 @@ impl Constants {
         let cof = cofactor(f);
         let j = determinant(f, &cof).max(MIN_JACOBIAN);
         let c2 = largest_square(&cof);
-        let i1: f64 = f.iter().map(|x| x * x).sum();
-        let cube = j.powf(-2.0 / 3.0);
+        let root = j.inverse_cube_root();
+        let cube = root * root;
         let mu = match &self.law.distortional {
             Distortional::NeoHookean { shear_modulus } => *shear_modulus,
             Distortional::Ogden(law) => law.stiffness(cube * largest_square(f), cube * j * j / c2),
@@ -62,22 +63,46 @@ impl Constants {
             kappa if kappa > 0.0 => self.law.volumetric.curvature(self.law.volumetric.dilation(pressure / kappa)),
             _ => 0.0,
         };
-        let bulk = self.projected * projected + self.pointwise * pointwise;
-        bulk * c2 + mu * (cube + 5.0 / 9.0 * cube * i1 * c2 / (j * j))
+        plane_wave(f, c2, j, cube, mu, self.projected * projected + self.pointwise * pointwise)
     }
+}
+
+/// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3.
+#[inline(always)]
+fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) -> T {
+    let mut i1 = T::default();
+    for x in f {
+        i1 += *x * *x;
+    }
+    bulk * c2 + mu * (cube + T::of(5.0 / 9.0) * cube * i1 * c2 / (j * j))
 }
 
 /// About the square of the largest singular value: tr S^5 / tr S^4 with S = A^T A, exact where one value dominates or
 /// all are equal.
-fn largest_square(a: &Gradient<f64>) -> f64 {
-    let trace: f64 = a.iter().map(|x| x * x).sum();
-    let times = |x: &Gradient<f64>, y: &Gradient<f64>| -> Gradient<f64> {
-        std::array::from_fn(|i| (0..3).map(|k| x[3 * (i / 3) + k] * y[3 * k + i % 3]).sum())
+#[inline(always)]
+fn largest_square<T: Number>(a: &Gradient<T>) -> T {
+    // symmetric: xx, yy, zz, xy, yz, zx
+    let dot = |i: usize, j: usize| a[i] * a[j] + a[i + 3] * a[j + 3] + a[i + 6] * a[j + 6];
+    let own = [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)];
+    let trace = own[0] + own[1] + own[2];
+    let inverse = T::of(1.0) / trace;
+    let s = own.map(|x| x * inverse);
+    // of two that commute
+    let times = |x: &[T; 6], y: &[T; 6]| {
+        [
+            x[0] * y[0] + x[3] * y[3] + x[5] * y[5],
+            x[3] * y[3] + x[1] * y[1] + x[4] * y[4],
+            x[5] * y[5] + x[4] * y[4] + x[2] * y[2],
+            x[0] * y[3] + x[3] * y[1] + x[5] * y[4],
+            x[3] * y[5] + x[1] * y[4] + x[4] * y[2],
+            x[5] * y[0] + x[4] * y[3] + x[2] * y[5],
+        ]
     };
-    let s: Gradient<f64> =
-        std::array::from_fn(|i| (0..3).map(|k| a[3 * k + i / 3] * a[3 * k + i % 3]).sum::<f64>() / trace);
+    let inner = |x: &[T; 6], y: &[T; 6]| {
+        let off = x[3] * y[3] + x[4] * y[4] + x[5] * y[5];
+        x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + off + off
+    };
     let s2 = times(&s, &s);
-    let inner = |x: &Gradient<f64>, y: &Gradient<f64>| -> f64 { x.iter().zip(y).map(|(x, y)| x * y).sum() };
     let s3 = times(&s2, &s);
     trace * inner(&s3, &s2) / inner(&s2, &s2)
 }
@@ -87,16 +112,29 @@ pub trait PointLaw<T: Real> {
     /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of the
     /// points of one group of a block, from their deformation gradients and projected pressures.
     fn at(&self, group: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>);
+    /// [`Constants::stiffness`] of the same points.
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> Lanes<T>;
 }
 
 /// [`crate::material::neo_hookean`] in the kernel's own precision.
 pub(super) struct NeoHookean<T> {
     mu: T,
     pointwise: T,
+    projected: T,
     resists_collapse: bool,
 }
 
 impl<T: Real> NeoHookean<T> {
+    #[inline(always)]
+    fn stiffness_of_lane(&self, f: &Gradient<T>) -> T {
+        let cof = cofactor(f);
+        let j = determinant(f, &cof).max(T::of(MIN_JACOBIAN));
+        let root = j.inverse_cube_root();
+        let curvature = if self.resists_collapse { collapse_curvature(j) } else { T::of(1.0) };
+        let bulk = self.projected + self.pointwise * curvature;
+        plane_wave(f, largest_square(&cof), j, root * root, self.mu, bulk)
+    }
+
     #[inline(always)]
     fn lane(&self, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
         let cof = cofactor(f);
@@ -125,6 +163,16 @@ impl<T: Real> PointLaw<T> for NeoHookean<T> {
         }
         (density, stress)
     }
+
+    // the energy of volume being quadratic, the pressure does not change its curvature
+    #[inline(always)]
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, _: Lanes<T>) -> Lanes<T> {
+        let mut stiffness = Lanes::default();
+        for lane in 0..LANES {
+            stiffness.0[lane] = self.stiffness_of_lane(&std::array::from_fn(|i| f[i].0[lane]));
+        }
+        stiffness
+    }
 }
 
 /// Any law, with memory if it relaxes. In double precision: logarithms and nearly equal stretches need the digits.
@@ -145,6 +193,16 @@ impl<T: Real> PointLaw<T> for Relaxing<'_> {
             }
         }
         (density, stress)
+    }
+
+    #[inline]
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> Lanes<T> {
+        let mut stiffness = Lanes::default();
+        for lane in 0..LANES {
+            let f = f.map(|x| x.0[lane].get());
+            stiffness.0[lane] = T::of(self.constants.stiffness(&f, projected.0[lane].get()));
+        }
+        stiffness
     }
 }
 
@@ -185,12 +243,17 @@ fn collapse<T: Number>(j: T, kappa: T) -> (T, T) {
 }
 
 /// Second derivative of that energy, over kappa_s: 1 + q (1 - 8 (J - 1)/J + 10 (J - 1)^2 / J^2).
-fn collapse_curvature(j: f64) -> f64 {
-    let dilation = (j - 1.0) / j;
-    1.0 + (CRUSHED / j).powi(4) * (1.0 - 8.0 * dilation + 10.0 * dilation * dilation)
+#[inline(always)]
+fn collapse_curvature<T: Number>(j: T) -> T {
+    let one = T::of(1.0);
+    let inverse = one / j;
+    let (dilation, ratio) = ((j - one) * inverse, T::of(CRUSHED) * inverse);
+    let square = ratio * ratio;
+    one + square * square * (one - T::of(8.0) * dilation + T::of(10.0) * dilation * dilation)
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -205,5 +268,39 @@ mod tests {
             let stated = kappa * collapse_curvature(j);
             assert!((curvature / stated - 1.0).abs() < 1e-5, "{j}: {curvature} {stated}");
         }
+    }
+
+    #[test]
+    fn the_stiffness_by_lanes_is_the_one_in_double_precision() {
+        for resists_collapse in [true, false] {
+            let law = Law::neo_hookean(1678.0, 83_000.0);
+            let constants = Constants { law, projected: 75_000.0, pointwise: 8000.0, resists_collapse };
+            let (single, double) = (constants.plain::<f32>().unwrap(), constants.plain::<f64>().unwrap());
+            // from next to nothing to torn and crushed
+            for size in [0.0, 0.01, 0.3, 0.8, 1.5] {
+                let f: Gradient<Lanes<f64>> = std::array::from_fn(|i| {
+                    let undeformed = if i % 4 == 0 { 1.0 } else { 0.0 };
+                    Lanes(std::array::from_fn(|lane| undeformed + size * (1.7 * i as f64 + 2.3 * lane as f64).sin()))
+                });
+                let narrow = f.map(|x| Lanes(x.0.map(|x| x as f32)));
+                let (single, double) =
+                    (single.stiffness(&narrow, Lanes::default()), double.stiffness(&f, Lanes::default()));
+                for lane in 0..LANES {
+                    let exact = constants.stiffness(&f.map(|x| x.0[lane]), 0.0);
+                    assert!((double.0[lane] / exact - 1.0).abs() < 1e-12, "{size} {lane}");
+                    // J itself is a small difference where a point is crushed
+                    assert!((f64::from(single.0[lane]) / exact - 1.0).abs() < 1e-3, "{size} {lane}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_singular_value_dominates_or_all_are_equal() {
+        let stretched = [3.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.0, 0.0, 0.2];
+        assert!((largest_square::<f64>(&stretched) / 9.0 - 1.0).abs() < 1e-3);
+        // a rotation
+        let turned = [0.0, -1.0, 0.0, 0.6, 0.0, -0.8, 0.8, 0.0, 0.6];
+        assert!((largest_square::<f64>(&turned) - 1.0).abs() < 1e-12);
     }
 }
