@@ -16,21 +16,17 @@
 //! The inner ring (`scene` to `twin`) is numbers only: no files, sockets or clocks. The outer ring is
 //! input and output round the same [`twin::Twin`].
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
-pub mod approximation;
 pub mod bag;
 pub mod cli;
-pub mod cloud;
 pub mod compare;
 pub mod guard;
 pub mod instrument;
-pub mod material;
+pub mod mesh;
 pub mod report;
 pub mod rig;
 pub mod ros;
 pub mod scene;
-#[allow(unsafe_code)] // threads that share the solver's arrays, and vector instructions
-pub mod solver;
 pub mod study;
 pub mod twin;

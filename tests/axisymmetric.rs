@@ -2,19 +2,21 @@
 //! dimensions, and what it promises besides.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+#[path = "../crates/mtled/tests/clouds/mod.rs"]
 mod clouds;
 mod coarse;
 
 use clouds::{KAPPA, METHODS, MU, norm, settings, uniform};
 use coarse::{at_depth, digits, press, travel};
-use needle_twin::approximation::axisymmetric::{AxisymmetricApproximation, triangle};
-use needle_twin::approximation::{Basis, ShapeTable};
-use needle_twin::cloud::meridian::meridian;
-use needle_twin::cloud::{Axis, BASE, CloudError, Domain, Feature, Meridian, Spacing};
-use needle_twin::material::Law;
-use needle_twin::scene::{Dimension, Override, Scene, Target, VolumeRatio};
-use needle_twin::solver::kernel::Kernel;
-use needle_twin::solver::pool::{Pool, Team};
+use mtled::approximation::axisymmetric::{AxisymmetricApproximation, triangle};
+use mtled::approximation::{Basis, ShapeTable};
+use mtled::cloud::meridian::meridian;
+use mtled::cloud::{Axis, BASE, CloudError, Domain, Feature, Meridian, Spacing};
+use mtled::material::Law;
+use mtled::solver::VolumeRatio;
+use mtled::solver::kernel::Kernel;
+use mtled::solver::pool::{Pool, Team};
+use needle_twin::scene::{Dimension, Override, Scene, Target};
 use needle_twin::twin::{Halt, Phase, StampedPose, Twin};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -337,7 +339,7 @@ fn the_shown_body_is_revolved() {
 }
 
 fn tetrahedron(points: &[[f64; 3]], cell: &[u32; 4]) -> f64 {
-    needle_twin::approximation::table::tetrahedron(&cell.map(|n| points[n as usize])).0
+    mtled::approximation::table::tetrahedron(&cell.map(|n| points[n as usize])).0
 }
 
 /// The target on a shown point moves as that point does.

@@ -1,12 +1,13 @@
 //! Balance of forces: what the instrument feels, the base gives back; and what the force must not depend on.
 #![allow(clippy::unwrap_used)]
 
+#[path = "../crates/mtled/tests/clouds/mod.rs"]
 mod clouds;
 mod coarse;
 
 use clouds::{METHODS, internal_force, minus, norm, settings, uniform};
 use coarse::{press, scene, travel};
-use needle_twin::approximation::table::Approximation;
+use mtled::approximation::table::Approximation;
 use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::Twin;
 use rand_chacha::ChaCha8Rng;

@@ -1,18 +1,19 @@
 //! What an answer must not depend on: the axes of the frame, the numbers of the nodes, the unit of length.
 #![allow(clippy::unwrap_used)]
 
+#[path = "../crates/mtled/tests/clouds/mod.rs"]
 mod clouds;
 mod coarse;
 
 use clouds::{KAPPA, METHODS, MU, minus, norm, settings, uniform};
 use coarse::{press, scene};
-use needle_twin::approximation::table::Approximation;
-use needle_twin::cloud::Cloud;
-use needle_twin::material::Law;
-use needle_twin::scene::{Precision, VolumeRatio};
-use needle_twin::solver::kernel::Kernel;
-use needle_twin::solver::pool::{Pool, Team};
-use needle_twin::solver::{Advance, Role, Solver, SolverSettings};
+use mtled::approximation::table::Approximation;
+use mtled::cloud::Cloud;
+use mtled::material::Law;
+use mtled::solver::kernel::Kernel;
+use mtled::solver::pool::{Pool, Team};
+use mtled::solver::{Advance, Role, Solver, SolverSettings};
+use mtled::solver::{Precision, VolumeRatio};
 use needle_twin::twin::Twin;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -23,7 +24,7 @@ fn internal_force(
     points: &[[f64; 3]],
     cells: &[[u32; 4]],
     interpolating: &[bool],
-    basis: Option<needle_twin::approximation::Basis>,
+    basis: Option<mtled::approximation::Basis>,
     ratio: VolumeRatio,
     u: &[[f64; 3]],
 ) -> Vec<[f64; 3]> {

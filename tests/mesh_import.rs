@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use common::python::run_script;
-use needle_twin::cloud::import::{self, Wanted};
-use needle_twin::cloud::{BASE, Cloud, SIDE, TOP};
+use mtled::cloud::{BASE, Cloud, SIDE, TOP};
+use needle_twin::mesh::{self, Wanted};
 use needle_twin::report;
 use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::Twin;
@@ -120,13 +120,13 @@ fn vtu_of_meshio_is_the_same_cloud() {
     let folder = TempDir::new().unwrap();
     let msh = gmsh("organ.py", &folder, "6");
     run_script("meshes/to_vtu.py", &[&msh, folder.path()]);
-    let (cloud, _) = import::load(&msh, &WANTED).unwrap();
+    let (cloud, _) = mesh::load(&msh, &WANTED).unwrap();
     for form in ["plain", "zlib", "cells"] {
-        let (other, _) = import::load(&folder.path().join(format!("{form}.vtu")), &WANTED).unwrap();
+        let (other, _) = mesh::load(&folder.path().join(format!("{form}.vtu")), &WANTED).unwrap();
         assert_eq!(other, cloud, "{form}");
     }
     // text has fewer digits
-    let (ascii, _) = import::load(&folder.path().join("ascii.vtu"), &WANTED).unwrap();
+    let (ascii, _) = mesh::load(&folder.path().join("ascii.vtu"), &WANTED).unwrap();
     assert_eq!((&ascii.cells, &ascii.faces, &ascii.surface), (&cloud.cells, &cloud.faces, &cloud.surface));
     let off = ascii.points.as_flattened().iter().zip(cloud.points.as_flattened()).map(|(a, b)| (a - b).abs());
     assert!(off.fold(0.0, f64::max) < 1e-11);
@@ -138,7 +138,7 @@ fn our_own_vtu_is_read_back() {
     let run = synthetic_run::needle(10.0);
     let path = folder.path().join("final.vtu");
     fs::write(&path, report::final_vtu(&run).unwrap()).unwrap();
-    let mesh = import::read(&path, &[]).unwrap();
+    let mesh = mesh::read(&path, &[]).unwrap();
     assert_eq!((mesh.points, mesh.cells), (run.final_state.points, run.final_state.cells));
     assert_eq!(mesh.known_groups, ["jacobian", "von_mises_pa"]);
 }
@@ -216,7 +216,7 @@ fn load(name: &str, content: &[u8]) -> Result<(Cloud, Vec<String>), String> {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join(name);
     fs::write(&path, content).unwrap();
-    import::load(&path, &WANTED).map_err(|e| e.to_string())
+    mesh::load(&path, &WANTED).map_err(|e| e.to_string())
 }
 
 #[test]
@@ -306,7 +306,7 @@ fn gmsh_files_that_are_refused_say_why() {
     let end = String::from_utf8(only_surface).unwrap();
     let end = format!("{}$EndElements\n", &end[..end.find("3 1 4 6").unwrap()]);
     assert!(load("cube.msh", end.as_bytes()).unwrap_err().contains("Mesh.SaveAll = 1"));
-    let message = import::load(Path::new("no/such.msh"), &WANTED).unwrap_err().to_string();
+    let message = mesh::load(Path::new("no/such.msh"), &WANTED).unwrap_err().to_string();
     assert!(message.contains("no/such.msh: can't be read"), "{message}");
     assert!(load("cube.stl", b"").unwrap_err().contains("neither .msh nor .vtu"));
 }

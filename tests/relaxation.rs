@@ -2,17 +2,18 @@
 //! and that its memory is saved, restored and forgotten with the state.
 #![allow(clippy::unwrap_used)]
 
+#[path = "../crates/mtled/tests/clouds/mod.rs"]
 mod clouds;
 mod coarse;
 
 use approx::assert_relative_eq;
 use clouds::{KAPPA, MU, settings};
 use coarse::{digits, scene};
-use needle_twin::approximation::table::Approximation;
-use needle_twin::cloud::{BASE, Cloud};
-use needle_twin::material::{Law, Prony};
-use needle_twin::scene::{Precision, VolumeRatio};
-use needle_twin::solver::{Advance, Role, Solver, SolverSettings};
+use mtled::approximation::table::Approximation;
+use mtled::cloud::{BASE, Cloud};
+use mtled::material::{Law, Prony};
+use mtled::solver::{Advance, Role, Solver, SolverSettings};
+use mtled::solver::{Precision, VolumeRatio};
 use needle_twin::twin::{Prediction, StampedPose, Twin};
 
 const SHARES: [f64; 2] = [0.3, 0.2];
@@ -121,8 +122,8 @@ fn a_large_ramp_converges_to_the_convolution_integral() {
         (0..6).for_each(|i| pi[i] += relaxation(left) * (b[i] - a[i]));
     }
     let f = [1.0, total, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    let cof = needle_twin::material::neo_hookean::cofactor(&f);
-    let exact = needle_twin::material::prony::held(&f, &cof, 1.0, &pi).1[1];
+    let cof = mtled::material::neo_hookean::cofactor(&f);
+    let exact = mtled::material::prony::held(&f, &cof, 1.0, &pi).1[1];
     let error = |steps: u32| {
         let mut point = Point::new(law(&SHARES, &TIMES));
         for k in 0..=steps {

@@ -2,9 +2,10 @@
 //! and nothing that a user can write makes the reader panic.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use mtled::solver::{Precision, VolumeRatio};
 use needle_twin::scene::keys::{self, KEYS};
 use needle_twin::scene::{
-    Dimension, InstrumentKind, Kind, Method, Override, PRESETS, Precision, Scene, SceneError, Shape, Value, VolumeRatio,
+    Dimension, InstrumentKind, Kind, Method, Override, PRESETS, Scene, SceneError, Shape, Value, Word,
 };
 use proptest::prelude::*;
 

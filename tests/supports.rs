@@ -1,15 +1,16 @@
 //! Bad supports are enlarged and counted; a cloud that no support can help is refused with the reason.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+#[path = "../crates/mtled/tests/clouds/mod.rs"]
 mod clouds;
 mod coarse;
 
 use clouds::{MLS, MMLS, norm, random_cube, settings};
 use coarse::{alone, press, scene};
-use needle_twin::approximation::axisymmetric::AxisymmetricApproximation;
-use needle_twin::approximation::table::Approximation;
-use needle_twin::approximation::{ApproximationError, Basis, Settings, ShapeTable};
-use needle_twin::cloud::check::{Fault, check};
+use mtled::approximation::axisymmetric::AxisymmetricApproximation;
+use mtled::approximation::table::Approximation;
+use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
+use mtled::cloud::check::{Fault, check};
 use needle_twin::twin::Twin;
 
 /// Supports that end just beyond the next nodes.
@@ -130,7 +131,7 @@ fn a_flat_cloud_is_no_body() {
 
 #[test]
 fn a_half_plane_is_repaired_as_well() {
-    use needle_twin::cloud::{Domain, Spacing, meridian::meridian};
+    use mtled::cloud::{Domain, Spacing, meridian::meridian};
     let spacing = Spacing { far: 0.002, growth: 0.3, features: vec![] };
     let plane = meridian(&Domain::Cylinder { radius: 0.015, height: 0.017 }, &spacing).unwrap();
     for basis in [MLS, MMLS] {

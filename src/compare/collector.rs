@@ -1,5 +1,6 @@
 //! Puts a [`Run`] together, answer by answer. Offline runs and the live demo use the same one.
 
+use crate::scene::Word as _;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::{Answer, FinalState, Run, Snapshot, TargetRow};

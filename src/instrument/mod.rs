@@ -6,10 +6,10 @@ mod needle;
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
 
-use crate::cloud::{Axis, BASE, TOP};
 use crate::scene::{Instrument, InstrumentKind};
-use crate::solver::Solver;
 use crate::twin::{Event, Phase};
+use mtled::cloud::{Axis, BASE, TOP};
+use mtled::solver::Solver;
 
 /// An instrument in contact with a solver's nodes.
 #[derive(Clone, Debug)]

@@ -31,8 +31,8 @@
 use std::f64::consts::PI;
 
 use crate::scene::{DeformationRule, Needle};
-use crate::solver::{Role, Solver};
 use crate::twin::{Event, Phase};
+use mtled::solver::{Role, Solver};
 
 use super::Tip;
 

@@ -1,6 +1,7 @@
 //! What a scene may ask for and is unlikely to get: said when it is checked or built, and no error.
 
 use super::{DeformationRule, Dimension, InstrumentKind, Scene, VolumeRatio};
+use crate::scene::Word as _;
 
 /// Way that captured tissue can be pushed ahead of the tip before cells turn inside out there, m: runs ended at 1.6 to 2.1 mm,
 /// whatever the capture radius (`docs/stability.md`).

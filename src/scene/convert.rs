@@ -1,12 +1,13 @@
 //! Raw values to typed scene and back: one line per key in each direction.
 
-use crate::material::{Ogden, Prony, Volumetric};
+use crate::scene::Word;
+use mtled::material::{Ogden, Prony};
 
 use super::values::Values;
 use super::{
-    DeformationRule, Dimension, Discretisation, Grading, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre,
-    Material, MaterialModel, MeshFile, Method, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio,
-    Precision, Radians, Sample, Scene, SceneError, Seconds, Shape, Stepping, Target, Value, VolumeRatio,
+    Discretisation, Grading, Hertz, Instrument, InstrumentKind, KilogramsPerCubicMetre, Material, MaterialModel,
+    MeshFile, Metres, MetresPerSecond, Motion, Needle, Pascals, PoissonRatio, Radians, Sample, Scene, SceneError,
+    Seconds, Shape, Stepping, Target, Value,
 };
 
 /// The typed scene. Types and ranges hold already; what is absent and required is an error here.
@@ -45,7 +46,7 @@ fn sample(v: &Values) -> Result<Sample, SceneError> {
 }
 
 fn material(v: &Values) -> Result<Material, SceneError> {
-    let model = word(v, "material.model", MaterialModel::from_word)?;
+    let model = word(v, "material.model")?;
     let ogden = match model {
         MaterialModel::NeoHookean => Ogden::default(),
         MaterialModel::Ogden => {
@@ -61,7 +62,7 @@ fn material(v: &Values) -> Result<Material, SceneError> {
             MaterialModel::Ogden => Pascals(ogden.shear_modulus()),
         },
         ogden,
-        volumetric: word(v, "material.volumetric", Volumetric::from_word)?,
+        volumetric: word(v, "material.volumetric")?,
         prony: pair(v, "material.prony_times_s", "material.prony_shares", |times, shares| Prony::new(shares, times))?,
         poisson_ratio: PoissonRatio(real(v, "material.poisson_ratio")?),
         density: KilogramsPerCubicMetre(real(v, "material.density_kg_per_m3")?),
@@ -77,7 +78,7 @@ fn instrument(v: &Values) -> Result<Instrument, SceneError> {
             capture_radius: metres(v, "instrument.capture_radius_m")?,
             deformation_coefficient: real(v, "instrument.deformation_coefficient")?,
             retraction_coefficient: real(v, "instrument.retraction_coefficient")?,
-            deformation_rule: word(v, "instrument.deformation_rule", DeformationRule::from_word)?,
+            deformation_rule: word(v, "instrument.deformation_rule")?,
             puncture_strain: real(v, "instrument.puncture_strain")?,
             tilt: Radians(real(v, "instrument.tilt_rad")?),
             azimuth: Radians(real(v, "instrument.azimuth_rad")?),
@@ -88,16 +89,16 @@ fn instrument(v: &Values) -> Result<Instrument, SceneError> {
 
 fn discretisation(v: &Values) -> Result<Discretisation, SceneError> {
     Ok(Discretisation {
-        method: word(v, "discretisation.method", Method::from_word)?,
-        dimension: word(v, "discretisation.dimension", Dimension::from_word)?,
+        method: word(v, "discretisation.method")?,
+        dimension: word(v, "discretisation.dimension")?,
         grading: (text(v, "sample.shape")? != "mesh").then(|| grading(v)).transpose()?,
         support_factor: real(v, "discretisation.support_factor")?,
         penalty: real(v, "discretisation.penalty")?,
         points_per_cell: whole(v, "discretisation.points_per_cell")?,
         cells_per_point: whole(v, "discretisation.cells_per_point")?,
-        volume_ratio: word(v, "discretisation.volume_ratio", VolumeRatio::from_word)?,
+        volume_ratio: word(v, "discretisation.volume_ratio")?,
         fold_guard: matches!(v.value("discretisation.fold_guard")?, Value::Boolean(true)),
-        precision: word(v, "discretisation.precision", Precision::from_word)?,
+        precision: word(v, "discretisation.precision")?,
     })
 }
 
@@ -169,8 +170,8 @@ fn text(v: &Values, path: &str) -> Result<String, SceneError> {
     v.value(path)?.as_text().map(str::to_owned).ok_or_else(|| not_of_type(v, path))
 }
 
-fn word<T>(v: &Values, path: &str, from_word: fn(&str) -> Option<T>) -> Result<T, SceneError> {
-    from_word(&text(v, path)?).ok_or_else(|| not_of_type(v, path))
+fn word<T: Word>(v: &Values, path: &str) -> Result<T, SceneError> {
+    T::from_word(&text(v, path)?).ok_or_else(|| not_of_type(v, path))
 }
 
 /// Only reached if registry and types disagree, which a test over every key rules out.

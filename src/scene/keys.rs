@@ -3,7 +3,8 @@
 //! Parsing, validation, `--set`, error messages, `scene show --keys` and parameter descriptors all read
 //! [`KEYS`]; a new key is one entry here and one line in each direction of `convert.rs`.
 
-use crate::material::{Volumetric, ogden, prony};
+use crate::scene::Word as _;
+use mtled::material::{Volumetric, ogden, prony};
 
 use super::{
     DeformationRule, Dimension, InstrumentKind, MaterialModel, Method, Precision, Range, SceneError, Shape,

@@ -6,7 +6,8 @@
 //! `convert` → [`Scene`] → `check` (do the parts fit together?). `--set` and parameters meet the file at the raw
 //! values, so that all of them obey the same types, ranges and messages.
 
-use crate::material::{Distortional, Law, Ogden, Prony, Volumetric};
+use mtled::material::{Distortional, Law, Ogden, Prony, Volumetric};
+use mtled::solver::{Precision, VolumeRatio};
 
 mod advice;
 mod check;
@@ -34,6 +35,7 @@ pub use range::Range;
 pub use symmetry::Resolved;
 pub use units::{Hertz, KilogramsPerCubicMetre, Metres, MetresPerSecond, Pascals, PoissonRatio, Radians, Seconds};
 pub use value::Value;
+pub use words::Word;
 
 /// A validated scene: everything that [`crate::twin::Twin`] needs, and nothing that is not modelled.
 #[derive(Clone, Debug, PartialEq)]
@@ -293,26 +295,6 @@ pub enum Dimension {
     Axisymmetric,
     /// Three dimensions.
     Full,
-}
-
-/// Which volume ratio the pressure sees (`discretisation.volume_ratio`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum VolumeRatio {
-    /// Projected onto a coarser cloud, as the pressure of a Taylor-Hood element: the cure for volumetric locking.
-    Projected,
-    /// Averaged over each node's cells (average nodal pressure): locks less than pointwise.
-    Averaged,
-    /// J of the integration point itself: locks as nu tends to 0.5.
-    Pointwise,
-}
-
-/// Precision of the kernel (`discretisation.precision`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Precision {
-    /// 32-bit shape table and stress; state and time integration stay 64-bit.
-    F32,
-    /// 64-bit throughout.
-    F64,
 }
 
 /// How poses become explicit steps.

@@ -1,27 +1,37 @@
 //! The words that a scene file uses for its choices, each tied to its type in one place.
 
-use crate::material::Volumetric;
+use mtled::material::Volumetric;
+use mtled::solver::{Precision, VolumeRatio};
 
-use super::{DeformationRule, Dimension, InstrumentKind, MaterialModel, Method, Precision, Shape, VolumeRatio};
+use super::{DeformationRule, Dimension, InstrumentKind, MaterialModel, Method, Shape};
+
+/// A choice that a scene file makes by a word.
+pub trait Word: Sized + Copy {
+    /// Every word, in the order of the variants.
+    const WORDS: &'static [&'static str];
+
+    /// The word that files and messages use.
+    #[must_use]
+    fn as_str(self) -> &'static str;
+
+    /// The variant that a word stands for.
+    #[must_use]
+    fn from_word(word: &str) -> Option<Self>;
+}
 
 /// Ties the variants of a plain enum to their words.
 macro_rules! words {
     ($type:ident: $($variant:ident = $word:literal),+) => {
-        impl $type {
-            /// Every word, in the order of the variants.
-            pub const WORDS: &'static [&'static str] = &[$($word),+];
+        impl Word for $type {
+            const WORDS: &'static [&'static str] = &[$($word),+];
 
-            /// The word that files and messages use.
-            #[must_use]
-            pub const fn as_str(self) -> &'static str {
+            fn as_str(self) -> &'static str {
                 match self {
                     $(Self::$variant => $word),+
                 }
             }
 
-            /// The variant that a word stands for.
-            #[must_use]
-            pub fn from_word(word: &str) -> Option<Self> {
+            fn from_word(word: &str) -> Option<Self> {
                 match word {
                     $($word => Some(Self::$variant),)+
                     _ => None,

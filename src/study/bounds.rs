@@ -3,8 +3,8 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use crate::solver::lanes::{LANES, Lanes, Loop, run};
-use crate::solver::real::Number as _;
+use mtled::number::Number as _;
+use mtled::number::lanes::{LANES, Lanes, Loop, run};
 
 /// Bytes that are read: more than the caches of one core hold, as the gradients of a model are.
 const STREAM: usize = 16 << 20;

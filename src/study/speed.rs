@@ -9,8 +9,8 @@ use std::time::Instant;
 
 use crate::compare::Watch;
 use crate::scene::{Override, PRESETS, Preset, Scene, SceneError};
-use crate::solver::StepWork;
 use crate::twin::{BuildError, Halt, StampedPose, Twin};
+use mtled::solver::StepWork;
 
 /// Poses that are timed.
 const POSES: u32 = 120;

@@ -8,6 +8,7 @@
 
 use super::accuracy::{Case, Row, Steps, StudyError};
 use super::yardstick::Yardstick;
+use crate::scene::Word as _;
 use crate::scene::{Dimension, Override, Scene};
 
 /// Factors on the scene's spacing in a half plane, coarse first.

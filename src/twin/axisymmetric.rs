@@ -1,11 +1,11 @@
 //! The half-plane model of a scene with symmetry of revolution: cloud, shape table, solver, contact, and the body that
 //! it sweeps.
 
-use crate::approximation::ShapeTable;
-use crate::approximation::axisymmetric::AxisymmetricApproximation;
-use crate::cloud::{self, BASE, Domain, Meridian, Revolved, revolve};
 use crate::instrument::{Bonded, Contact, NeedlePath};
 use crate::scene::{Instrument, InstrumentKind, Scene, Shape};
+use mtled::approximation::ShapeTable;
+use mtled::approximation::axisymmetric::AxisymmetricApproximation;
+use mtled::cloud::{self, BASE, Domain, Meridian, Revolved, revolve};
 
 use super::BuildError;
 use super::body::Layout;

@@ -1,8 +1,8 @@
 //! The body of a scene: its cloud, and where the instrument meets it.
 
-use crate::cloud::{self, Axis, Cloud, Domain, Feature, Spacing};
 use crate::instrument::Contact;
 use crate::scene::{Grading, InstrumentKind, Metres, Scene, Shape};
+use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Spacing};
 
 use super::{BuildError, mesh};
 

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::approximation::table::Approximation;
-use crate::approximation::{ApproximationError, Basis, Settings, ShapeTable};
-use crate::cloud::{BASE, Cloud, TOP};
 use crate::instrument::{Bonded, Contact, NeedlePath};
 use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene};
-use crate::solver::{Role, Solver, SolverSettings};
+use mtled::approximation::table::Approximation;
+use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
+use mtled::cloud::{BASE, Cloud, TOP};
+use mtled::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
 use super::tissue::{Cells, Fields, Tissue};

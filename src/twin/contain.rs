@@ -4,8 +4,8 @@
 //! doesn't foresee ends here: the state is looked at after every pose, and if it can't be vouched for, the twin goes back
 //! to the last good one and tries again with twice the mass, twice the steps and no velocities, up to [`TRIES`] times.
 
-use crate::material::neo_hookean::{cofactor, determinant};
-use crate::solver::{Advance, Balance};
+use mtled::material::neo_hookean::{cofactor, determinant};
+use mtled::solver::{Advance, Balance};
 
 use super::{Halt, Trouble, Twin};
 
@@ -103,7 +103,7 @@ impl Twin {
 mod tests {
     use super::*;
     use crate::scene::Scene;
-    use crate::solver::Role;
+    use mtled::solver::Role;
 
     #[test]
     fn each_trouble_is_known_by_its_own_sign() {

@@ -3,11 +3,11 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use crate::approximation::table::tetrahedron;
-use crate::cloud::{Axis, BASE, Cloud, TOP, import};
 use crate::instrument::Contact;
 use crate::scene::size::MEMORY_LIMIT;
 use crate::scene::{Instrument, InstrumentKind, MeshFile, Scene};
+use mtled::approximation::table::tetrahedron;
+use mtled::cloud::{Axis, BASE, Cloud, TOP};
 
 use super::{Body, BuildError};
 
@@ -23,8 +23,8 @@ const LAYERS_BELOW: f64 = 2.0;
 /// Reads the mesh and looks for the contact.
 pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
     let contact = scene.instrument.is_some().then_some(file.contact_group.as_str());
-    let wanted = import::Wanted { unit_m: file.unit_m, base: &file.base_group, contact };
-    let (cloud, warnings) = import::load(Path::new(&file.path), &wanted)
+    let wanted = crate::mesh::Wanted { unit_m: file.unit_m, base: &file.base_group, contact };
+    let (cloud, warnings) = crate::mesh::load(Path::new(&file.path), &wanted)
         .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
     let size = scene.estimate_of(cloud.points.len() as f64, cloud.cells.len() as f64);
     if size.bytes > MEMORY_LIMIT {

@@ -17,10 +17,10 @@ mod work;
 
 use std::sync::Arc;
 
-use crate::cloud::Axis;
 use crate::instrument::Contact;
 use crate::scene::{Dimension, Instrument, Resolved, Scene};
-use crate::solver::{Solver, StepWork};
+use mtled::cloud::Axis;
+use mtled::solver::{Solver, StepWork};
 
 pub use body::{Body, PATH_SPACING};
 pub use look_ahead::Motion;

@@ -8,7 +8,7 @@
 //! large, and fewer again when they are not. A motion that begins is a jolt, so it begins with the most. An instrument at rest is followed until the gap has closed, then costs nothing.
 
 use crate::scene::{Scene, Stepping};
-use crate::solver::Balance;
+use mtled::solver::Balance;
 
 /// L over the height of the sample, times the ratio of measured to estimated error (the estimate is an upper bound).
 const LENGTH: f64 = 2.0;

@@ -2,7 +2,7 @@
 
 use crate::instrument::Tip;
 use crate::scene::Dimension;
-use crate::solver::Balance;
+use mtled::solver::Balance;
 
 use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
 

@@ -1,10 +1,10 @@
 //! The tissue as it is shown: points in space and the field at them and at the targets, whatever the model behind.
 
-use crate::approximation::Field;
-use crate::approximation::axisymmetric::MeridianField;
-use crate::material::neo_hookean::{cofactor, determinant};
 use crate::scene::Target;
-use crate::solver::{Role, Solver};
+use mtled::approximation::Field;
+use mtled::approximation::axisymmetric::MeridianField;
+use mtled::material::neo_hookean::{cofactor, determinant};
+use mtled::solver::{Role, Solver};
 
 /// Shown body and observed fields of one model.
 #[derive(Debug)]

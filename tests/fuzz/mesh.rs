@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use needle_twin::cloud::import::{self, Wanted};
+use needle_twin::mesh::{self, Wanted};
 
 /// A cloud that comes out is one: finite points, cells of its own nodes, positive volumes.
 pub fn exercise(name: &str, data: &[u8]) {
     let wanted = Wanted { unit_m: 0.001, base: "base", contact: Some("contact") };
-    match import::from_bytes(Path::new(name), data, &wanted) {
+    match mesh::from_bytes(Path::new(name), data, &wanted) {
         Ok((cloud, _)) => {
             assert!(cloud.points.iter().flatten().all(|x| x.is_finite()));
             assert!(cloud.cells.iter().flatten().all(|i| (*i as usize) < cloud.points.len()));

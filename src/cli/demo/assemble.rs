@@ -1,5 +1,6 @@
 //! What was heard on the network as a [`Run`], for the same report as every other run.
 
+use crate::scene::Word as _;
 use std::collections::BTreeMap;
 
 use xxhash_rust::xxh3::Xxh3;

@@ -1,5 +1,6 @@
 //! `needle_twin study accuracy` and `study merge`: a table that grows as runs finish, and its pictures.
 
+use crate::scene::Word as _;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

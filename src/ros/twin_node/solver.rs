@@ -1,5 +1,6 @@
 //! The solver thread: it owns the twin, answers poses, and touches no socket.
 
+use crate::scene::Word as _;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 

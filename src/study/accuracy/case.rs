@@ -1,5 +1,6 @@
 //! One way to discretise and step a scene: what a row of the study is the result of.
 
+use crate::scene::Word as _;
 use std::fmt;
 use std::str::FromStr;
 

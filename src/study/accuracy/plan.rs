@@ -2,6 +2,7 @@
 //! dimension every other property, one at a time.
 
 use super::{Case, Steps, StudyError};
+use crate::scene::Word as _;
 use crate::scene::{Dimension, Method, Scene};
 
 /// How much of the study is run. Every quick case is one of the full study, so a quick start is no waste.

@@ -1,0 +1,20 @@
+//! MTLED: Meshless Total Lagrangian Explicit Dynamics for soft tissue (Horton, Wittek, Joldes, Miller 2010; Joldes et al.
+//! 2019), as a library that knows no needle, no file format of a scene and no middleware.
+//!
+//! ```text
+//! cloud ─► approximation ─► material ─► solver
+//! points     shape table      stress     explicit steps
+//! ```
+//!
+//! Everything is in metres, pascals, newtons; a step has no unit of time, since the motion is quasi-static and masses are
+//! scaled until one step is stable.
+#![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
+#![deny(unsafe_code)]
+
+pub mod approximation;
+pub mod cloud;
+pub mod material;
+#[allow(unsafe_code)] // vector instructions
+pub mod number;
+#[allow(unsafe_code)] // threads that share the solver's arrays, and vector instructions
+pub mod solver;

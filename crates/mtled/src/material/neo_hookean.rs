@@ -1,0 +1,86 @@
+//! Compressible neo-Hookean law (ABAQUS *HYPERELASTIC, NEO HOOKE with C10 = mu/2, D1 = 2/kappa):
+//!
+//! ```text
+//! W = mu/2 (J^-2/3 I1 - 3) + kappa/2 (J - 1)^2
+//! P = dW/dF = mu J^-2/3 F + (p - mu J^-5/3 I1/3) cof F,     p = kappa (J - 1),  cof F = J F^-T
+//! ```
+//!
+//! The volumetric pressure p is an argument of its own, because the cure for volumetric locking computes it from
+//! an averaged volume ratio, and because there are other energies of volume ([`super::volumetric`]). Valid for J > 0; the kernel flags points at which J falls below [`MIN_JACOBIAN`].
+
+use crate::number::Number;
+
+/// Deformation gradient, row-major: F[3 i + k] = d x_i / d X_k.
+pub type Gradient<T> = [T; 9];
+
+/// Volume ratio below which the deviatoric part is evaluated as if J were this large: keeps the arithmetic finite
+/// until the health check sees the point.
+pub const MIN_JACOBIAN: f64 = 0.02;
+
+/// cof F = J F^-T, row-major, with no division.
+#[inline(always)]
+pub fn cofactor<T: Number>(f: &Gradient<T>) -> Gradient<T> {
+    [
+        f[4] * f[8] - f[5] * f[7],
+        f[5] * f[6] - f[3] * f[8],
+        f[3] * f[7] - f[4] * f[6],
+        f[2] * f[7] - f[1] * f[8],
+        f[0] * f[8] - f[2] * f[6],
+        f[1] * f[6] - f[0] * f[7],
+        f[1] * f[5] - f[2] * f[4],
+        f[2] * f[3] - f[0] * f[5],
+        f[0] * f[4] - f[1] * f[3],
+    ]
+}
+
+/// det F from F and its cofactor.
+#[inline(always)]
+pub fn determinant<T: Number>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
+    f[0] * cof[0] + f[1] * cof[1] + f[2] * cof[2]
+}
+
+/// First Piola-Kirchhoff stress for the pressure p = dU/dJ, Pa.
+#[inline(always)]
+pub fn first_piola<T: Number>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p: T) -> Gradient<T> {
+    let j = j.max(T::of(MIN_JACOBIAN));
+    let r = j.inverse_cube_root();
+    let a = mu * r * r;
+    let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
+    let b = p - a * i1 / (T::of(3.0) * j);
+    std::array::from_fn(|i| a * f[i] + b * cof[i])
+}
+
+/// Deviatoric (distortional) energy density mu/2 (J^-2/3 I1 - 3), Pa.
+#[inline(always)]
+pub fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
+    let r = j.max(T::of(MIN_JACOBIAN)).inverse_cube_root();
+    let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
+    T::of(0.5) * mu * (r * r * i1 - T::of(3.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn energy(f: &Gradient<f64>, mu: f64, kappa: f64) -> f64 {
+        let j = determinant(f, &cofactor(f));
+        distortional_energy(f, j, mu) + 0.5 * kappa * (j - 1.0) * (j - 1.0)
+    }
+
+    #[test]
+    fn stress_is_the_derivative_of_the_energy() {
+        let (mu, kappa) = (1678.0, 83_340.67);
+        let f = [1.1, 0.2, -0.1, 0.05, 0.8, 0.3, 0.0, -0.2, 1.05];
+        let cof = cofactor(&f);
+        let j = determinant(&f, &cof);
+        let p = first_piola(&f, &cof, j, mu, kappa * (j - 1.0));
+        for i in 0..9 {
+            let h = 1e-6;
+            let (mut a, mut b) = (f, f);
+            a[i] += h;
+            b[i] -= h;
+            let slope = (energy(&a, mu, kappa) - energy(&b, mu, kappa)) / (2.0 * h);
+            assert!((slope - p[i]).abs() < 1e-4 * kappa.sqrt() * mu.sqrt(), "component {i}: {slope} {}", p[i]);
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! Partition of the integration points into blocks that fit the processor's caches.
+//!
+//! A block copies the displacement of its own nodes in, works on 16-bit local indices and adds force to its own
+//! buffer; the buffers are then summed node by node in a fixed order. The partition depends on the model alone, so
+//! the result has the same bits for any number of threads, and no atomic is needed. Within a block points stand in
+//! groups of eight, one to a lane.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::approximation::{Form, ShapeTable};
+use crate::material::neo_hookean::Gradient;
+
+use super::group::groups;
+use super::memory::Memory;
+use crate::number::{LANES, Lanes};
+use crate::number::{Number, Real};
+
+/// Blocks to share among threads: two for each of sixteen.
+const BLOCKS: usize = 32;
+/// Visits per block at least and at most: the larger, the fewer nodes belong to several (four times as many visits make a
+/// step 8% cheaper), until the block's own nodes no longer stay in cache while its gradients stream through.
+const VISITS: std::ops::RangeInclusive<usize> = 4096..=16384;
+
+/// In [`Block::point`]: a lane that holds no point.
+const NO_POINT: u32 = u32::MAX;
+
+/// A run of groups of integration points with their local shape table and scratch memory. A visit is a group's use of
+/// a node; a slot is a lane of a group.
+#[derive(Clone, Debug)]
+pub struct Block<T: Real> {
+    /// Global index of each local node, ascending; then the nodes whose images beyond the axis the block uses.
+    pub nodes: Vec<u32>,
+    /// Number of local nodes that are no images.
+    pub originals: usize,
+    /// What the shape table describes.
+    pub form: Form,
+    /// Offsets into `local` and `gradient`, one more than groups.
+    pub start: Vec<u32>,
+    /// Local index of each visited node.
+    pub local: Vec<u16>,
+    /// d phi_j / d X_k over the point's `scale`; zero in the lanes whose support does not have the node.
+    pub gradient: Vec<[[T::Stored; LANES]; 3]>,
+    /// Lanes of each visit whose support has the node, one bit each.
+    pub used: Vec<u8>,
+    /// sum_j |grad phi_j|^2 of each point, 1/m^2.
+    pub squares: Vec<Lanes<T>>,
+    /// Scale of each point's gradients, 1/m (see `packed`).
+    pub scale: Vec<Lanes<T>>,
+    /// Volume of each point, m^3; zero where a lane holds none.
+    pub volume: Vec<Lanes<T>>,
+    /// Share of each point that is tissue: 1, or less where a needle fills its cell.
+    pub active: Vec<Lanes<T>>,
+    /// Global index of each corner of the points' cells, ascending: the nodes that share volume ratios.
+    pub vertices: Vec<u32>,
+    /// Where the block's forces begin among those of all blocks, and its dilations among theirs.
+    pub first: First,
+    /// Position in `vertices` of the corners of each point's cell. A triangle repeats its last.
+    pub corners: Vec<[[u16; LANES]; 4]>,
+    /// Index of each slot's point in the shape table.
+    pub point: Vec<u32>,
+    /// Displacement of the local nodes relative to the block's first node, m.
+    pub u: Vec<[T; 3]>,
+    /// Deformation gradient of each point.
+    pub deformation: Vec<Gradient<Lanes<T>>>,
+    /// Pressure at each vertex, Pa.
+    pub pressure: Vec<T>,
+    /// Smallest volume ratio of the block's points at the last evaluation.
+    pub min_jacobian: f64,
+    /// Strain energy of the block's points less the projected volumetric part, at the last evaluation, J.
+    pub energy: f64,
+    /// What the points of a relaxing material remember.
+    pub memory: Memory,
+}
+
+/// A thread's own memory while it works on a block: internal force on each local node by the lane of the points that
+/// exert it, N; zero between blocks. It stays in the thread's first cache, where the blocks' own would not.
+pub type ForceOfLane<T> = Vec<[Lanes<T>; 3]>;
+
+/// Where a block's numbers begin among those of all blocks.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct First {
+    /// Of what it has for each node.
+    pub node: usize,
+    /// Of what it has for each vertex.
+    pub vertex: usize,
+}
+
+/// Where each global index's shares lie among those of all blocks (or strips, or cells), one after another.
+#[derive(Clone, Debug, Default)]
+pub struct Shares {
+    /// Offsets, one more than indices.
+    pub start: Vec<u32>,
+    /// Positions, ascending for each index.
+    pub at: Vec<u32>,
+}
+
+impl<T: Real> Block<T> {
+    /// Groups the points of a shape table and cuts the groups into blocks.
+    #[must_use]
+    pub fn partition(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]]) -> Vec<Self> {
+        let corners = |p: usize| &cells[table.cell[p] as usize];
+        let centres: Vec<[f64; 3]> = (0..table.volume.len())
+            .map(|p| std::array::from_fn(|k| corners(p).iter().map(|&n| points[n as usize][k]).sum::<f64>() / 4.0))
+            .collect();
+        let groups = groups(&centres, |p| corners(p), points.len());
+        let visited: Vec<Vec<u32>> = groups.par_iter().map(|group| visited(table, group)).collect();
+        let total: usize = visited.iter().map(Vec::len).sum();
+        let most = total.div_ceil(BLOCKS).clamp(*VISITS.start(), *VISITS.end());
+        let mut ranges = Vec::new();
+        let (mut first, mut visits) = (0, 0);
+        for (g, visited) in visited.iter().enumerate() {
+            if visits + visited.len() > most && g > first {
+                ranges.push(first..g);
+                (first, visits) = (g, 0);
+            }
+            visits += visited.len();
+        }
+        if first < groups.len() {
+            ranges.push(first..groups.len());
+        }
+        let block = |r: Range<usize>| Self::new(table, cells, points.len(), &groups[r.clone()], &visited[r]);
+        let mut blocks: Vec<Self> = ranges.into_par_iter().map(block).collect();
+        let mut first = First::default();
+        for block in &mut blocks {
+            block.first = first;
+            first.node += block.nodes.len();
+            first.vertex += block.vertices.len();
+        }
+        blocks
+    }
+
+    fn new(table: &ShapeTable, cells: &[[u32; 4]], count: usize, groups: &[Vec<u32>], visited: &[Vec<u32>]) -> Self {
+        let corners = |p: u32| cells[table.cell[p as usize] as usize];
+        let members = || groups.iter().flatten().copied();
+        let nodes = ascending(visited.iter().flatten().copied());
+        let vertices = ascending(members().flat_map(corners));
+        let mut block = Self {
+            // entries beyond the last node are images
+            originals: nodes.partition_point(|&n| (n as usize) < count),
+            form: table.form,
+            start: vec![0],
+            local: visited.iter().flatten().map(|&n| position(&nodes, n)).collect(),
+            gradient: vec![Default::default(); visited.iter().map(Vec::len).sum()],
+            used: vec![0; visited.iter().map(Vec::len).sum()],
+            squares: vec![Lanes::default(); groups.len()],
+            scale: vec![Lanes::default(); groups.len()],
+            volume: vec![Lanes::default(); groups.len()],
+            active: vec![Lanes::of(1.0); groups.len()],
+            corners: vec![[[0; LANES]; 4]; groups.len()],
+            point: vec![NO_POINT; LANES * groups.len()],
+            u: vec![[T::default(); 3]; nodes.len()],
+            deformation: vec![Default::default(); groups.len()],
+            pressure: vec![T::default(); vertices.len()],
+            first: First::default(),
+            min_jacobian: 1.0,
+            energy: 0.0,
+            memory: Memory::default(),
+            nodes: nodes.iter().map(|&n| n % count as u32).collect(),
+            vertices: Vec::new(),
+        };
+        let mut from = 0;
+        for (g, (group, visited)) in groups.iter().zip(visited).enumerate() {
+            for (lane, &p) in group.iter().enumerate() {
+                block.point[LANES * g + lane] = p;
+                block.volume[g].0[lane] = T::of(table.volume[p as usize]);
+                for (k, n) in corners(p).into_iter().enumerate() {
+                    block.corners[g][k][lane] = position(&vertices, n);
+                }
+                let entries = table.start[p as usize] as usize..table.start[p as usize + 1] as usize;
+                let (scale, packed) = packed::<T>(&table.gradient[entries.clone()]);
+                block.scale[g].0[lane] = T::of(scale);
+                let mut squares = 0.0;
+                for (&n, gradient) in table.nodes[entries].iter().zip(packed) {
+                    let visit = from + usize::from(position(visited, n));
+                    (0..3).for_each(|k| block.gradient[visit][k][lane] = gradient[k]);
+                    block.used[visit] |= 1 << lane;
+                    squares += gradient.iter().map(|&g| (scale * T::load(g).get()).powi(2)).sum::<f64>();
+                }
+                block.squares[g].0[lane] = T::of(squares);
+            }
+            from += visited.len();
+            block.start.push(from as u32);
+        }
+        block.vertices = vertices;
+        block
+    }
+
+    /// Slots that hold a point, with the point's index in the shape table.
+    pub fn occupied(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let held = self.point.iter().enumerate().filter(|&(_, &point)| point != NO_POINT);
+        held.map(|(slot, &point)| (slot, point as usize))
+    }
+
+    /// Deformation gradient in one slot.
+    #[must_use]
+    pub fn deformation_in(&self, slot: usize) -> Gradient<f64> {
+        self.deformation[slot / LANES].map(|f| f.0[slot % LANES].get())
+    }
+
+    /// Volume of the point in one slot, m^3.
+    #[must_use]
+    pub fn volume_in(&self, slot: usize) -> f64 {
+        self.volume[slot / LANES].0[slot % LANES].get()
+    }
+
+    /// Share of the point in one slot that is tissue.
+    #[must_use]
+    pub fn active_in(&self, slot: usize) -> f64 {
+        self.active[slot / LANES].0[slot % LANES].get()
+    }
+}
+
+/// The gradients of a point over a scale of their own.
+///
+/// The kernel is as fast as gradients stream in from memory, so in single precision they are kept in 16 bits: whole
+/// numbers, the largest 32767. Rounding changes a gradient by up to 3e-5 of the largest, but not the sum over the
+/// support nodes, so that a uniform displacement strains nothing.
+fn packed<T: Real>(gradient: &[[f64; 3]]) -> (f64, Vec<[T::Stored; 3]>) {
+    let Some(most) = T::LARGEST_STORED else {
+        return (1.0, gradient.iter().map(|g| g.map(T::store)).collect());
+    };
+    let largest = gradient.iter().flatten().fold(0.0_f64, |a, g| a.max(g.abs()));
+    let scale = if largest > 0.0 { largest / (most - 1.0) } else { 1.0 };
+    let exact: Vec<[f64; 3]> = gradient.iter().map(|g| g.map(|g| g / scale)).collect();
+    let mut whole: Vec<[f64; 3]> = exact.iter().map(|g| g.map(f64::round)).collect();
+    for k in 0..3 {
+        let sum = |g: &[[f64; 3]]| g.iter().map(|g| g[k]).sum::<f64>();
+        let mut missing = sum(&exact).round() - sum(&whole);
+        // those that were rounded furthest the wrong way give way: a few
+        while missing != 0.0 {
+            let gain = |i: usize| (exact[i][k] - whole[i][k]) * missing.signum();
+            let Some(most) = (0..exact.len()).reduce(|a, b| if gain(b) > gain(a) { b } else { a }) else { break };
+            whole[most][k] += missing.signum();
+            missing -= missing.signum();
+        }
+    }
+    (scale, whole.iter().map(|g| g.map(T::store)).collect())
+}
+
+/// Support nodes of a group's points, ascending.
+fn visited(table: &ShapeTable, group: &[u32]) -> Vec<u32> {
+    let support = |&p: &u32| &table.nodes[table.start[p as usize] as usize..table.start[p as usize + 1] as usize];
+    ascending(group.iter().flat_map(support).copied())
+}
+
+fn ascending(indices: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut v: Vec<u32> = indices.collect();
+    v.sort_unstable();
+    v.dedup();
+    v
+}
+
+fn position(sorted: &[u32], n: u32) -> u16 {
+    sorted.partition_point(|&m| m < n) as u16
+}
+
+impl Shares {
+    /// Collects the shares of every index in `0..count` from the blocks' index lists.
+    #[must_use]
+    pub fn of<'a>(lists: impl Iterator<Item = &'a [u32]> + Clone, count: usize) -> Self {
+        let mut start = vec![0u32; count + 1];
+        for &n in lists.clone().flatten() {
+            start[n as usize + 1] += 1;
+        }
+        for n in 0..count {
+            start[n + 1] += start[n];
+        }
+        let mut at = vec![0; start[count] as usize];
+        let mut next = start.clone();
+        for (position, &n) in lists.flatten().enumerate() {
+            at[next[n as usize] as usize] = position as u32;
+            next[n as usize] += 1;
+        }
+        Self { start, at }
+    }
+
+    /// Shares of one index.
+    #[must_use]
+    pub fn of_index(&self, n: usize) -> &[u32] {
+        &self.at[self.start[n] as usize..self.start[n + 1] as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packed_gradients_keep_their_sum_and_are_close() {
+        // shape functions of a constant sum to zero
+        let mut gradient: Vec<[f64; 3]> =
+            (0..40).map(|i| std::array::from_fn(|k| 900.0 * ((i * 7 + k * 13) as f64).sin())).collect();
+        let sum: [f64; 3] = std::array::from_fn(|k| gradient.iter().map(|g| g[k]).sum());
+        gradient.push(sum.map(|s| -s));
+        let (scale, stored) = packed::<f32>(&gradient);
+        for k in 0..3 {
+            assert_eq!(stored.iter().map(|g| i32::from(g[k])).sum::<i32>(), 0);
+            for (g, s) in gradient.iter().zip(&stored) {
+                assert!((g[k] - scale * f64::from(s[k])).abs() < scale, "{} {}", g[k], s[k]);
+            }
+        }
+        let (scale, stored) = packed::<f64>(&gradient);
+        assert_eq!((scale, stored), (1.0, gradient));
+    }
+}

@@ -1,0 +1,101 @@
+//! Which integration points, or nodes, share a vector: up to eight that lie close together, so that they share most of
+//! their neighbours. One visit to a support node then serves eight points.
+
+use crate::number::LANES;
+
+/// Points in groups of up to [`LANES`], each grown from the first point left over, in the order of the points, by the
+/// nearest to its centre among those that share a node with it. `nodes(i)` are the nodes by which point i has
+/// neighbours, below `count`. The result depends on the points alone.
+pub fn groups<'a>(at: &[[f64; 3]], nodes: impl Fn(usize) -> &'a [u32], count: usize) -> Vec<Vec<u32>> {
+    let users = users(at.len(), &nodes, count);
+    let mut left = vec![true; at.len()];
+    // the group that last looked at a point
+    let mut seen = vec![u32::MAX; at.len()];
+    let mut groups: Vec<Vec<u32>> = Vec::with_capacity(at.len() / LANES + 1);
+    let mut near: Vec<u32> = Vec::new();
+    for first in 0..at.len() as u32 {
+        if !left[first as usize] {
+            continue;
+        }
+        let mut group = Vec::with_capacity(LANES);
+        near.clear();
+        let mut sum = [0.0; 3];
+        let mut next = first;
+        loop {
+            left[next as usize] = false;
+            group.push(next);
+            if group.len() == LANES {
+                break;
+            }
+            (0..3).for_each(|k| sum[k] += at[next as usize][k]);
+            for &n in nodes(next as usize) {
+                for &q in users.of(n) {
+                    if left[q as usize] && seen[q as usize] != groups.len() as u32 {
+                        seen[q as usize] = groups.len() as u32;
+                        near.push(q);
+                    }
+                }
+            }
+            let centre = sum.map(|s| s / group.len() as f64);
+            let distance = |q: u32| -> f64 { (0..3).map(|k| (at[q as usize][k] - centre[k]).powi(2)).sum() };
+            let nearest = near.iter().enumerate().map(|(i, &q)| (distance(q), i)).min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, i)) = nearest else { break };
+            next = near.swap_remove(i);
+        }
+        groups.push(group);
+    }
+    groups
+}
+
+/// Which points use each node.
+struct Users {
+    start: Vec<u32>,
+    point: Vec<u32>,
+}
+
+impl Users {
+    fn of(&self, node: u32) -> &[u32] {
+        &self.point[self.start[node as usize] as usize..self.start[node as usize + 1] as usize]
+    }
+}
+
+fn users<'a>(points: usize, nodes: impl Fn(usize) -> &'a [u32], count: usize) -> Users {
+    let mut start = vec![0u32; count + 1];
+    for &n in (0..points).flat_map(&nodes) {
+        start[n as usize + 1] += 1;
+    }
+    for n in 0..count {
+        start[n + 1] += start[n];
+    }
+    let mut point = vec![0; start[count] as usize];
+    let mut next = start.clone();
+    for i in 0..points {
+        for &n in nodes(i) {
+            point[next[n as usize] as usize] = i as u32;
+            next[n as usize] += 1;
+        }
+    }
+    Users { start, point }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_point_is_in_one_group_of_neighbours() {
+        // a row of points, each with the two nodes at its ends, numbered at random
+        let place = |i: u32| (i * 37) % 101;
+        let at: Vec<[f64; 3]> = (0..101).map(|i| [f64::from(place(i)), 0.0, 0.0]).collect();
+        let nodes: Vec<[u32; 2]> = (0..101).map(|i| [place(i), place(i) + 1]).collect();
+        let groups = groups(&at, |i| &nodes[i], 102);
+        let mut all: Vec<u32> = groups.concat();
+        all.sort_unstable();
+        assert_eq!(all, (0..101).collect::<Vec<u32>>());
+        for group in &groups {
+            let mut places: Vec<u32> = group.iter().map(|&i| place(i)).collect();
+            places.sort_unstable();
+            assert!(places.len() <= LANES && places.windows(2).all(|w| w[1] == w[0] + 1), "{places:?}");
+        }
+    }
+}

@@ -1,0 +1,232 @@
+//! The two passes of the [internal force](super::kernel) over the points of a block.
+
+use crate::approximation::Form;
+use crate::material::neo_hookean::{Gradient, cofactor, determinant};
+
+use super::block::{Block, ForceOfLane};
+use super::points::{Constants, PointLaw, Relaxing};
+use crate::number::lanes::{LANES, Lanes, Loop, run};
+use crate::number::{Number, Real};
+
+/// How far ahead gradients are asked for: 2 kB in single precision.
+#[cfg(target_arch = "x86_64")]
+const VISITS_AHEAD: usize = 40;
+
+impl<T: Real> Block<T> {
+    /// Pass 1. `dilation`: sum over the block's points of V (J - 1) over the number of corners, at each vertex, m^3.
+    pub(super) fn deform(&mut self, u: &[[f64; 3]], dilation: &mut [T]) {
+        // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
+        // whole sample costs no digits in single precision.
+        let origin = u[self.nodes[0] as usize];
+        dilation.fill(T::default());
+        match self.form {
+            Form::Full => {
+                for (local, &n) in self.u.iter_mut().zip(&self.nodes) {
+                    let u = u[n as usize];
+                    *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
+                }
+                run(Deform::<_, false>(self, dilation));
+            }
+            Form::Axisymmetric => {
+                self.copy_meridian(u, origin[2]);
+                run(Deform::<_, true>(self, dilation));
+            }
+        }
+    }
+
+    /// Displacements of nodes and images of a half plane: only a motion along the axis is rigid, so u_r stays absolute.
+    fn copy_meridian(&mut self, u: &[[f64; 3]], origin: f64) {
+        for (l, (local, &n)) in self.u.iter_mut().zip(&self.nodes).enumerate() {
+            let [radial, _, axial] = u[n as usize];
+            let radial = if l < self.originals { radial } else { -radial };
+            *local = [T::of(radial), T::default(), T::of(axial - origin)];
+        }
+    }
+
+    /// Pass 2. `pressure` at all nodes, or empty; `force`: internal force of the block's points on each of its nodes, N.
+    pub(super) fn stress(
+        &mut self,
+        pressure: &[T],
+        constants: &Constants,
+        scratch: &mut ForceOfLane<T>,
+        force: &mut [[T; 3]],
+    ) {
+        if !pressure.is_empty() {
+            for (local, &n) in self.pressure.iter_mut().zip(&self.vertices) {
+                *local = pressure[n as usize];
+            }
+        }
+        // the usual law has a loop of its own, with no choices in it
+        if let Some(plain) = constants.plain() {
+            self.spread(&plain, scratch);
+        } else {
+            let memory = std::mem::take(&mut self.memory);
+            self.spread(&Relaxing { constants, memory: &memory }, scratch);
+            self.energy += memory.offset;
+            self.memory = memory;
+        }
+        T::sum_and_clear(scratch, force);
+        // what pulls an image outwards pulls its node the other way
+        for force in &mut force[self.originals..] {
+            force[0] = -force[0];
+        }
+    }
+
+    fn spread(&mut self, law: &impl PointLaw<T>, scratch: &mut ForceOfLane<T>) {
+        match self.form {
+            Form::Full => run(Stress::<_, _, false>(self, law, scratch)),
+            Form::Axisymmetric => run(Stress::<_, _, true>(self, law, scratch)),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn projected_pressure(&self, group: usize) -> Lanes<T> {
+        let [a, b, c, d] = &self.corners[group];
+        let two = Lanes::look_up(&self.pressure, a) + Lanes::look_up(&self.pressure, b);
+        let third = Lanes::look_up(&self.pressure, c);
+        match self.form {
+            Form::Full => Lanes::of(0.25) * (two + (third + Lanes::look_up(&self.pressure, d))),
+            Form::Axisymmetric => Lanes::of(1.0 / 3.0) * (two + third),
+        }
+    }
+
+    /// Projected pressure of the point in one slot, Pa.
+    pub(super) fn projected_pressure_in(&self, slot: usize) -> f64 {
+        self.projected_pressure(slot / LANES).0[slot % LANES].get()
+    }
+}
+
+/// The loop over points of pass 1.
+struct Deform<'a, T: Real, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a mut [T]);
+
+impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
+    #[inline(always)]
+    fn go(self) {
+        let Self(block, dilation) = self;
+        let (one, zero) = (Lanes::of(1.0), Lanes::default());
+        let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
+        let mut min = Lanes::of(f64::MAX);
+        for group in 0..block.volume.len() {
+            let range = block.start[group] as usize..block.start[group + 1] as usize;
+            let mut f = gather::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &block.u);
+            let (active, scale) = (block.active[group], block.scale[group]);
+            for k in 0..9 {
+                let undeformed = if k % 4 == 0 { one } else { zero };
+                f[k] = f[k].fma(scale, undeformed);
+                if AXISYMMETRIC {
+                    // the needle's, not the tissue's: nothing reads it but what is shown
+                    f[k] = f[k].where_positive(active, undeformed);
+                }
+            }
+            block.deformation[group] = f;
+            let j = determinant(&f, &cofactor(&f));
+            // a NaN does not survive this comparison; the energy of pass 2 keeps it
+            min = j.where_positive(active, min).min(min);
+            let share = share_of_corner * active * block.volume[group] * (j - one);
+            for corner in &block.corners[group][..if AXISYMMETRIC { 3 } else { 4 }] {
+                for (&c, share) in corner.iter().zip(share.0) {
+                    dilation[usize::from(c)] += share;
+                }
+            }
+        }
+        block.min_jacobian = min.0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
+    }
+}
+
+/// The loop over points of pass 2.
+struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a L, &'a mut ForceOfLane<T>);
+
+impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L, AXISYMMETRIC> {
+    #[inline(always)]
+    fn go(self) {
+        let Self(block, law, force) = self;
+        let zero = Lanes::default();
+        let mut energy = zero;
+        for group in 0..block.volume.len() {
+            let volume = block.active[group] * block.volume[group];
+            if volume == zero {
+                continue;
+            }
+            let (density, stress) = law.at(group, &block.deformation[group], block.projected_pressure(group));
+            // what is no tissue must not spoil its neighbours in the vector
+            let here = volume * volume;
+            energy += (volume * density).where_positive(here, zero);
+            let factor = volume * block.scale[group];
+            let mut spread = [zero; 9];
+            for (spread, stress) in spread.iter_mut().zip(stress) {
+                *spread = (factor * stress).where_positive(here, zero);
+            }
+            let range = block.start[group] as usize..block.start[group + 1] as usize;
+            scatter::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, force);
+        }
+        block.energy = energy.sum().get();
+    }
+}
+
+/// sum_j u_j (x) grad phi_j, over the scale of the gradients. In a half plane the second component of a gradient belongs to the hoop strain
+/// sum_j u_r phi_j / r, and what shears the hoop direction is zero.
+#[inline(always)]
+fn gather<T: Real, const AXISYMMETRIC: bool>(
+    local: &[u16],
+    gradient: &[[[T::Stored; LANES]; 3]],
+    u: &[[T; 3]],
+) -> Gradient<Lanes<T>> {
+    let mut f = [Lanes::default(); 9];
+    for (l, g) in local.iter().zip(gradient) {
+        prefetch(g);
+        let g = [Lanes::load(&g[0]), Lanes::load(&g[1]), Lanes::load(&g[2])];
+        let u = u[usize::from(*l)].map(Lanes::splat);
+        if AXISYMMETRIC {
+            f[0] = u[0].fma(g[0], f[0]);
+            f[2] = u[0].fma(g[2], f[2]);
+            f[4] = u[0].fma(g[1], f[4]);
+            f[6] = u[2].fma(g[0], f[6]);
+            f[8] = u[2].fma(g[2], f[8]);
+        } else {
+            for i in 0..3 {
+                for k in 0..3 {
+                    f[3 * i + k] = u[i].fma(g[k], f[3 * i + k]);
+                }
+            }
+        }
+    }
+    f
+}
+
+/// f_j += V P grad phi_j, with V P times the scale of the gradients row-major; the hoop stress pushes its nodes outwards.
+#[inline(always)]
+fn scatter<T: Real, const AXISYMMETRIC: bool>(
+    local: &[u16],
+    gradient: &[[[T::Stored; LANES]; 3]],
+    p: &Gradient<Lanes<T>>,
+    force: &mut [[Lanes<T>; 3]],
+) {
+    for (l, g) in local.iter().zip(gradient) {
+        prefetch(g);
+        let g = [Lanes::load(&g[0]), Lanes::load(&g[1]), Lanes::load(&g[2])];
+        let force = &mut force[usize::from(*l)];
+        if AXISYMMETRIC {
+            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], force[0])));
+            force[2] = p[6].fma(g[0], p[8].fma(g[2], force[2]));
+        } else {
+            for i in 0..3 {
+                force[i] = p[3 * i].fma(g[0], p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], force[i])));
+            }
+        }
+    }
+}
+
+/// Asks for the gradients of a later visit: the processor's own prefetching ends at the next page, and waits of a
+/// seventh of the step were measured without.
+#[inline(always)]
+fn prefetch<S>(g: &[[S; LANES]; 3]) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let later = std::ptr::from_ref(g).wrapping_add(VISITS_AHEAD);
+        // SAFETY: a hint; the address need not be valid.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(later.cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = g;
+}

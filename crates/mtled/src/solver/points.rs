@@ -1,0 +1,306 @@
+//! The law at one integration point, as the loop of pass 2 sees it.
+
+use crate::material::neo_hookean::{Gradient, MIN_JACOBIAN, cofactor, determinant, distortional_energy, first_piola};
+use crate::material::{Distortional, Law, Volumetric};
+
+use super::memory::Memory;
+use crate::number::{LANES, Lanes};
+use crate::number::{Number, Real};
+
+/// Material and how its bulk modulus is shared out.
+#[derive(Clone, Copy, Debug)]
+pub struct Constants {
+    pub law: Law,
+    /// Bulk modulus of the projected part, Pa; 0 with the pointwise volume ratio.
+    pub projected: f64,
+    /// Bulk modulus of the pointwise part, Pa.
+    pub pointwise: f64,
+    /// Whether the pointwise part resists collapse, see [`super::dilatation`]; if not it is the law's own.
+    pub resists_collapse: bool,
+}
+
+impl Constants {
+    /// The constants of the neo-Hookean law with quadratic volumetric energy and no relaxation, if it is that.
+    pub(super) fn plain<T: Real>(&self) -> Option<NeoHookean<T>> {
+        match self.law {
+            Law {
+                distortional: Distortional::NeoHookean { shear_modulus },
+                volumetric: Volumetric::Quadratic,
+                prony,
+                ..
+            } if prony.is_empty() => Some(NeoHookean {
+                mu: T::of(shear_modulus),
+                pointwise: T::of(self.pointwise),
+                projected: T::of(self.projected),
+                resists_collapse: self.resists_collapse,
+            }),
+            _ => None,
+        }
+    }
+}
+
+impl Constants {
+    /// Largest stiffness (Pa) of a plane wave u = a sin(N X) in the state F with projected pressure `pressure`:
+    /// the largest a.A(N).a over unit vectors a, N, with A = dP/dF.
+    ///
+    /// With c the largest singular value of cof F, a.A(N).a <= (kappa u'')c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2) for the
+    /// neo-Hookean law (its mixed term is negative in principal directions); the pressure itself drops out, because det
+    /// is linear along a (x) N.
+    #[must_use]
+    pub fn stiffness(&self, f: &Gradient<f64>, pressure: f64) -> f64 {
+        let cof = cofactor(f);
+        let j = determinant(f, &cof).max(MIN_JACOBIAN);
+        let c2 = largest_square(&cof);
+        let root = j.inverse_cube_root();
+        let cube = root * root;
+        let mu = match &self.law.distortional {
+            Distortional::NeoHookean { shear_modulus } => *shear_modulus,
+            Distortional::Ogden(law) => law.stiffness(cube * largest_square(f), cube * j * j / c2),
+        };
+        let pointwise =
+            if self.resists_collapse { collapse_curvature(j) } else { self.law.volumetric.curvature(j - 1.0) };
+        let projected = match self.projected {
+            kappa if kappa > 0.0 => self.law.volumetric.curvature(self.law.volumetric.dilation(pressure / kappa)),
+            _ => 0.0,
+        };
+        plane_wave(f, c2, j, cube, mu, self.projected * projected + self.pointwise * pointwise)
+    }
+}
+
+/// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3.
+#[inline(always)]
+fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) -> T {
+    let mut i1 = T::default();
+    for x in f {
+        i1 += *x * *x;
+    }
+    bulk * c2 + mu * (cube + T::of(5.0 / 9.0) * cube * i1 * c2 / (j * j))
+}
+
+/// About the square of the largest singular value: tr S^5 / tr S^4 with S = A^T A, exact where one value dominates or
+/// all are equal.
+#[inline(always)]
+fn largest_square<T: Number>(a: &Gradient<T>) -> T {
+    // symmetric: xx, yy, zz, xy, yz, zx
+    let dot = |i: usize, j: usize| a[i] * a[j] + a[i + 3] * a[j + 3] + a[i + 6] * a[j + 6];
+    let own = [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)];
+    let trace = own[0] + own[1] + own[2];
+    let inverse = T::of(1.0) / trace;
+    let s = own.map(|x| x * inverse);
+    // of two that commute
+    let times = |x: &[T; 6], y: &[T; 6]| {
+        [
+            x[0] * y[0] + x[3] * y[3] + x[5] * y[5],
+            x[3] * y[3] + x[1] * y[1] + x[4] * y[4],
+            x[5] * y[5] + x[4] * y[4] + x[2] * y[2],
+            x[0] * y[3] + x[3] * y[1] + x[5] * y[4],
+            x[3] * y[5] + x[1] * y[4] + x[4] * y[2],
+            x[5] * y[0] + x[4] * y[3] + x[2] * y[5],
+        ]
+    };
+    let inner = |x: &[T; 6], y: &[T; 6]| {
+        let off = x[3] * y[3] + x[4] * y[4] + x[5] * y[5];
+        x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + off + off
+    };
+    let s2 = times(&s, &s);
+    let s3 = times(&s2, &s);
+    trace * inner(&s3, &s2) / inner(&s2, &s2)
+}
+
+/// Energy density and stress of a group of points.
+pub trait PointLaw<T: Real> {
+    /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of the
+    /// points of one group of a block, from their deformation gradients and projected pressures.
+    fn at(&self, group: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>);
+    /// [`Constants::stiffness`] of the same points.
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> Lanes<T>;
+}
+
+/// [`crate::material::neo_hookean`] in the kernel's own precision.
+pub(super) struct NeoHookean<T> {
+    mu: T,
+    pointwise: T,
+    projected: T,
+    resists_collapse: bool,
+}
+
+impl<T: Real> NeoHookean<T> {
+    #[inline(always)]
+    fn stiffness_of_lane(&self, f: &Gradient<T>) -> T {
+        let cof = cofactor(f);
+        let j = determinant(f, &cof).max(T::of(MIN_JACOBIAN));
+        let root = j.inverse_cube_root();
+        let curvature = if self.resists_collapse { collapse_curvature(j) } else { T::of(1.0) };
+        let bulk = self.projected + self.pointwise * curvature;
+        plane_wave(f, largest_square(&cof), j, root * root, self.mu, bulk)
+    }
+
+    #[inline(always)]
+    fn lane(&self, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
+        let cof = cofactor(f);
+        let j = determinant(f, &cof);
+        let (energy, own) = if self.resists_collapse {
+            collapse(j, self.pointwise)
+        } else {
+            let dilation = j - T::of(1.0);
+            (T::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
+        };
+        let energy = distortional_energy(f, j, self.mu) + energy;
+        (energy, first_piola(f, &cof, j, self.mu, projected + own))
+    }
+}
+
+impl<T: Real> PointLaw<T> for NeoHookean<T> {
+    #[inline(always)]
+    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
+        let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
+        for lane in 0..LANES {
+            let (w, p) = self.lane(&std::array::from_fn(|i| f[i].0[lane]), projected.0[lane]);
+            density.0[lane] = w;
+            for i in 0..9 {
+                stress[i].0[lane] = p[i];
+            }
+        }
+        (density, stress)
+    }
+
+    // the energy of volume being quadratic, the pressure does not change its curvature
+    #[inline(always)]
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, _: Lanes<T>) -> Lanes<T> {
+        let mut stiffness = Lanes::default();
+        for lane in 0..LANES {
+            stiffness.0[lane] = self.stiffness_of_lane(&std::array::from_fn(|i| f[i].0[lane]));
+        }
+        stiffness
+    }
+}
+
+/// Any law, with memory if it relaxes. In double precision: logarithms and nearly equal stretches need the digits.
+pub(super) struct Relaxing<'a> {
+    pub constants: &'a Constants,
+    pub memory: &'a Memory,
+}
+
+impl<T: Real> PointLaw<T> for Relaxing<'_> {
+    #[inline]
+    fn at(&self, group: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
+        let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
+        for lane in 0..LANES {
+            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), projected.0[lane].get());
+            density.0[lane] = T::of(w);
+            for (out, p) in stress.iter_mut().zip(p) {
+                out.0[lane] = T::of(p);
+            }
+        }
+        (density, stress)
+    }
+
+    #[inline]
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> Lanes<T> {
+        let mut stiffness = Lanes::default();
+        for lane in 0..LANES {
+            let f = f.map(|x| x.0[lane].get());
+            stiffness.0[lane] = T::of(self.constants.stiffness(&f, projected.0[lane].get()));
+        }
+        stiffness
+    }
+}
+
+impl Relaxing<'_> {
+    /// Energy density and stress of the point in one slot of the block.
+    pub fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: f64) -> (f64, Gradient<f64>) {
+        let Constants { law, pointwise, resists_collapse, .. } = self.constants;
+        let cof = cofactor(f);
+        let j = determinant(f, &cof);
+        let (own, pressure) = if *resists_collapse {
+            collapse(j, *pointwise)
+        } else {
+            (pointwise * law.volumetric.energy(j - 1.0), pointwise * law.volumetric.slope(j - 1.0))
+        };
+        let (energy, stress) = match self.memory.held.get(slot) {
+            Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, held),
+            None => law.distortion(f, &cof, j),
+        };
+        (energy + own, std::array::from_fn(|i| stress[i] + (projected + pressure) * cof[i]))
+    }
+}
+
+/// J_0: volume ratio below which the pointwise part of the projected energy stiffens.
+const CRUSHED: f64 = 0.4;
+
+/// Energy and pressure of the pointwise part that resists collapse:
+/// kappa_s/2 (J - 1)^2 (1 + q), kappa_s ((J - 1)(1 + q) - 2 (J - 1)^2 q / J), with q = (J_0/J)^4.
+#[inline(always)]
+fn collapse<T: Number>(j: T, kappa: T) -> (T, T) {
+    let (one, two) = (T::of(1.0), T::of(2.0));
+    let inverse = one / j.max(T::of(MIN_JACOBIAN));
+    let ratio = T::of(CRUSHED) * inverse;
+    let square = ratio * ratio;
+    let q = square * square;
+    let dilation = j - one;
+    let slope = kappa * dilation;
+    (slope * dilation * (one + q) / two, slope * (one + q - two * dilation * q * inverse))
+}
+
+/// Second derivative of that energy, over kappa_s: 1 + q (1 - 8 (J - 1)/J + 10 (J - 1)^2 / J^2).
+#[inline(always)]
+fn collapse_curvature<T: Number>(j: T) -> T {
+    let one = T::of(1.0);
+    let inverse = one / j;
+    let (dilation, ratio) = ((j - one) * inverse, T::of(CRUSHED) * inverse);
+    let square = ratio * ratio;
+    one + square * square * (one - T::of(8.0) * dilation + T::of(10.0) * dilation * dilation)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pressure_and_curvature_are_derivatives_of_the_energy() {
+        let h = 1e-6;
+        for j in [0.03_f64, 0.1, 0.25, 0.6, 1.0, 1.4] {
+            let (kappa, energy, pressure) = (3.0, |j: f64| collapse(j, 3.0).0, |j: f64| collapse(j, 3.0).1);
+            let slope = (energy(j + h) - energy(j - h)) / (2.0 * h);
+            assert!((slope - pressure(j)).abs() < 1e-5 * (1.0 + slope.abs()), "{j}: {slope} {}", pressure(j));
+            let curvature = (pressure(j + h) - pressure(j - h)) / (2.0 * h);
+            let stated = kappa * collapse_curvature(j);
+            assert!((curvature / stated - 1.0).abs() < 1e-5, "{j}: {curvature} {stated}");
+        }
+    }
+
+    #[test]
+    fn the_stiffness_by_lanes_is_the_one_in_double_precision() {
+        for resists_collapse in [true, false] {
+            let law = Law::neo_hookean(1678.0, 83_000.0);
+            let constants = Constants { law, projected: 75_000.0, pointwise: 8000.0, resists_collapse };
+            let (single, double) = (constants.plain::<f32>().unwrap(), constants.plain::<f64>().unwrap());
+            // from next to nothing to torn and crushed
+            for size in [0.0, 0.01, 0.3, 0.8, 1.5] {
+                let f: Gradient<Lanes<f64>> = std::array::from_fn(|i| {
+                    let undeformed = if i % 4 == 0 { 1.0 } else { 0.0 };
+                    Lanes(std::array::from_fn(|lane| undeformed + size * (1.7 * i as f64 + 2.3 * lane as f64).sin()))
+                });
+                let narrow = f.map(|x| Lanes(x.0.map(|x| x as f32)));
+                let (single, double) =
+                    (single.stiffness(&narrow, Lanes::default()), double.stiffness(&f, Lanes::default()));
+                for lane in 0..LANES {
+                    let exact = constants.stiffness(&f.map(|x| x.0[lane]), 0.0);
+                    assert!((double.0[lane] / exact - 1.0).abs() < 1e-12, "{size} {lane}");
+                    // J itself is a small difference where a point is crushed
+                    assert!((f64::from(single.0[lane]) / exact - 1.0).abs() < 1e-3, "{size} {lane}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_singular_value_dominates_or_all_are_equal() {
+        let stretched = [3.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.0, 0.0, 0.2];
+        assert!((largest_square::<f64>(&stretched) / 9.0 - 1.0).abs() < 1e-3);
+        // a rotation
+        let turned = [0.0, -1.0, 0.0, 0.6, 0.0, -0.8, 0.8, 0.0, 0.6];
+        assert!((largest_square::<f64>(&turned) - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,344 @@
+//! Central difference with mass scaling, and damping that follows the motion.
+//!
+//! ```text
+//! v_{n+1} = t d + (1 - c) q_n - M^-1 f(u_n),   u_{n+1} = u_n + v_{n+1},   q_{n+1} = v_{n+1} - t d
+//! ```
+//!
+//! d is the instrument's travel in the step and t the tangent motion, the tissue's displacement per metre of travel.
+//! Damping acts on q, the deviation from the tangent motion: mass-proportional damping of the velocity itself would
+//! drag on the moving tissue and turn into force. When the instrument stops or turns, t d follows at once, so the
+//! tissue neither overshoots nor has to be set in motion again. t is learnt on the way at a rate a below the slowest frequency, as a least-mean-squares filter: t += a q d / (d^2 + e^2), so that steps with next to no
+//! travel teach next to nothing. c is critical for the slowest mode.
+
+use crate::approximation::Form;
+
+use super::inertia::{Sums, dot};
+use super::kernel::{NODES_PER_DEAL, Parts};
+use super::pool::{Dealt, Team};
+use super::state::{Path, Role, Solver, energy, with_kernel};
+use crate::number::Real;
+
+/// Damping per step over the slowest frequency: critical.
+const DAMPING: f64 = 2.0;
+/// Learning rate of the tangent motion over the slowest frequency.
+const LEARNING: f64 = 0.3;
+/// e over the usual travel per step.
+const FLOOR: f64 = 0.2;
+/// How fast the memory of the usual travel fades, per advance.
+const USUAL_DECAY: f64 = 0.995;
+/// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
+const REFRESH: u32 = 24;
+/// Share of the present velocities in the probe.
+const MOTION_SHARE: f64 = 0.05;
+/// Amplitude of the probe over the height of the body: small against any spacing, large against round-off.
+const PROBE_AMPLITUDE: f64 = 6e-6;
+
+/// One pose's worth of steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Advance {
+    /// Explicit steps, at least 1.
+    pub steps: u32,
+    /// Distance that the instrument travels in all of them, signed along its axis, m.
+    pub travel: f64,
+}
+
+/// Forces and energies after an advance.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Balance {
+    /// Force of the tissue on the instrument, less what inertia and damping add along its way (see `solver::inertia`), N.
+    pub instrument: [f64; 3],
+    /// How far that may be from the force at rest in this position, N: an estimate.
+    pub doubt: f64,
+    /// Sum of both forces before that correction, N: zero at rest.
+    pub gap: f64,
+    /// Force of the tissue on the base, N: cancels the former at rest.
+    pub base: [f64; 3],
+    /// Kinetic energy of the scaled masses, J.
+    pub kinetic: f64,
+    /// Strain energy, J.
+    pub strain: f64,
+}
+
+impl Solver {
+    /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every `REFRESH` steps masses
+    /// and step follow the deformation.
+    pub fn advance(&mut self, advance: &Advance) {
+        let travel = advance.travel / f64::from(advance.steps);
+        self.note_motion(advance.travel);
+        self.usual_travel = travel.abs().max(USUAL_DECAY * self.usual_travel);
+        let square = travel * travel + (FLOOR * self.usual_travel).powi(2);
+        self.motion.gain = if square > 0.0 { travel / square } else { 0.0 };
+        let mut first = 1;
+        while first <= advance.steps {
+            if first > 1 {
+                self.refresh_if_due();
+            }
+            let last = advance.steps.min(first - 1 + REFRESH.saturating_sub(self.steps_since_refresh).max(1));
+            let slowest = self.slowest();
+            let rule = Rule {
+                first,
+                last,
+                steps: advance.steps,
+                travel,
+                gain: self.motion.gain,
+                keep: (1.0 - DAMPING * slowest).max(0.0),
+                learn: LEARNING * slowest,
+                mass_factor: self.state.mass_factor,
+            };
+            self.march(&rule);
+            self.steps_since_refresh += last + 1 - first;
+            first = last + 1;
+        }
+        // further steps at the same pose must not travel the path again
+        for (path, _) in self.path.iter_mut().zip(&self.role).filter(|(_, role)| **role == Role::Instrument) {
+            path.start = path.end;
+        }
+    }
+
+    fn march(&mut self, rule: &Rule) {
+        let nodes = Nodes {
+            u: Dealt::new(&mut self.state.u),
+            q: Dealt::new(&mut self.state.q),
+            tangent: Dealt::new(&mut self.state.tangent),
+            f: Dealt::new(&mut self.state.f),
+            sums: Dealt::new(&mut self.sums),
+            mass: &self.mass,
+            role: &self.role,
+            path: &self.path,
+        };
+        with_kernel!(&mut self.kernel, k => {
+            let parts = k.parts();
+            self.pool.run(&|team: &Team| march(team, &parts, &nodes, rule));
+        });
+    }
+
+    /// Forces and energies after the last advance.
+    #[must_use]
+    pub fn balance(&self) -> Balance {
+        let sums = self.sums.iter().fold(Sums::default(), |all, deal| all + *deal);
+        let mut b = Balance {
+            instrument: sums.instrument,
+            base: sums.base,
+            kinetic: sums.kinetic,
+            strain: energy(&self.kernel),
+            ..Balance::default()
+        };
+        if self.form == Form::Axisymmetric {
+            // the radial forces round a ring cancel
+            (b.instrument[0], b.base[0]) = (0.0, 0.0);
+        }
+        self.take_out_inertia(&mut b, &sums);
+        b
+    }
+
+    /// [`Solver::refresh_step`] if the last one is `REFRESH` steps ago.
+    pub fn refresh_if_due(&mut self) {
+        if self.steps_since_refresh >= REFRESH {
+            self.refresh_step();
+        }
+    }
+
+    /// Brings masses and step up to date: each point's own bound goes into the masses (see `solver::mass`), and one
+    /// power iteration on M^-1 K of the present state, which sees what the bounds don't, into the factor on all of
+    /// them. Costs 1.3 evaluations of the internal force.
+    pub fn refresh_step(&mut self) {
+        self.steps_since_refresh = 0;
+        self.refresh_masses();
+        self.mix_motion_into_probe();
+        probe(self);
+        let limit = 4.0 * self.step_factor * self.step_factor;
+        let needed = (self.largest / limit).max(1.0);
+        let factor = &mut self.state.mass_factor;
+        *factor = if needed > *factor { needed } else { (0.98 * *factor).max(needed) };
+    }
+
+    /// Angular frequency of the fastest mode of the present state, rad per step, by so many power iterations. The
+    /// central difference is stable below 2. For tests and studies: costs as many evaluations of the internal force.
+    pub fn fastest(&mut self, iterations: usize) -> f64 {
+        let (probe_before, largest_before) = (self.probe.clone(), self.largest);
+        self.probe.copy_from_slice(&self.first_probe.0);
+        self.mix_motion_into_probe();
+        let mut largest = 0.0_f64;
+        for _ in 0..iterations {
+            probe(self);
+            // an estimate from below at each iteration
+            largest = largest.max(self.largest);
+        }
+        (self.probe, self.largest) = (probe_before, largest_before);
+        evaluate(self);
+        (largest / self.state.mass_factor).sqrt()
+    }
+
+    /// An oscillation that the step can't hold grows in the velocities first: a share of them in the probe leads the
+    /// power iteration to it.
+    fn mix_motion_into_probe(&mut self) {
+        let norm = |v: &[[f64; 3]]| -> f64 {
+            v.iter().zip(&self.mass).map(|(v, m)| m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])).sum::<f64>().sqrt()
+        };
+        let share = MOTION_SHARE * norm(&self.probe) / norm(&self.state.q);
+        if share.is_finite() {
+            for (e, q) in self.probe.iter_mut().zip(&self.state.q) {
+                (0..3).for_each(|k| e[k] += share * q[k]);
+            }
+        }
+    }
+}
+
+struct Rule {
+    /// Steps to take, of `steps` in all.
+    first: u32,
+    last: u32,
+    steps: u32,
+    travel: f64,
+    /// d / (d^2 + e^2), 1/m.
+    gain: f64,
+    keep: f64,
+    learn: f64,
+    mass_factor: f64,
+}
+
+struct Nodes<'a> {
+    u: Dealt<'a, [f64; 3]>,
+    q: Dealt<'a, [f64; 3]>,
+    tangent: Dealt<'a, [f64; 3]>,
+    f: Dealt<'a, [f64; 3]>,
+    sums: Dealt<'a, Sums>,
+    mass: &'a [f64],
+    role: &'a [Role],
+    path: &'a [Path],
+}
+
+fn march<T: Real>(team: &Team, parts: &Parts<'_, T>, nodes: &Nodes<'_>, rule: &Rule) {
+    let deals = nodes.mass.len().div_ceil(NODES_PER_DEAL);
+    let range = |deal: usize| deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(nodes.mass.len());
+    // SAFETY (all blocks below): each deal of nodes is claimed by one thread between barriers; `u` is only read while
+    // the internal force is evaluated, the blocks only while node forces are summed.
+    team.claim(deals, |deal| range(deal).for_each(|n| unsafe { nodes.integrate(n, rule.first, rule) }));
+    team.barrier();
+    for step in rule.first..=rule.last {
+        parts.force(team, unsafe { nodes.u.read() });
+        team.claim(deals, |deal| {
+            for n in range(deal) {
+                unsafe { *nodes.f.get(n) = parts.node_force(n) };
+                if step < rule.last {
+                    unsafe { nodes.integrate(n, step + 1, rule) };
+                }
+            }
+            if step == rule.steps {
+                unsafe { *nodes.sums.get(deal) = nodes.sums(range(deal), rule.mass_factor) };
+            }
+        });
+        team.barrier();
+    }
+}
+
+impl Nodes<'_> {
+    /// What some nodes contribute to the balance.
+    ///
+    /// # Safety
+    /// No other thread may touch these nodes.
+    unsafe fn sums(&self, range: std::ops::Range<usize>, mass_factor: f64) -> Sums {
+        let mut sums = Sums::default();
+        for n in range {
+            // SAFETY: by the caller's promise.
+            let (q, tangent, f) = unsafe { (&*self.q.get(n), &*self.tangent.get(n), &*self.f.get(n)) };
+            match self.role[n] {
+                // The internal force on a held node is what its holder exerts on the tissue.
+                Role::Instrument => (0..3).for_each(|k| sums.instrument[k] -= f[k]),
+                Role::Base => (0..3).for_each(|k| sums.base[k] -= f[k]),
+                Role::Free => {
+                    sums.kinetic += 0.5 * self.mass[n] * mass_factor * dot(q, q);
+                    sums.learnt += dot(tangent, f);
+                    sums.present += dot(q, f);
+                }
+            }
+        }
+        sums
+    }
+
+    /// Moves node n through one step, from the force at its start.
+    ///
+    /// # Safety
+    /// No other thread may touch node n.
+    #[inline]
+    unsafe fn integrate(&self, n: usize, step: u32, rule: &Rule) {
+        // SAFETY: by the caller's promise.
+        let (u, q, tangent, f) = unsafe { (self.u.get(n), self.q.get(n), self.tangent.get(n), self.f.get(n)) };
+        match self.role[n] {
+            Role::Base => {}
+            Role::Instrument => {
+                let (path, s) = (&self.path[n], f64::from(step) / f64::from(rule.steps));
+                for k in 0..3 {
+                    let next = path.start[k] + s * (path.end[k] - path.start[k]);
+                    tangent[k] = (next - u[k]) * rule.gain;
+                    u[k] = next;
+                }
+                *q = [0.0; 3];
+            }
+            Role::Free => {
+                let inverse = 1.0 / (self.mass[n] * rule.mass_factor);
+                for k in 0..3 {
+                    let drift = tangent[k] * rule.travel;
+                    let deviation = rule.keep * q[k] - f[k] * inverse;
+                    u[k] += drift + deviation;
+                    let lesson = rule.learn * rule.gain * deviation;
+                    tangent[k] += lesson;
+                    q[k] = deviation - lesson * rule.travel;
+                }
+            }
+        }
+    }
+}
+
+/// Evaluates the internal force at the present nodal parameters, so that deformation, energy and smallest volume ratio
+/// are those of the state and not of a probe.
+pub(super) fn evaluate(solver: &mut Solver) {
+    let u = Dealt::new(&mut solver.state.u);
+    with_kernel!(&mut solver.kernel, k => {
+        let parts = k.parts();
+        // SAFETY: `u` is only read.
+        solver.pool.run(&|team: &Team| parts.force(team, unsafe { u.read() }));
+    });
+}
+
+/// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
+pub(super) fn probe(solver: &mut Solver) {
+    let largest = solver.probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
+    if !(largest > 0.0 && largest.is_finite()) {
+        return;
+    }
+    let h = PROBE_AMPLITUDE * solver.sway.height() / largest;
+    for ((s, u), e) in solver.scratch.iter_mut().zip(&solver.state.u).zip(&mut solver.probe) {
+        for k in 0..3 {
+            e[k] *= h;
+            s[k] = u[k] + e[k];
+        }
+    }
+    let scratch = Dealt::new(&mut solver.scratch);
+    let count = solver.mass.len();
+    with_kernel!(&mut solver.kernel, k => {
+        let parts = k.parts();
+        // SAFETY: `scratch` is read during the evaluation and written after its closing barrier, each deal by one thread.
+        solver.pool.run(&|team: &Team| {
+            parts.force(team, unsafe { scratch.read() });
+            team.claim(count.div_ceil(NODES_PER_DEAL), |deal| {
+                for n in deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(count) {
+                    unsafe { *scratch.get(n) = parts.node_force(n) };
+                }
+            });
+        });
+    });
+    let (mut up, mut down) = (0.0, 0.0);
+    for n in 0..count {
+        for k in 0..3 {
+            let e = solver.probe[n][k];
+            let image = if solver.role[n] == Role::Free { solver.scratch[n][k] - solver.state.f[n][k] } else { 0.0 };
+            up += e * image;
+            down += solver.mass[n] * e * e;
+            solver.probe[n][k] = image / solver.mass[n];
+        }
+    }
+    if down > 0.0 && (up / down).is_finite() {
+        solver.largest = up / down;
+    }
+}
