@@ -15,7 +15,7 @@
 use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Standard uncertainty of the force's size that no number of readings makes smaller, as a share of it. Discretisation: the
-/// needle's force is within 2 % (docs/verification.md); the bend of a load cell of 0.25 % of its range: 1 % of a small force.
+/// needle's force is within 2 % (docs/lab/verification.md); the bend of a load cell of 0.25 % of its range: 1 % of a small force.
 /// A limit of a is a standard uncertainty of a / sqrt(3), and the two add by their squares.
 pub const FORCE_ERROR: f64 = 0.013;
 /// Lengths over which the systematic error varies, over the largest depth: half of its variance is that of a wrong size, half

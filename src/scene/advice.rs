@@ -4,13 +4,13 @@ use super::{DeformationRule, Dimension, InstrumentKind, Scene, VolumeRatio};
 use crate::scene::Word as _;
 
 /// Way that captured tissue can be pushed ahead of the tip before cells turn inside out there, m: runs ended at 1.6 to 2.1 mm,
-/// whatever the capture radius (`docs/stability.md`).
+/// whatever the capture radius (`docs/lab/stability.md`).
 const FURTHEST_PUSH: f64 = 1.5e-3;
 /// Depth over the sample's height from which cells at a fine edge in three dimensions may stay folded on the way back without
-/// the guard: 10 of 17 mm with 7962 nodes, 13 with 2649 (`docs/stability.md`).
+/// the guard: 10 of 17 mm with 7962 nodes, 13 with 2649 (`docs/lab/stability.md`).
 const FOLDING: f64 = 0.55;
 /// Depth over the sample's height to which every volume ratio goes on; the shallowest run without the projected one ended
-/// at 0.29 (`docs/stability.md`).
+/// at 0.29 (`docs/lab/stability.md`).
 const ANY_VOLUME_RATIO: f64 = 0.28;
 
 impl Scene {

@@ -145,7 +145,7 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
 
 /// Skipped poses, and what that does to the force: while the tissue has not caught up with the instrument, what the
 /// instrument feels and what the base holds differ. That gap is a sign of the force's error and less than it: 20% of the
-/// force were seen with a gap of 5% (docs/faults.md).
+/// force were seen with a gap of 5% (docs/lab/faults.md).
 fn skipped(live: &Live, share: f64) -> String {
     let gap = live.last.map_or(0.0, |answer| 100.0 * answer.prediction.health.force_imbalance);
     format!(
