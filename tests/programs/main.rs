@@ -1,0 +1,16 @@
+//! What a user types and what is written for him, run as programs.
+
+mod accuracy_study;
+mod bad_input;
+mod calibrate;
+mod cli;
+mod demo;
+mod replay;
+mod report;
+mod report_browser;
+#[path = "../rig_bag/mod.rs"]
+mod rig_bag;
+#[path = "../synthetic_run/mod.rs"]
+mod synthetic_run;
+mod tune;
+mod vtu;

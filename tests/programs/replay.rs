@@ -1,0 +1,163 @@
+//! Contract of an offline replay: which messages are taken, how the load cell is brought to the stamps of the poses,
+//! and what makes it deterministic.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::path::Path;
+
+use crate::rig_bag::{RigBag, STIFFNESS, depth_at};
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A wide needle needs few nodes.
+const WIDE: &[&str] = &["--set", "instrument.capture_radius_m=0.0015"];
+
+/// A replay of a coarse model with few steps: messages and times are under test, not the force.
+fn replay(bag: &Path, more: &[&str]) -> (i32, Value, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
+        .arg("replay")
+        .arg(bag)
+        .args(["--json", "--set", "discretisation.spacing_m=0.004", "--set", "stepping.max_steps_per_pose=5"])
+        .args(more)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    let metrics = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {stderr}"));
+    (output.status.code().unwrap(), metrics, stderr)
+}
+
+#[test]
+fn every_reading_is_answered_and_compared_at_its_own_time() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag::default().write(folder.path(), "rig");
+    let out = folder.path().join("out");
+    let full = ["--set", "discretisation.dimension=full"];
+    let (code, metrics, stderr) = replay(&bag, &[&["--out", out.to_str().unwrap()], &full[..]].concat());
+    assert_eq!((code, stderr.as_str()), (0, ""));
+    assert_eq!(metrics["poses"], 50);
+    assert_eq!(metrics["scene"], "compression");
+    assert_eq!(metrics["timing"]["simulated_s"], 0.098);
+    let imbalance = metrics["stability"]["force_imbalance"].as_f64().unwrap();
+    assert!(imbalance < 0.5, "instrument and base push against each other, not together: {imbalance}");
+    assert!(metrics["measured_source"].as_str().unwrap().contains("rig"));
+    let csv = std::fs::read_to_string(out.join("force.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = csv.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 50);
+    let mut compared = 0;
+    for row in rows {
+        let (time, depth): (f64, f64) = (row[0].parse().unwrap(), row[1].parse().unwrap());
+        assert!((depth - depth_at(time)).abs() < 1e-9, "{row:?}");
+        if let Ok(measured) = row[3].parse::<f64>() {
+            assert!((measured - STIFFNESS * depth_at(time)).abs() < 1e-9, "interpolated to the pose: {row:?}");
+            assert!((0.0033..=0.0983).contains(&time), "not beyond the load cell's own time: {row:?}");
+            compared += 1;
+        }
+    }
+    assert_eq!(compared, 48, "all but the two poses before the first force and any after the last");
+}
+
+#[test]
+fn neither_threads_nor_time_change_a_bit() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag::default().write(folder.path(), "rig");
+    let (_, one, _) = replay(&bag, &["--threads", "1"]);
+    assert!(one["force"]["peak_predicted_n"].as_f64().unwrap() > 1e-4, "there is a force to compare: {one}");
+    for more in [&["--threads", "1"], &["--threads", "2"], &["--threads", "4"], &["--seed", "7"]] {
+        let (_, again, _) = replay(&bag, more);
+        assert_eq!(again["checksum"], one["checksum"], "{more:?}");
+        assert_eq!(again["force"], one["force"], "{more:?}");
+    }
+}
+
+#[test]
+fn depth_and_pose_of_one_motion_give_one_force() {
+    let folder = TempDir::new().unwrap();
+    let depths = RigBag::default().write(folder.path(), "depths");
+    let poses = RigBag { depth_topic: None, pose_topic: Some("/rig/measured_cp"), ..RigBag::default() };
+    let poses = poses.write(folder.path(), "poses");
+    let (_, by_depth, _) = replay(&depths, &[]);
+    let (code, by_pose, stderr) = replay(&poses, &[]);
+    assert_eq!((code, stderr.as_str()), (0, ""));
+    assert_eq!(by_pose["poses"], 50);
+    let peak = |metrics: &Value| metrics["force"]["peak_predicted_n"].as_f64().unwrap();
+    assert!((peak(&by_pose) - peak(&by_depth)).abs() <= 1e-6 * peak(&by_depth).abs());
+}
+
+#[test]
+fn the_bag_names_its_scene_unless_the_user_does() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag { scene: Some("indentation"), ..RigBag::default() }.write(folder.path(), "rig");
+    assert_eq!(replay(&bag, &[]).1["scene"], "indentation");
+    assert_eq!(replay(&bag, &["--scene", "compression"]).1["scene"], "compression");
+    let bag = RigBag { scene: None, readings: 20, ..RigBag::default() }.write(folder.path(), "silent");
+    assert_eq!(replay(&bag, WIDE).1["scene"], "needle_insertion");
+}
+
+#[test]
+fn the_shipped_needle_bag_gives_the_same_bits_on_any_threads() {
+    let bag = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/needle_insertion");
+    let run = |threads| {
+        let more = [&["--set", "stepping.max_steps_per_pose=1", "--threads", threads], WIDE].concat();
+        let (code, metrics, stderr) = replay(&bag, &more);
+        (code, metrics["checksum"].clone(), metrics["force"].clone(), stderr)
+    };
+    let one = run("1");
+    assert!(one.2["rmse_n"].is_number() && one.1.is_string(), "{one:?}");
+    for threads in ["2", "4"] {
+        assert_eq!(run(threads), one, "{threads} threads");
+    }
+}
+
+#[test]
+fn without_a_load_cell_there_is_no_comparison() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag { force_topic: None, ..RigBag::default() }.write(folder.path(), "rig");
+    let (code, metrics, _) = replay(&bag, &[]);
+    assert_eq!(code, 0);
+    assert!(metrics["force"]["rmse_n"].is_null());
+    assert!(metrics["force"]["peak_predicted_n"].is_number());
+}
+
+#[test]
+fn readings_that_are_no_number_are_left_out_and_said() {
+    let folder = TempDir::new().unwrap();
+    for (name, nonsense) in [("nan", f64::NAN), ("inf", f64::INFINITY)] {
+        let bag = RigBag { nonsense: Some((20, nonsense)), ..RigBag::default() }.write(folder.path(), name);
+        let (code, metrics, stderr) = replay(&bag, &[]);
+        assert_eq!(code, 3, "{stderr}");
+        assert_eq!(metrics["poses"], 49);
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        assert!(stderr.contains("measured_js") && stderr.contains("finite"), "{stderr}");
+        assert_eq!(metrics["losses"].as_array().unwrap().len(), 1);
+        assert!(metrics["force"]["peak_predicted_n"].as_f64().unwrap().is_finite());
+    }
+}
+
+#[test]
+fn a_pose_that_cannot_be_is_left_out_and_said_once() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag { nonsense: Some((20, 0.5)), ..RigBag::default() }.write(folder.path(), "rig");
+    let (code, metrics, stderr) = replay(&bag, &[]);
+    assert_eq!(code, 3, "{stderr}");
+    assert_eq!(metrics["poses"], 49);
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    assert!(stderr.contains("1 of the poses refused") && stderr.contains("0.04 s"), "{stderr}");
+}
+
+#[test]
+fn what_can_be_read_of_a_truncated_bag_is_used() {
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag::default().write(folder.path(), "rig");
+    let mcap = bag.join("rig_0.mcap");
+    let bytes = std::fs::read(&mcap).unwrap();
+    std::fs::write(&mcap, &bytes[..bytes.len() * 3 / 10]).unwrap();
+    for target in [&bag, &mcap] {
+        let (code, metrics, stderr) = replay(target, &[]);
+        assert_eq!(code, 3, "{stderr}");
+        let poses = metrics["poses"].as_u64().unwrap();
+        assert!((5..50).contains(&poses), "{poses} poses: {stderr}");
+        assert!(stderr.contains("rig_0.mcap"), "{stderr}");
+        assert!(!metrics["losses"].as_array().unwrap().is_empty());
+    }
+}

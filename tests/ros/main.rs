@@ -1,0 +1,22 @@
+//! Nodes on a ROS 2 graph, seen by independent peers.
+
+mod closed_loop;
+#[path = "../coarse/mod.rs"]
+mod coarse;
+#[path = "../fuzz/command_line.rs"]
+mod command_line;
+mod faults;
+mod identify;
+mod idle;
+mod long_run;
+mod look_ahead;
+mod middleware_process;
+mod package;
+mod rig_foreign;
+mod rig_peer;
+#[path = "../common/ros.rs"]
+mod ros;
+mod ros_arguments;
+mod ros_node;
+mod ros_peer;
+mod ros_two_hosts;

@@ -1,0 +1,8 @@
+//! What a ROS user expects of a running node beside its topics, seen by an independent DDS implementation.
+
+mod lifecycle;
+mod outputs;
+mod recording;
+mod services;
+mod time;
+mod voice;

@@ -1,0 +1,25 @@
+//! What the twin computes: each contract a module, one program for all, since linking costs more than running.
+
+mod abuse;
+mod axisymmetric;
+#[path = "../../crates/mtled/tests/clouds/mod.rs"]
+mod clouds;
+#[path = "../coarse/mod.rs"]
+mod coarse;
+#[path = "../common/mod.rs"]
+mod common;
+mod determinism;
+mod force_balance;
+mod invariance;
+mod least_work;
+mod mesh_import;
+mod needle_capture;
+mod needle_motion;
+mod relaxation;
+mod scenes;
+mod stable_step;
+mod supports;
+#[path = "../synthetic_run/mod.rs"]
+mod synthetic_run;
+mod twin;
+mod verification;
