@@ -18,10 +18,10 @@
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
 #![forbid(unsafe_code)]
 
-pub mod bag;
 pub mod cli;
 pub mod compare;
 pub mod guard;
+pub mod input;
 pub mod instrument;
 pub mod mesh;
 pub mod report;

@@ -8,9 +8,9 @@ use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::{CliError, Outcome, print, warn};
-use crate::bag::make::{RigRecording, RigScene};
-use crate::bag::{BagReader, CheckReport, Severity, check};
+use crate::rig::make::{RigRecording, RigScene};
 use crate::rig::sensors::{DisplacementModel, LoadCellModel};
+use rosbag2_mcap::{BagReader, CheckReport, Severity, check};
 
 /// Look into bags, check them, and make synthetic recordings of the rig
 #[derive(Debug, Args)]

@@ -3,7 +3,6 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::bag::BagError;
 use crate::report::ReportError;
 use crate::ros::start::NodeError;
 use crate::scene::SceneError;
@@ -11,6 +10,7 @@ use crate::study::accuracy::StudyError;
 use crate::study::calibrate::CalibrateError;
 use crate::study::speed::SpeedError;
 use crate::twin::BuildError;
+use rosbag2_mcap::BagError;
 
 /// Why a command failed: what, where, what to do. Printed once, at the edge.
 #[derive(Debug, thiserror::Error)]
@@ -19,14 +19,6 @@ pub enum CliError {
     /// The scene is wrong.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A scene file can't be read.
-    #[error("{}: {reason}", .path.display())]
-    SceneFile {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong and what to do.
-        reason: String,
-    },
     /// The twin of a scene can't be built.
     #[error("scene {scene} can't be discretised: {source}")]
     Build {

@@ -13,7 +13,6 @@ mod output;
 mod progress;
 mod replay;
 mod scene;
-pub mod scene_file;
 mod solve;
 mod study;
 mod summary;
@@ -28,6 +27,7 @@ use clap::{Parser, Subcommand};
 pub use error::CliError;
 
 use crate::ros::{guard_node, rig_node, twin_node};
+use crate::scene::file as scene_file;
 
 /// Exit codes, in the words of the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \

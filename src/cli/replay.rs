@@ -7,8 +7,8 @@ use clap::Args;
 use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
-use crate::bag::{Recording, TopicNames};
 use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
+use crate::input::{Recording, TopicNames};
 use crate::scene::Scene;
 
 /// Scene of a bag that doesn't say which it was made for.

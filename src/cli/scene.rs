@@ -153,8 +153,7 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
         scene.advice().iter().for_each(|advice| super::warn(advice));
         size(&scene).map(|size| (scene, size))
     };
-    let checked: Vec<_> =
-        scenes.iter().map(|name| scene_file::load(name).and_then(|s| set.apply(&s, [])).and_then(sized)).collect();
+    let checked: Vec<_> = scenes.iter().map(|name| set.apply(&scene_file::load(name)?, []).and_then(sized)).collect();
     if as_json {
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
             Ok((scene, size)) => json!({

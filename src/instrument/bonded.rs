@@ -3,7 +3,7 @@
 //! Below the undeformed top face the bond holds in every direction; at and above it the instrument has lifted off and
 //! the face is free of displacement (the bond carries no tension beyond the undeformed state).
 
-use crate::twin::Phase;
+use super::Phase;
 use mtled::solver::{Role, Solver};
 
 use super::Tip;

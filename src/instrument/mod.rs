@@ -2,12 +2,13 @@
 
 mod bonded;
 mod needle;
+mod phase;
 
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
+pub use phase::{Event, Phase};
 
 use crate::scene::{Instrument, InstrumentKind};
-use crate::twin::{Event, Phase};
 use mtled::cloud::{Axis, BASE, TOP};
 use mtled::solver::Solver;
 

@@ -30,8 +30,8 @@
 
 use std::f64::consts::PI;
 
+use super::{Event, Phase};
 use crate::scene::{DeformationRule, Needle};
-use crate::twin::{Event, Phase};
 use mtled::solver::{Role, Solver};
 
 use super::Tip;

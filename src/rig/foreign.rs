@@ -3,12 +3,12 @@
 //! What comes out is what this project's twin takes: a `JointState` whose position is the depth in m, and a
 //! `WrenchStamped` with the force of the tissue on the instrument in N.
 
-use crate::bag::{BagReader, Message, Topic};
-use crate::ros::messages::RosMessage;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
-use crate::ros::messages::sensor_msgs::{JointState, Range};
-use crate::ros::messages::std_msgs::{Float32, Float64, Header};
+use ros2_messages::RosMessage;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
+use ros2_messages::sensor_msgs::{JointState, Range};
+use ros2_messages::std_msgs::{Float32, Float64, Header};
+use rosbag2_mcap::{BagReader, Message, Topic};
 
 /// Why a topic can't be taken for what the user says it is.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -213,7 +213,7 @@ impl ForceSource {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::bag::{BagWriter, Qos, WriterOptions};
+    use rosbag2_mcap::{BagWriter, Qos, WriterOptions};
 
     const STAMP: Time = Time { sec: 7, nanosec: 5 };
     const LOG: u64 = 9_000_000_000;

@@ -3,7 +3,9 @@
 mod clock;
 mod delay;
 mod driver;
+pub mod embedded;
 mod foreign;
+pub mod make;
 mod player;
 pub mod sensors;
 mod trajectory;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::clock::PlaybackClock;
-use crate::bag::{BagReader, Loss, Message, Messages};
+use rosbag2_mcap::{BagReader, Loss, Message, Messages};
 
 /// How a bag is played; the same as the options of `ros2 bag play`.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,7 +99,7 @@ impl Player {
         }
         let (first, last) = bag.span_ns()?;
         let bounds = (signed(first), signed(last));
-        let latched = bag.topics().iter().map(|t| t.qos.iter().any(crate::bag::Qos::is_transient_local)).collect();
+        let latched = bag.topics().iter().map(|t| t.qos.iter().any(rosbag2_mcap::Qos::is_transient_local)).collect();
         let messages = select(&bag, &wanted);
         let mut player = Self {
             wanted,
@@ -272,8 +272,8 @@ fn signed(ns: u64) -> i64 {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::bag::{BagWriter, Qos, WriterOptions};
-    use crate::ros::messages::std_msgs::Float64;
+    use ros2_messages::std_msgs::Float64;
+    use rosbag2_mcap::{BagWriter, Qos, WriterOptions};
 
     const START: u64 = 1_700_000_000_000_000_000;
     const MS: u64 = 1_000_000;

@@ -4,9 +4,9 @@
 //! its own (`rosgraph_msgs/msg/Clock`) and never asks the crate for the time.
 
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::messages::builtin_interfaces::Time;
+pub use ros2_guarded::wall_nanos;
 
 /// Time of a node, shared by its threads.
 #[derive(Debug, Default)]
@@ -25,14 +25,6 @@ pub enum Tick {
     Forward,
     /// Time went back by so many ns: a bag was looped or a simulator reset.
     Back(i64),
-}
-
-/// Wall time, ns since 1970.
-#[must_use]
-pub fn wall_nanos() -> i64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |elapsed| i64::try_from(elapsed.as_nanos()).unwrap_or(i64::MAX))
 }
 
 impl NodeClock {

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::io::{IsTerminal, Write as _};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use crossbeam_channel::{Receiver, Sender};
 use tracing::field::{Field, Visit};
@@ -16,6 +16,7 @@ use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
 use super::arguments::LogArguments;
+pub use ros2_guarded::Throttle;
 
 /// Severity as ROS 2 numbers it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -188,17 +189,23 @@ fn local_time(wall_nanos: i64) -> String {
         .to_string()
 }
 
+/// Whether a line is the node's own and not of a library that it is built on.
+fn is_own(target: &str) -> bool {
+    const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
+    OWN.contains(&target.split("::").next().unwrap_or_default())
+}
+
 impl RosLayer {
     /// Lowest severity that a target may speak with.
     fn threshold(&self, target: &str) -> Severity {
         // A logger's level holds for what is below it: `or1` for `or1.twin`.
         let own = |l: &str| self.name.strip_prefix(l).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-        let is_own = target.starts_with(env!("CARGO_CRATE_NAME"));
+        let is_own = is_own(target);
         let fits = |l: &str| target.starts_with(l) || (is_own && own(l));
         if let Some((_, level)) = self.loggers.iter().rev().find(|(l, _)| fits(l)) {
             return *level;
         }
-        if target.starts_with(env!("CARGO_CRATE_NAME")) {
+        if is_own {
             return self.level;
         }
         // RustDDS speaks of itself at length: a loopback without multicast alone gives 30 errors per second
@@ -245,38 +252,9 @@ impl<S: Subscriber> Layer<S> for RosLayer {
             console.print(&self.name, &record);
         }
         // Only own lines: publishing makes the middleware log, which would publish again.
-        if metadata.target().starts_with(env!("CARGO_CRATE_NAME"))
-            && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err())
-        {
+        if is_own(metadata.target()) && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err()) {
             ROSOUT_DROPPED.fetch_add(1, Ordering::Relaxed);
         }
-    }
-}
-
-/// Lets a message through at most once per interval, and counts what it held back.
-#[derive(Debug)]
-pub struct Throttle {
-    interval: Duration,
-    last: Option<Instant>,
-    held: u64,
-}
-
-impl Throttle {
-    /// One message per `interval`.
-    #[must_use]
-    pub const fn new(interval: Duration) -> Self {
-        Self { interval, last: None, held: 0 }
-    }
-
-    /// `Some(held back since the last one)` if a message may go out now.
-    pub fn pass(&mut self) -> Option<u64> {
-        let now = Instant::now();
-        if self.last.is_some_and(|last| now.duration_since(last) < self.interval) {
-            self.held += 1;
-            return None;
-        }
-        self.last = Some(now);
-        Some(std::mem::take(&mut self.held))
     }
 }
 
@@ -322,14 +300,5 @@ mod tests {
         assert_eq!(layer(&[("or1", Severity::Debug)]).threshold("rustdds::dds::participant"), Severity::Error);
         assert_eq!(layer(&[("rustdds", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Debug);
         assert_eq!(layer(&[]).threshold("rustdds::rtps"), Severity::Fatal);
-    }
-
-    #[test]
-    fn throttle_counts_what_it_holds_back() {
-        let mut throttle = Throttle::new(Duration::from_secs(60));
-        assert_eq!(throttle.pass(), Some(0));
-        assert_eq!(throttle.pass(), None);
-        throttle.last = None;
-        assert_eq!(throttle.pass(), Some(1));
     }
 }

@@ -1,10 +1,9 @@
 //! ROS 2: the twin and the rig as nodes, over a DDS of our own (no ROS installation needed).
 //!
 //! `arguments`, `environment`, `names`, `parameters`, `qos`, `clock` and `logging` are what every ROS 2 program does;
-//! `participant` and `middleware` are the network; `twin_node`, `rig_node` and `guard_node` are the nodes.
+//! `participant` is the network (over the guarded middleware process of `ros2_guarded`); `twin_node`, `rig_node` and `guard_node` are the nodes.
 
 pub mod arguments;
-mod bell;
 pub mod clock;
 mod endpoint;
 pub mod environment;
@@ -12,8 +11,6 @@ pub mod guard_node;
 pub mod lifecycle;
 mod lifecycle_services;
 pub mod logging;
-pub mod messages;
-pub mod middleware;
 pub mod names;
 pub mod observer;
 pub mod parameter_file;
@@ -21,15 +18,15 @@ mod parameter_services;
 pub mod parameters;
 pub mod participant;
 pub mod qos;
-mod raw;
 mod recorder;
 pub mod rig_node;
 pub mod rosout;
 mod scene_parameters;
 pub mod service;
-pub mod signals;
 pub mod start;
-mod threads;
 pub mod twin_node;
 
 pub use parameter_file::YamlError;
+/// The middleware process; a program whose nodes come from this library calls `serve` first of all in `main`.
+pub use ros2_guarded as middleware;
+pub use ros2_messages as messages;

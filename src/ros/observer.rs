@@ -16,7 +16,7 @@ use super::participant::{Input, Participant};
 use super::qos;
 use super::service::Client;
 use super::start::NodeError;
-use crate::bag::{BagWriter, Qos, TopicId};
+use rosbag2_mcap::{BagWriter, Qos, TopicId};
 
 /// Messages that may wait between two looks: seconds at any sensible rate.
 const DEPTH: usize = 4000;

@@ -14,22 +14,22 @@ use std::thread::JoinHandle;
 use ros2_client::log::Log;
 use ros2_client::parameters::raw::ParameterEvent;
 use ros2_client::qos::{Durability, History};
-use ros2_client::{Message, MessageTypeName, ParameterValue, QosProfile, ServiceMapping};
+use ros2_client::{MessageTypeName, ParameterValue, QosProfile, ServiceMapping};
 
 use super::arguments::{ParameterOverride, RosArguments};
-use super::bell::Bell;
 pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
 use super::logging::Severity;
 use super::messages::RosMessage;
-use super::middleware::{self, Health, Inlets, Link, Mailbox, Middleware, Plan, Quality, Role};
 use super::names::{self, Endpoint, NameError, Names};
 use super::parameters::{Declaration, Parameters, Range};
 use super::qos::{self, Side};
 use super::recorder::{Recorder, Recording, Tap};
 use super::service::{Client, Mapping, Service};
 use super::start::NodeError;
-use crate::bag::{self, Schema};
+use ros2_guarded::Bell;
+use ros2_guarded::{Health, Inlets, Link, Mailbox, Middleware, Plan, Quality, Role};
+use ros2_messages::schema::{Schema, schema};
 
 /// Name of the parameter that limits the middleware process.
 const MEMORY: &str = "middleware_memory_mib";
@@ -151,7 +151,7 @@ impl Participant {
     }
 
     /// Runs another program than the present one as the middleware process; for programs that do not call
-    /// [`middleware::serve`]. It must be of the same version.
+    /// [`ros2_guarded::serve`]. It must be of the same version.
     pub fn set_program(&mut self, program: impl Into<PathBuf>) {
         self.program = Some(program.into());
     }
@@ -205,7 +205,7 @@ impl Participant {
     /// # Errors
     /// [`ParticipantError`].
     pub fn publisher<M: RosMessage>(&mut self, name: &str, profile: QosProfile) -> Result<Output<M>, ParticipantError> {
-        self.publisher_of(name, &MessageTypeName::new(M::PACKAGE, M::NAME), bag::schema(M::TYPE).as_ref(), profile)
+        self.publisher_of(name, &MessageTypeName::new(M::PACKAGE, M::NAME), schema(M::TYPE).as_ref(), profile)
     }
 
     /// Makes a publisher with a type name that is known only at run time; without a schema it is not recorded.
@@ -249,7 +249,7 @@ impl Participant {
         profile: QosProfile,
     ) -> Result<Input<M>, ParticipantError> {
         let (topic, profile) = self.resolve(name, Side::Subscription, profile)?;
-        let tap = self.tap(name, &topic, bag::schema(M::TYPE).as_ref(), &profile)?;
+        let tap = self.tap(name, &topic, schema(M::TYPE).as_ref(), &profile)?;
         self.declarations.extend(qos::declarations(&topic, Side::Subscription, &profile));
         self.wish(Role::Subscription, &topic, M::PACKAGE, M::NAME, &profile)?;
         let (mailbox, matched) = self.mailbox(&profile);
@@ -288,8 +288,8 @@ impl Participant {
         type_name: &str,
     ) -> Result<Service<Request, Response>, ParticipantError>
     where
-        Request: Message + serde::de::DeserializeOwned,
-        Response: Message + serde::Serialize,
+        Request: serde::de::DeserializeOwned,
+        Response: serde::Serialize,
     {
         let service = self.names.resolve(name, Endpoint::Service)?;
         let endpoint = self.wish(Role::Server, &service, package, type_name, &qos::service())?;
@@ -308,8 +308,8 @@ impl Participant {
         type_name: &str,
     ) -> Result<Client<Request, Response>, ParticipantError>
     where
-        Request: Message,
-        Response: Message + serde::de::DeserializeOwned,
+        Request: serde::Serialize,
+        Response: serde::de::DeserializeOwned,
     {
         let service = self.names.resolve(name, Endpoint::Service)?;
         let (Mapping::OfCaller(mapping) | Mapping::Fixed(mapping)) = self.mapping;
@@ -369,7 +369,7 @@ impl Participant {
     ) -> Result<u16, ParticipantError> {
         let number = u16::try_from(self.plan.endpoints.len())
             .map_err(|_| refuse(name)("a node has no more than 65536 endpoints".to_owned()))?;
-        self.plan.endpoints.push(middleware::Endpoint {
+        self.plan.endpoints.push(ros2_guarded::Endpoint {
             role,
             name: name.to_owned(),
             package: package.to_owned(),

@@ -18,9 +18,10 @@ use super::clock::wall_nanos;
 use super::messages::to_cdr;
 use super::parameters::{Declaration, Parameters, Range};
 use super::start::NodeError;
-use super::threads::spawn;
-use crate::bag::{BagWriter, Qos, Schema, TopicId, WriterOptions, Written};
 use ros2_client::ParameterValue;
+use ros2_guarded::threads::spawn;
+use ros2_messages::schema::Schema;
+use rosbag2_mcap::{BagWriter, Qos, TopicId, WriterOptions, Written};
 
 /// Messages that may wait for the disk.
 const WAITING_MESSAGES: usize = 16_384;
@@ -185,7 +186,7 @@ fn spawn_writer(
     entries: Receiver<Entry>,
     backlog: Arc<Backlog>,
 ) -> Result<JoinHandle<()>, NodeError> {
-    spawn("recorder", move || match write_all(writer, &entries, &backlog) {
+    Ok(spawn("recorder", move || match write_all(writer, &entries, &backlog) {
         Ok(written) => {
             backlog.lost.fetch_add(written.lost, Ordering::Relaxed);
             tracing::info!("recorded {} messages into {}", written.messages, written.folder.display());
@@ -194,7 +195,7 @@ fn spawn_writer(
             backlog.lost.fetch_add(1, Ordering::Relaxed);
             tracing::error!("the recording could not be closed: {reason}");
         }
-    })
+    })?)
 }
 
 /// Writes until told to stop, then closes the bag. A failure is said once, and the node goes on.
@@ -231,7 +232,7 @@ impl Recording {
     pub fn finish(self) -> u64 {
         // Fails only when the thread has ended.
         let _ = self.sender.send(Entry::Stop);
-        super::threads::join(self.thread);
+        ros2_guarded::threads::join(self.thread);
         let lost = self.backlog.lost.load(Ordering::Relaxed);
         if lost > 0 {
             tracing::error!("{lost} messages are missing in the recording");

@@ -6,15 +6,14 @@ use super::arguments::ParameterOverride;
 use super::names;
 use super::parameters::{self, Declaration, Range};
 use super::start::NodeError;
-use crate::cli::scene_file;
-use crate::scene::{Kind, NewValue, Override, Scene, Value, keys};
+use crate::scene::{Kind, NewValue, Override, Scene, Value, file, keys};
 
 /// A scene by the name of a preset or by a path.
 ///
 /// # Errors
 /// [`NodeError`] if it is neither, or the file has a mistake.
 pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
-    Ok(scene_file::load(name_or_path)?)
+    Ok(file::load(name_or_path)?)
 }
 
 /// One declaration per key that applies to the scene; the scene's own value is the default.

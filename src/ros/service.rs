@@ -9,11 +9,11 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use byteorder::LittleEndian;
-use ros2_client::{Message, ServiceMapping};
+use ros2_client::ServiceMapping;
 use serde::{Serialize, de::DeserializeOwned};
 
 use super::logging::Throttle;
-use super::middleware::{Delivery, Head, Kind, Link, Mailbox, Stamp, cdr};
+use ros2_guarded::{Delivery, Head, Kind, Link, Mailbox, Stamp, cdr};
 
 /// RTPS's number for Eclipse Cyclone DDS.
 const VENDOR_CYCLONE: [u8; 2] = [0x01, 0x10];
@@ -74,7 +74,7 @@ pub struct Service<Q, R> {
     types: PhantomData<fn(Q) -> R>,
 }
 
-impl<Q: Message + DeserializeOwned, R: Message + Serialize> Service<Q, R> {
+impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
     pub(super) fn new(mailbox: Mailbox, link: Arc<Link>, endpoint: u16, mapping: Mapping, name: String) -> Self {
         let complaints = std::cell::RefCell::new(Throttle::new(COMPLAINTS));
         Self { mailbox, link, endpoint, mapping, name, complaints, types: PhantomData }
@@ -149,7 +149,7 @@ pub struct Client<Q, R> {
     types: PhantomData<fn(Q) -> R>,
 }
 
-impl<Q: Message, R: Message + DeserializeOwned> Client<Q, R> {
+impl<Q: Serialize, R: DeserializeOwned> Client<Q, R> {
     pub(super) fn new(mailbox: Mailbox, link: Arc<Link>, endpoint: u16) -> Self {
         Self { mailbox, link, endpoint, types: PhantomData }
     }

@@ -45,9 +45,9 @@ pub enum NodeError {
     /// The scene.
     #[error(transparent)]
     Scene(#[from] crate::scene::SceneError),
-    /// The scene's file.
+    /// The middleware process, or a thread.
     #[error(transparent)]
-    SceneFile(Box<crate::cli::CliError>),
+    Guard(#[from] ros2_guarded::GuardError),
     /// A recording is not what the parameters say of it.
     #[error(transparent)]
     Foreign(#[from] crate::rig::ForeignError),
@@ -59,12 +59,6 @@ pub enum NodeError {
     Usage(String),
 }
 
-impl From<crate::cli::CliError> for NodeError {
-    fn from(error: crate::cli::CliError) -> Self {
-        Self::SceneFile(Box::new(error))
-    }
-}
-
 impl NodeError {
     /// Exit code of the program.
     #[must_use]
@@ -72,7 +66,7 @@ impl NodeError {
         match self {
             Self::Argument(_) | Self::Environment(_) | Self::Name(_) | Self::Parameter(_) | Self::Usage(_) => USAGE,
             Self::Participant(ParticipantError::Name(_) | ParticipantError::Qos { .. }) => USAGE,
-            Self::Participant(_) | Self::Scene(_) | Self::SceneFile(_) | Self::Foreign(_) | Self::Other(_) => FAILURE,
+            Self::Participant(_) | Self::Scene(_) | Self::Guard(_) | Self::Foreign(_) | Self::Other(_) => FAILURE,
         }
     }
 }

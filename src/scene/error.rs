@@ -4,6 +4,14 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
+    /// A scene file can't be read.
+    #[error("{}: {reason}", .path.display())]
+    File {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
     /// The text is not TOML.
     #[error("{place}: not TOML: {message}{excerpt}")]
     Syntax {

@@ -14,6 +14,7 @@ mod check;
 mod convert;
 mod edit;
 mod error;
+pub mod file;
 mod key;
 pub mod keys;
 mod motion;

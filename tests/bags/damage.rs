@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::common::random::Random;
-use needle_twin::bag::{BagError, BagReader, BagWriter, Loss, Qos, Recording, TopicNames, WriterOptions, check};
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::Float64;
+use needle_twin::input::{Recording, TopicNames};
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Float64;
+use rosbag2_mcap::{BagError, BagReader, BagWriter, Loss, Qos, WriterOptions, check};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 

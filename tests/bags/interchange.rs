@@ -2,14 +2,14 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::common::{python::run_script, random::Random};
-use needle_twin::bag::make::RigScene;
-use needle_twin::bag::{
-    BagReader, BagWriter, Qos, Recording, Severity, TopicId, TopicNames, WriterOptions, check, recorded_types, schema,
+use needle_twin::input::{Recording, TopicNames};
+use needle_twin::rig::make::RigScene;
+use ros2_messages::{
+    RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin as own, rosgraph_msgs,
+    schema::{recorded_types, schema},
+    sensor_msgs, std_msgs, to_cdr, visualization_msgs,
 };
-use needle_twin::ros::messages::{
-    RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin as own, rosgraph_msgs, sensor_msgs, std_msgs,
-    to_cdr, visualization_msgs,
-};
+use rosbag2_mcap::{BagReader, BagWriter, Qos, Severity, TopicId, WriterOptions, check};
 use serde_json::{Value, json};
 use std::fmt::Debug;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! The recorder when things go wrong: the process is killed, the disk is full.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::bag::{BagError, BagReader, BagWriter, Loss, Qos, WriterOptions, check};
-use needle_twin::ros::messages::std_msgs::Float64;
+use ros2_messages::std_msgs::Float64;
+use rosbag2_mcap::{BagError, BagReader, BagWriter, Loss, Qos, WriterOptions, check};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;

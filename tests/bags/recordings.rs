@@ -1,13 +1,15 @@
 //! The synthetic recordings: what is shipped is what `bag make` makes, and says what it is.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::bag::make::{RigRecording, RigScene};
-use needle_twin::bag::{BagError, BagReader, BagWriter, Qos, Recording, TopicNames, WriterOptions, check, embedded};
+use needle_twin::input::{Recording, TopicNames};
+use needle_twin::rig::embedded;
+use needle_twin::rig::make::{RigRecording, RigScene};
 use needle_twin::rig::sensors::{DisplacementModel, LoadCellModel};
-use needle_twin::ros::messages::builtin_interfaces::Time;
-use needle_twin::ros::messages::geometry_msgs::{Pose, PoseStamped, Quaternion, WrenchStamped};
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::{Float64, Header};
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Pose, PoseStamped, Quaternion, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::{Float64, Header};
+use rosbag2_mcap::{BagError, BagReader, BagWriter, Qos, WriterOptions, check};
 use std::path::{Path, PathBuf};
 
 fn shipped(scene: RigScene) -> PathBuf {

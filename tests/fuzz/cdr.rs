@@ -1,13 +1,13 @@
 // Any bytes as a message: shared by the fuzz target in `fuzz/` and by `tests/fuzz.rs`.
 
-use needle_twin::ros::messages::RosMessage;
-use needle_twin::ros::messages::diagnostic_msgs::DiagnosticArray;
-use needle_twin::ros::messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
-use needle_twin::ros::messages::needle_twin::{ForceComparison, TissueModel, TissueState, TwinStatus};
-use needle_twin::ros::messages::rosgraph_msgs::Clock;
-use needle_twin::ros::messages::sensor_msgs::{JointState, PointCloud2};
-use needle_twin::ros::messages::visualization_msgs::Marker;
-use needle_twin::ros::messages::{from_cdr, to_cdr};
+use ros2_messages::RosMessage;
+use ros2_messages::diagnostic_msgs::DiagnosticArray;
+use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
+use ros2_messages::needle_twin::{ForceComparison, TissueModel, TissueState, TwinStatus};
+use ros2_messages::rosgraph_msgs::Clock;
+use ros2_messages::sensor_msgs::{JointState, PointCloud2};
+use ros2_messages::visualization_msgs::Marker;
+use ros2_messages::{from_cdr, to_cdr};
 
 /// The types, in the order of their numbers.
 pub const TYPES: [fn(&[u8]); 12] = [

@@ -1,6 +1,7 @@
 // Any bytes as a bag or as its metadata: shared by the fuzz target in `fuzz/` and by `tests/fuzz.rs`.
 
-use needle_twin::bag::{BagReader, Metadata, Recording, TopicNames};
+use needle_twin::input::{Recording, TopicNames};
+use rosbag2_mcap::{BagReader, Metadata};
 
 /// Everything that can be read is read.
 pub fn exercise(data: &[u8]) {

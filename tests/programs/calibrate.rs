@@ -4,10 +4,10 @@
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use needle_twin::bag::make::{RigRecording, RigScene};
-use needle_twin::bag::{Recording, TopicNames};
 use needle_twin::compare::uncertainty::FORCE_ERROR;
 use needle_twin::compare::{Answer, At, ForceSeries, Reading, Watch};
+use needle_twin::input::{Recording, TopicNames};
+use needle_twin::rig::make::{RigRecording, RigScene};
 use needle_twin::scene::Scene;
 use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
 use serde_json::Value;

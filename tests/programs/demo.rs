@@ -8,9 +8,9 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Instant;
 
-use needle_twin::bag::BagReader;
-use needle_twin::ros::messages::geometry_msgs::WrenchStamped;
-use needle_twin::ros::messages::sensor_msgs::JointState;
+use ros2_messages::geometry_msgs::WrenchStamped;
+use ros2_messages::sensor_msgs::JointState;
+use rosbag2_mcap::BagReader;
 use serde_json::Value;
 
 const FILES: [&str; 6] = ["metrics.json", "force.csv", "targets.csv", "final.vtu", "force.png", "report.html"];

@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use needle_twin::bag::{BagWriter, Qos, TopicId, WriterOptions};
-use needle_twin::ros::messages::RosMessage;
-use needle_twin::ros::messages::builtin_interfaces::Time;
-use needle_twin::ros::messages::geometry_msgs::{Point, Pose, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::Header;
+use ros2_messages::RosMessage;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Point, Pose, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
+use rosbag2_mcap::{BagWriter, Qos, TopicId, WriterOptions};
 
 /// Stamp of the first message, ns since 1970.
 const START_NS: i64 = 1_767_225_600_000_000_000;

@@ -16,12 +16,12 @@ use crate::ros::{Program, TWIN, free_domain};
 use needle_twin::ros::arguments::RosArguments;
 use needle_twin::ros::clock::wall_nanos;
 use needle_twin::ros::environment::Environment;
-use needle_twin::ros::messages::geometry_msgs::{PoseArray, WrenchStamped};
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::Bool;
 use needle_twin::ros::names::Names;
 use needle_twin::ros::participant::Participant;
 use needle_twin::ros::qos;
+use ros2_messages::geometry_msgs::{PoseArray, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Bool;
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
 const NEEDLE_TWIN: &str = env!("CARGO_BIN_EXE_needle_twin");

@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::ros::{Peer, Program, TWIN, free_domain};
-use needle_twin::bag::{Recording, TopicNames};
 use needle_twin::compare::identifier::{Cause, Identifier, Parameter, State};
 use needle_twin::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
+use needle_twin::input::{Recording, TopicNames};
 use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::Phase;
 use rand_chacha::ChaCha8Rng;

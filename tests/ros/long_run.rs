@@ -9,14 +9,14 @@ use crate::ros::{Program, TWIN, free_domain, node_mb};
 use needle_twin::ros::arguments::RosArguments;
 use needle_twin::ros::clock::wall_nanos;
 use needle_twin::ros::environment::Environment;
-use needle_twin::ros::messages::builtin_interfaces::Time;
-use needle_twin::ros::messages::geometry_msgs::WrenchStamped;
-use needle_twin::ros::messages::needle_twin::TwinStatus;
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::Header;
 use needle_twin::ros::names::Names;
 use needle_twin::ros::participant::Participant;
 use needle_twin::ros::qos;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::WrenchStamped;
+use ros2_messages::needle_twin::TwinStatus;
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
 
 /// Rate of the poses, Hz.
 const RATE_HZ: u64 = 1000;

@@ -8,10 +8,10 @@ use crate::ros;
 use std::path::Path;
 
 use crate::ros::{Peer, Program, coarse_twin, free_domain};
-use needle_twin::bag::{BagReader, BagWriter, Qos, WriterOptions};
-use needle_twin::ros::messages::builtin_interfaces::Time;
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::Header;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
+use rosbag2_mcap::{BagReader, BagWriter, Qos, WriterOptions};
 use serde_json::{Value, json};
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");

@@ -5,11 +5,11 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::ros::{Peer, Program, free_domain};
-use needle_twin::bag::{BagWriter, Qos, WriterOptions};
-use needle_twin::ros::messages::builtin_interfaces::Time;
-use needle_twin::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::{Float64, Header};
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Wrench, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::{Float64, Header};
+use rosbag2_mcap::{BagWriter, Qos, WriterOptions};
 use serde_json::{Value, json};
 
 const TWIN: &str = env!("CARGO_BIN_EXE_twin_node");

@@ -9,10 +9,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use crate::ros::{COARSE, Peer, Program, TWIN};
-use needle_twin::bag::{BagWriter, Qos, WriterOptions};
-use needle_twin::ros::messages::builtin_interfaces::Time;
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::Header;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
+use rosbag2_mcap::{BagWriter, Qos, WriterOptions};
 use serde_json::json;
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");

@@ -6,10 +6,10 @@ use std::collections::BTreeMap;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::compare::{Answer, FinalState, ForceSeries, Run, Snapshot, TargetRow};
-use crate::ros::messages::needle_twin::{TissueModel, TissueState, TwinStatus};
 use crate::ros::observer::{Heard, Observations, PointFields};
 use crate::scene::Scene;
 use crate::twin::{Event, Phase};
+use ros2_messages::needle_twin::{TissueModel, TissueState, TwinStatus};
 
 /// Snapshots that a report takes.
 const SNAPSHOTS: usize = 96;

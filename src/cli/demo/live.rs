@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::curves::Curves;
-use crate::ros::messages::needle_twin::TwinStatus;
 use crate::ros::observer::Observations;
+use ros2_messages::needle_twin::TwinStatus;
 
 /// Width of a bar of the chart, characters.
 const WIDTH: usize = 22;

@@ -15,12 +15,14 @@ use self::nodes::Node;
 use super::options::SeriesOptions;
 use super::output::OutputFolder;
 use super::{CliError, Outcome, output, replay, scene_file};
-use crate::bag::{BagWriter, Recording, TopicNames, WriterOptions, embedded};
 use crate::compare::Run;
+use crate::input::{Recording, TopicNames};
+use crate::rig::embedded;
 use crate::ros::environment::{self, Environment, Reach};
 use crate::ros::observer::{Observations, Observer};
-use crate::ros::signals::Signals;
 use crate::scene::Scene;
+use ros2_guarded::signals::Signals;
+use rosbag2_mcap::{BagWriter, WriterOptions};
 
 /// Scene of the demo and of the recording that is compiled in.
 const SCENE: &str = "needle_insertion";

@@ -8,18 +8,18 @@ use crossbeam_channel::Receiver;
 
 use super::control::{Report, Shared};
 use crate::guard::Phase;
-use crate::ros::bell::Bell;
 use crate::ros::clock::NodeClock;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::std_msgs::Header;
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
-use crate::ros::middleware::Health;
 use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
+use ros2_guarded::Bell;
+use ros2_guarded::Health;
 
 /// Longest time between two looks at anything that rings no bell.
 const TICK: Duration = Duration::from_millis(100);

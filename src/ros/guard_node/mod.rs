@@ -21,10 +21,10 @@ use self::control::{Endpoints, Shared, Task};
 use self::housekeeping::Housekeeping;
 use super::parameters::Parameters;
 use super::recorder::{Recorder, Recording};
-use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
-use super::threads::{join, spawn};
 use crate::guard::Guard;
+use ros2_guarded::signals::Signals;
+use ros2_guarded::threads::{join, spawn};
 
 #[derive(Parser, Debug)]
 #[command(

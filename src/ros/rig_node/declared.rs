@@ -3,7 +3,7 @@
 use ros2_client::ParameterValue as P;
 
 use super::driver::{Load, Rig};
-use crate::bag::make::RigScene;
+use crate::rig::make::RigScene;
 use crate::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
 use crate::rig::{Driver, DriverLimits, ForceSource, MotionLimits, PlayOptions, PositionSource, Stretch};
 use crate::ros::parameters::{Declaration, Parameters, Range};

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
-use crate::bag::make::Curve;
+use crate::rig::make::Curve;
 use crate::rig::sensors::{DisplacementSensor, LoadCell};
 use crate::rig::{Delay, Driver};
 use crate::ros::clock::NodeClock;

@@ -7,7 +7,6 @@ use crossbeam_channel::{Receiver, Sender};
 
 use super::playback::Command;
 use crate::rig::Stretch;
-use crate::ros::bell::Bell;
 use crate::ros::clock::NodeClock;
 use crate::ros::messages::rosbag2_interfaces::{
     BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
@@ -18,6 +17,7 @@ use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Participant, ParticipantError};
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
+use ros2_guarded::Bell;
 
 /// Longest time between two looks at anything that rings no bell.
 const TICK: Duration = Duration::from_millis(100);

@@ -23,11 +23,11 @@ use super::clock::NodeClock;
 use super::parameters::Parameters;
 use super::participant::Participant;
 use super::recorder::{Recorder, Recording};
-use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
-use super::threads::{join, spawn};
-use crate::bag::BagReader;
 use crate::rig::Player;
+use ros2_guarded::signals::Signals;
+use ros2_guarded::threads::{join, spawn};
+use rosbag2_mcap::BagReader;
 
 /// What reliable readers may still be missing is sent again for so long after the end of the bag.
 const LINGER: Duration = Duration::from_millis(500);

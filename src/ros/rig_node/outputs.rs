@@ -6,7 +6,6 @@ use std::time::Duration;
 use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageTypeName, QosProfile};
 
-use crate::bag::{BagReader, Message, Schema, Topic};
 use crate::rig::{ForceSource, Player, PositionSource};
 use crate::ros::messages::geometry_msgs::WrenchStamped;
 use crate::ros::messages::rosgraph_msgs::Clock;
@@ -14,8 +13,10 @@ use crate::ros::messages::sensor_msgs::JointState;
 use crate::ros::names::Endpoint;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
-use crate::ros::raw::RawCdr;
 use crate::ros::start::NodeError;
+use ros2_guarded::RawCdr;
+use ros2_messages::schema::Schema;
+use rosbag2_mcap::{BagReader, Message, Topic};
 
 /// Topics that ROS 2 has once per system: no namespace moves them.
 const OF_THE_SYSTEM: [&str; 6] = ["/clock", "/tf", "/tf_static", "/diagnostics", "/rosout", "/parameter_events"];
@@ -163,7 +164,7 @@ fn recorded(topic: &Topic) -> QosProfile {
     let Some(first) = topic.qos.first() else { return qos::reliable(10) };
     let depth = usize::try_from(first.depth).unwrap_or(0).clamp(10, 1000);
     let mut profile = if first.is_reliable() { qos::reliable(depth) } else { qos::sensor(depth) };
-    if topic.qos.iter().any(crate::bag::Qos::is_transient_local) {
+    if topic.qos.iter().any(rosbag2_mcap::Qos::is_transient_local) {
         profile = profile.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 });
     }
     profile

@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 
 use super::outputs::Outputs;
-use crate::bag::{BagReader, Message};
 use crate::rig::{Player, Step, Stretch};
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::rosgraph_msgs::Clock;
+use rosbag2_mcap::{BagReader, Message};
 
 /// What the services ask of the playback thread.
 pub(super) enum Command {

@@ -15,20 +15,20 @@ use super::shared::Shared;
 use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
-use crate::ros::bell::Bell;
 use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
 use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
 use crate::ros::messages::needle_twin::{TissueModel, TwinStatus};
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
-use crate::ros::middleware::Health;
 use crate::ros::parameter_services::ParameterServices;
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError, Wish};
 use crate::ros::qos;
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
+use ros2_guarded::Bell;
+use ros2_guarded::Health;
 
 /// Longest time between two looks at anything that rings no bell.
 const TICK: Duration = Duration::from_millis(100);

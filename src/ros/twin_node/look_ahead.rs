@@ -15,8 +15,8 @@ use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::needle_twin::{LookAheadRequest, LookAheadResponse};
 use crate::ros::messages::std_msgs::Header;
 use crate::ros::service::Service;
-use crate::ros::threads::lower_priority;
 use crate::twin::{Motion, Prediction, StampedPose, Twin};
+use ros2_guarded::threads::lower_priority;
 
 /// The solver thread is asked between two poses; longer than this and something else is wrong.
 const PATIENCE: Duration = Duration::from_millis(500);

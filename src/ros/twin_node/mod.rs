@@ -52,11 +52,11 @@ use super::parameters::Parameters;
 use super::participant::Participant;
 use super::recorder::{Recorder, Recording};
 use super::scene_parameters;
-use super::signals::Signals;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
-use super::threads::{join, join_before, spawn};
 use crate::scene::Scene;
 use ros2_client::ParameterValue;
+use ros2_guarded::signals::Signals;
+use ros2_guarded::threads::{join, join_before, spawn};
 
 /// Answers that may wait for the force thread, seconds at any sensible rate.
 const EVENTS: usize = 8192;

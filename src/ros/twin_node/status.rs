@@ -12,9 +12,9 @@ use crate::ros::lifecycle::State;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
 use crate::ros::messages::std_msgs::Header;
-use crate::ros::middleware::Health;
 use crate::ros::participant::Wish;
 use crate::twin::Phase;
+use ros2_guarded::Health;
 
 fn phase(phase: Phase) -> u8 {
     match phase {

@@ -11,10 +11,10 @@ use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
 use super::tissue::{self, Model, Snapshot, TissueOutputs};
-use crate::ros::bell::Bell;
-use crate::ros::signals::Signals;
 use crate::ros::start::{NodeError, SUCCESS};
-use crate::ros::threads::spawn;
+use ros2_guarded::Bell;
+use ros2_guarded::signals::Signals;
+use ros2_guarded::threads::spawn;
 
 /// Longest time between two looks.
 const TICK: Duration = Duration::from_millis(50);

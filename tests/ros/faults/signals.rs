@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use crate::ros::{COARSE, Program, TWIN, free_domain};
-use needle_twin::bag::BagReader;
+use rosbag2_mcap::BagReader;
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
 const BAG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/bags/needle_insertion");

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::ros::{COARSE, Peer, Program, TWIN, coarse_twin, free_domain};
-use needle_twin::bag::{BagReader, check};
-use needle_twin::ros::messages::geometry_msgs::WrenchStamped;
+use ros2_messages::geometry_msgs::WrenchStamped;
+use rosbag2_mcap::{BagReader, check};
 use serde_json::json;
 
 fn counts(bag: &BagReader) -> BTreeMap<&str, u64> {
@@ -45,7 +45,7 @@ fn what_was_heard_and_said_is_in_the_bag_however_the_node_is_stopped() {
         assert!(log.contains("recorded"), "{log}");
 
         let report = check(&path).unwrap();
-        let bad: Vec<_> = report.findings.iter().filter(|f| f.severity > needle_twin::bag::Severity::Warning).collect();
+        let bad: Vec<_> = report.findings.iter().filter(|f| f.severity > rosbag2_mcap::Severity::Warning).collect();
         assert!(bad.is_empty(), "{bad:?}");
         let bag = BagReader::open(&path).unwrap();
         assert_eq!(bag.losses(), []);

@@ -4,10 +4,21 @@
 use std::time::{Duration, Instant};
 
 use crate::ros::{Peer, coarse_twin, free_domain};
-use needle_twin::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::{Context, Name, NodeName, NodeOptions, QosProfile, ServiceMapping, ServiceTypeName};
+use ros2_messages::std_srvs::{TriggerRequest, TriggerResponse};
+use serde::{Deserialize, Serialize};
 use serde_json::json;
+
+/// The call as ros2-client's own programs make it.
+#[derive(Clone, Default, Serialize, Deserialize)]
+struct Call(TriggerRequest);
+
+#[derive(Serialize, Deserialize)]
+struct Answer(TriggerResponse);
+
+impl ros2_client::Message for Call {}
+impl ros2_client::Message for Answer {}
 
 /// Calls `/twin/reset` as a caller with this mapping does; false if nothing comes back.
 fn reset(domain: u16, mapping: ServiceMapping) -> bool {
@@ -17,14 +28,13 @@ fn reset(domain: u16, mapping: ServiceMapping) -> bool {
     let mut node = context.new_node(NodeName::new("/", "caller").unwrap(), NodeOptions::new()).unwrap();
     let (name, kind) = (Name::parse("/twin/reset").unwrap(), ServiceTypeName::new("std_srvs", "Trigger"));
     let qos = QosProfile::publisher_default();
-    let client =
-        node.create_client::<TriggerRequest, TriggerResponse>(mapping, &name, &kind, qos.clone(), qos).unwrap();
+    let client = node.create_client::<Call, Answer>(mapping, &name, &kind, qos.clone(), qos).unwrap();
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_secs(8) {
-        client.send_request(TriggerRequest::default()).unwrap();
+        client.send_request(Call::default()).unwrap();
         let asked = Instant::now();
         while asked.elapsed() < Duration::from_millis(500) {
-            if let Ok(Some((_, response))) = client.receive_response() {
+            if let Ok(Some((_, Answer(response)))) = client.receive_response() {
                 return response.success && response.message.contains("undeformed");
             }
             std::thread::sleep(Duration::from_millis(5));

@@ -1,0 +1,61 @@
+//! ROS 2 over RustDDS, with the middleware in a process of its own.
+//!
+//! ```text
+//! node: solver, state, tare, parameters, recording         middleware process: RustDDS
+//!   Output, Service ──► link ──────── socket ────────────► publishers ──► network
+//!   Input,  Service ◄── queues ◄── keeper ◄── socket ◄──── subscriptions, servers, who is matched
+//! ```
+//! RustDDS can be killed from outside: an interrupted poll ends its threads for good, a HEARTBEAT or DATA_FRAG that lies
+//! about sizes makes it take gigabytes, a GAP that lies makes it deaf to a true writer. None of that may cost a twin
+//! the state of its tissue. So the DDS lives in a child that has a limit of memory and is watched, by itself (`watch`)
+//! and by the node (`keeper`). When it dies, goes deaf or was flooded, the next one makes the same endpoints.
+//!
+//! A program calls [`serve`] first of all in `main`, since a node starts its own program a second time. A node lists its
+//! endpoints in a [`Plan`], one [`Inlets::mute`] or [`Inlets::mailbox`] for each in the same order, and
+//! [`Middleware::start`]s. From then on [`Link::send`] never waits, and [`Mailbox`]es hold what has come.
+#![forbid(unsafe_code)]
+
+mod bell;
+mod graph;
+mod health;
+mod keeper;
+mod link;
+mod process;
+pub mod qos;
+mod raw;
+mod services;
+pub mod signals;
+pub mod threads;
+mod throttle;
+mod uplink;
+mod watch;
+mod wire;
+
+pub use bell::Bell;
+pub use health::Health;
+pub use keeper::Middleware;
+pub use link::{Delivery, Inlets, Link, Mailbox, Unsent, cdr, publication};
+pub use process::serve;
+pub use raw::RawCdr;
+pub use throttle::Throttle;
+pub use wire::{Endpoint, Head, Kind, Plan, Quality, Role, Stamp, times_of, wall_nanos};
+
+/// First argument of the program when it is to be a middleware process.
+const ARGUMENT: &str = "__middleware";
+
+/// Why the middleware can't be started.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GuardError {
+    /// The system has no thread left.
+    #[error("the {name} thread can't be started: {source}")]
+    Thread {
+        /// What it was for.
+        name: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The process could not make the endpoints; what and why, in full.
+    #[error("{0}")]
+    Refused(String),
+}

@@ -1,0 +1,162 @@
+//! Calls and answers of services on their way between the node and the network.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, VecDeque};
+use std::time::{Duration, Instant};
+
+use ros2_client::dds::rustdds::GUID;
+use ros2_client::{Client, RmwRequestId, Server};
+use smol::channel::{Receiver, Sender};
+
+use super::uplink::Uplink;
+use super::wire::{Head, Kind, caller, caller_of};
+use crate::raw::RawCdr;
+
+/// Time between two looks for answers, which nobody waits for in a hurry.
+const ANSWERS: Duration = Duration::from_millis(20);
+/// Answers and calls that may wait.
+pub(super) const ORDERS: usize = 1024;
+/// An answer waits so long for its caller's reader to be discovered.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// An answer or a call on its way to the network.
+pub(super) struct Order {
+    pub head: Head,
+    pub body: Vec<u8>,
+}
+
+/// A server, and the DDS topic of its answers.
+pub(super) struct Served {
+    pub number: u16,
+    pub replies: String,
+    pub server: Server<RawCdr, RawCdr>,
+}
+
+/// The DDS topic of a service's answers.
+pub(super) fn reply_topic(service: &str) -> String {
+    format!("rr{service}Reply")
+}
+
+/// Readers of answers that discovery has told of.
+///
+/// A caller has a writer and a reader, and discovery tells of one after the other: a call can be here before it is known
+/// who reads its answer. What is written by then is lost, since answers are volatile, so it waits, as it does in the
+/// middlewares of ROS.
+pub(super) struct ReplyReaders {
+    /// Each with its topic, and whether the writer of that topic is matched with it.
+    known: RefCell<BTreeMap<GUID, (String, bool)>>,
+    news: (Sender<()>, Receiver<()>),
+}
+
+impl Default for ReplyReaders {
+    fn default() -> Self {
+        Self { known: RefCell::default(), news: smol::channel::bounded(1) }
+    }
+}
+
+impl ReplyReaders {
+    /// Discovery tells of a reader. Its writer is matched a moment later, and what is written in between is lost.
+    pub fn detected(&self, reader: GUID, topic: &str) {
+        if topic.starts_with("rr/") {
+            self.known.borrow_mut().entry(reader).or_insert_with(|| (topic.to_owned(), false));
+        }
+    }
+
+    /// A writer of the node is matched with a reader. What waits goes at the next look and not at once: the reader's side
+    /// tells of it a moment before it takes anything (Cyclone DDS).
+    pub fn matched(&self, reader: GUID) {
+        if let Some((_, matched)) = self.known.borrow_mut().get_mut(&reader) {
+            *matched = true;
+        }
+    }
+
+    pub fn forget(&self, gone: impl Fn(GUID) -> bool) {
+        self.known.borrow_mut().retain(|reader, _| !gone(*reader));
+    }
+
+    /// Makes who waits look again.
+    pub fn look_again(&self) {
+        // Full: there is news already.
+        let _ = self.news.0.try_send(());
+    }
+
+    fn has(&self, caller: GUID, topic: &str) -> bool {
+        let known = self.known.borrow();
+        known.iter().any(|(reader, (of, matched))| *matched && reader.prefix == caller.prefix && of == topic)
+    }
+}
+
+/// Takes the calls of a service to the node.
+pub(super) async fn be_asked(served: &Served, uplink: &Uplink) {
+    loop {
+        match served.server.async_receive_request().await {
+            Ok((id, raw)) => {
+                let stamp = caller(id.writer_gid.to_bytes16(), id.sequence_number);
+                let head = Head::of(Kind::Request, served.number, stamp);
+                uplink.send(Head { flag: u8::from(raw.is_big_endian()), ..head }, raw.as_slice());
+            }
+            Err(_) => drop(smol::Timer::after(Duration::from_millis(1)).await),
+        }
+    }
+}
+
+/// Takes answers to the node's own calls to it.
+pub(super) async fn be_answered(clients: &[(u16, Client<RawCdr, RawCdr>)], uplink: &Uplink) {
+    loop {
+        for (number, client) in clients {
+            while let Ok(Some((_, raw))) = client.receive_response() {
+                uplink.send(Head::of(Kind::Response, *number, [0; 24]), raw.as_slice());
+            }
+        }
+        smol::Timer::after(ANSWERS).await;
+    }
+}
+
+/// Sends the node's answers and calls.
+pub(super) async fn obey(
+    orders: &Receiver<Order>,
+    servers: &[Served],
+    clients: &[(u16, Client<RawCdr, RawCdr>)],
+    readers: &ReplyReaders,
+    uplink: &Uplink,
+) {
+    let may_go = |order: &Order| {
+        let served = servers.iter().find(|s| s.number == order.head.endpoint);
+        order.head.kind != Kind::Response
+            || served.is_none_or(|s| readers.has(GUID::from_bytes(caller_of(&order.head.stamp).0), &s.replies))
+    };
+    let mut waiting: VecDeque<(Instant, Order)> = VecDeque::new();
+    loop {
+        let order = async { Some(orders.recv().await) };
+        let news = async {
+            // Its sender lives as long as `readers`.
+            let _ = readers.news.1.recv().await;
+            None
+        };
+        match smol::future::or(order, news).await {
+            Some(Ok(order)) => waiting.push_back((Instant::now(), order)),
+            Some(Err(_)) => return,
+            None => {}
+        }
+        let mut surplus = waiting.len().saturating_sub(ORDERS);
+        waiting.retain_mut(|(since, order)| {
+            let waits = surplus == 0 && since.elapsed() < PATIENCE && !may_go(order);
+            surplus = surplus.saturating_sub(1);
+            if !waits && !send(order, servers, clients) {
+                uplink.log(log::Level::Warn, "a call or an answer of a service could not be sent");
+            }
+            waits
+        });
+    }
+}
+
+fn send(order: &mut Order, servers: &[Served], clients: &[(u16, Client<RawCdr, RawCdr>)]) -> bool {
+    let (head, raw) = (order.head, RawCdr::new(std::mem::take(&mut order.body)));
+    if head.kind == Kind::Response {
+        let (guid, sequence_number) = caller_of(&head.stamp);
+        let id = RmwRequestId { writer_gid: GUID::from_bytes(guid).into(), sequence_number };
+        servers.iter().find(|s| s.number == head.endpoint).is_some_and(|s| s.server.send_response(id, raw).is_ok())
+    } else {
+        clients.iter().find(|c| c.0 == head.endpoint).is_some_and(|c| c.1.send_request(raw).is_ok())
+    }
+}

@@ -1,0 +1,370 @@
+//! What a node and its middleware process say to each other: frames over a Unix socket, and the plan that comes first.
+//!
+//! ```text
+//! frame    length u32 │ kind u8 │ flag u8 │ endpoint u16 │ stamp or caller, 24 bytes │ body
+//! ```
+//! Both sides are the same program on the same machine, so numbers go as they lie in memory.
+
+use std::io::{self, Read};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use ros2_client::QosProfile;
+use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
+use serde::{Deserialize, Serialize};
+
+/// Longest body of a frame: more than any tissue that can be answered in time.
+pub const LONGEST: usize = 16 << 20;
+/// Length of the part before the body.
+const HEAD: usize = 32;
+/// Room for some hundred small messages.
+const BUFFER: usize = 64 << 10;
+
+/// What a frame is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Kind {
+    /// Node to process: the [`Plan`].
+    Plan = 1,
+    /// Both ways: a message of a topic; the stamp is when it was received and sent.
+    Message,
+    /// Both ways: a call; the stamp is its caller.
+    Request,
+    /// Both ways: an answer; the stamp is its caller.
+    Response,
+    /// Process to node: every endpoint is made.
+    Ready,
+    /// Process to node: something could not be made; the body says what and why, in two lines.
+    Refused,
+    /// Process to node: alive; the flag is whether it has heard itself.
+    Pulse,
+    /// Process to node: so many peers are matched with the endpoint.
+    Matched,
+    /// Process to node: the middleware did not take a message of the endpoint.
+    Failed,
+    /// Process to node: a line for the node's log; the flag is its level, the body target and text in two lines.
+    Log,
+    /// Process to node: why it ends.
+    Farewell,
+}
+
+impl Kind {
+    fn of(byte: u8) -> Option<Self> {
+        use Kind as K;
+        [
+            K::Plan,
+            K::Message,
+            K::Request,
+            K::Response,
+            K::Ready,
+            K::Refused,
+            K::Pulse,
+            K::Matched,
+            K::Failed,
+            K::Log,
+            K::Farewell,
+        ]
+        .into_iter()
+        .find(|kind| *kind as u8 == byte)
+    }
+}
+
+/// Times of a message (ns since 1970: received, sent), or who asked (GUID and number of the request).
+pub type Stamp = [u8; 24];
+
+/// Wall time, ns since 1970.
+#[must_use]
+pub fn wall_nanos() -> i64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |elapsed| i64::try_from(elapsed.as_nanos()).unwrap_or(i64::MAX))
+}
+
+/// Two times as a stamp.
+pub fn times([received, sent]: [i64; 2]) -> Stamp {
+    let mut stamp = [0; 24];
+    stamp[..8].copy_from_slice(&received.to_ne_bytes());
+    stamp[8..16].copy_from_slice(&sent.to_ne_bytes());
+    stamp
+}
+
+/// The times of a stamp.
+pub fn times_of(stamp: &Stamp) -> [i64; 2] {
+    let [mut received, mut sent] = [[0; 8]; 2];
+    received.copy_from_slice(&stamp[..8]);
+    sent.copy_from_slice(&stamp[8..16]);
+    [i64::from_ne_bytes(received), i64::from_ne_bytes(sent)]
+}
+
+/// A caller as a stamp.
+pub fn caller(guid: [u8; 16], number: i64) -> Stamp {
+    let mut stamp = [0; 24];
+    stamp[..16].copy_from_slice(&guid);
+    stamp[16..].copy_from_slice(&number.to_ne_bytes());
+    stamp
+}
+
+/// The caller of a stamp.
+pub fn caller_of(stamp: &Stamp) -> ([u8; 16], i64) {
+    let (mut guid, mut number) = ([0; 16], [0; 8]);
+    guid.copy_from_slice(&stamp[..16]);
+    number.copy_from_slice(&stamp[16..]);
+    (guid, i64::from_ne_bytes(number))
+}
+
+/// The first part of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Head {
+    /// What the frame is.
+    pub kind: Kind,
+    /// See [`Kind`].
+    pub flag: u8,
+    /// Number of the endpoint in the plan.
+    pub endpoint: u16,
+    /// Times, or who asked.
+    pub stamp: Stamp,
+}
+
+impl Head {
+    /// Of no endpoint.
+    #[must_use]
+    pub const fn new(kind: Kind) -> Self {
+        Self { kind, flag: 0, endpoint: 0, stamp: [0; 24] }
+    }
+
+    /// Of an endpoint.
+    #[must_use]
+    pub const fn of(kind: Kind, endpoint: u16, stamp: Stamp) -> Self {
+        Self { kind, flag: 0, endpoint, stamp }
+    }
+
+    /// Appends a frame whose body `fill` appends.
+    ///
+    /// # Errors
+    /// What `fill` says, or that the body is too long; then nothing is appended.
+    pub fn frame(
+        self,
+        bytes: &mut Vec<u8>,
+        fill: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,
+    ) -> Result<(), String> {
+        let start = bytes.len();
+        bytes.extend([0; 4]);
+        bytes.extend([self.kind as u8, self.flag]);
+        bytes.extend(self.endpoint.to_ne_bytes());
+        bytes.extend(self.stamp);
+        let outcome = fill(bytes).and_then(|()| {
+            let length = bytes.len() - start - HEAD;
+            u32::try_from(length)
+                .ok()
+                .filter(|_| length <= LONGEST)
+                .ok_or_else(|| format!("it has {length} bytes, the middleware takes {LONGEST}"))
+        });
+        match outcome {
+            Ok(length) => bytes[start..start + 4].copy_from_slice(&length.to_ne_bytes()),
+            Err(_) => bytes.truncate(start),
+        }
+        outcome.map(|_| ())
+    }
+}
+
+/// Cuts what is read from a socket into frames.
+pub struct Frames {
+    bytes: Vec<u8>,
+    from: usize,
+    to: usize,
+}
+
+impl Frames {
+    pub fn new() -> Self {
+        Self { bytes: vec![0; BUFFER], from: 0, to: 0 }
+    }
+
+    /// Reads once; 0 is the end.
+    pub fn read(&mut self, mut socket: impl Read) -> io::Result<usize> {
+        if self.from > 0 {
+            self.bytes.copy_within(self.from..self.to, 0);
+            self.to -= self.from;
+            self.from = 0;
+        }
+        if self.to == self.bytes.len() {
+            self.bytes.resize(2 * self.to, 0);
+        }
+        let read = socket.read(&mut self.bytes[self.to..])?;
+        self.to += read;
+        Ok(read)
+    }
+
+    /// The next whole frame.
+    ///
+    /// # Errors
+    /// If what was read is no frame: the other side is out of its mind.
+    pub fn next(&mut self) -> io::Result<Option<(Head, &[u8])>> {
+        let nonsense = || io::Error::new(io::ErrorKind::InvalidData, "what came is not a frame");
+        let bytes = &self.bytes[self.from..self.to];
+        let Some(&[a, b, c, d, kind, flag, e, f, ref stamp @ ..]) = bytes.first_chunk::<HEAD>() else {
+            return Ok(None);
+        };
+        let length = u32::from_ne_bytes([a, b, c, d]) as usize;
+        if length > LONGEST {
+            return Err(nonsense());
+        }
+        let Some(body) = bytes.get(HEAD..HEAD + length) else { return Ok(None) };
+        self.from += HEAD + length;
+        let kind = Kind::of(kind).ok_or_else(nonsense)?;
+        Ok(Some((Head { kind, flag, endpoint: u16::from_ne_bytes([e, f]), stamp: *stamp }, body)))
+    }
+}
+
+/// Everything that the process is to make.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub struct Plan {
+    /// DDS domain, `ROS_DOMAIN_ID`.
+    pub domain: u16,
+    /// Only over the loopback.
+    pub localhost: bool,
+    /// `/or1`, or `/`.
+    pub namespace: String,
+    /// Name without the namespace.
+    pub node: String,
+    /// The process ends when it needs more.
+    pub memory_bytes: u64,
+    /// Most verbose level of the middleware's own lines that somebody wants to see.
+    pub verbosity: u8,
+    /// One process has heard itself, so the next one must.
+    pub hears: bool,
+    /// What it makes.
+    pub endpoints: Vec<Endpoint>,
+}
+
+/// One endpoint of the plan; its number is its place.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub struct Endpoint {
+    /// What it does.
+    pub role: Role,
+    /// Fully qualified, `/or1/predicted_cf`.
+    pub name: String,
+    /// `geometry_msgs`.
+    pub package: String,
+    /// `WrenchStamped`.
+    pub type_name: String,
+    /// Its QoS.
+    pub quality: Quality,
+}
+
+/// What an endpoint does.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq, Eq)]
+pub enum Role {
+    /// Writes a topic.
+    Publisher,
+    /// Reads a topic.
+    Subscription,
+    /// Answers calls of a service.
+    Server,
+    /// Calls a service.
+    Client {
+        /// In the manner of rmw_cyclonedds, else of rmw_fastrtps.
+        cyclone: bool,
+    },
+}
+
+/// A QoS profile that can be sent.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq, Eq)]
+pub struct Quality {
+    reliable: bool,
+    transient_local: bool,
+    depth: Option<usize>,
+    deadline: Option<Duration>,
+    lifespan: Option<Duration>,
+    liveliness_lease: Option<Duration>,
+}
+
+impl From<&QosProfile> for Quality {
+    fn from(profile: &QosProfile) -> Self {
+        Self {
+            reliable: matches!(profile.reliability, Reliability::Reliable { .. }),
+            transient_local: profile.durability == Durability::TransientLocal,
+            depth: match profile.history {
+                History::KeepLast { depth } => Some(depth),
+                History::KeepAll => None,
+            },
+            deadline: profile.deadline,
+            lifespan: profile.lifespan,
+            liveliness_lease: profile.liveliness_lease,
+        }
+    }
+}
+
+impl From<Quality> for QosProfile {
+    fn from(quality: Quality) -> Self {
+        Self {
+            reliability: if quality.reliable {
+                Reliability::Reliable { when_full: WhenFull::Fail }
+            } else {
+                Reliability::BestEffort
+            },
+            durability: if quality.transient_local { Durability::TransientLocal } else { Durability::Volatile },
+            history: quality.depth.map_or(History::KeepAll, |depth| History::KeepLast { depth }),
+            deadline: quality.deadline,
+            lifespan: quality.lifespan,
+            liveliness: Liveliness::Automatic,
+            liveliness_lease: quality.liveliness_lease,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::qos;
+
+    #[test]
+    fn frames_come_out_as_they_went_in_however_they_are_cut() {
+        let mut bytes = Vec::new();
+        let bodies: Vec<Vec<u8>> = [0, 1, 100, 3 * BUFFER].iter().map(|n| vec![7; *n]).collect();
+        for (i, body) in bodies.iter().enumerate() {
+            let stamp = caller([i as u8; 16], -5);
+            let head = Head { flag: 3, ..Head::of(Kind::Request, i as u16, stamp) };
+            head.frame(&mut bytes, |b| {
+                b.extend(body);
+                Ok(())
+            })
+            .unwrap();
+        }
+        for cut in [1, 31, 33, 4096, bytes.len()] {
+            let (mut frames, mut found) = (Frames::new(), Vec::new());
+            for mut piece in bytes.chunks(cut) {
+                while !piece.is_empty() {
+                    frames.read(&mut piece).unwrap();
+                    while let Some((head, body)) = frames.next().unwrap() {
+                        assert_eq!((head.kind, head.flag, usize::from(head.endpoint)), (Kind::Request, 3, found.len()));
+                        assert_eq!(caller_of(&head.stamp), ([found.len() as u8; 16], -5));
+                        found.push(body.to_vec());
+                    }
+                }
+            }
+            assert_eq!(found, bodies, "cut into pieces of {cut}");
+        }
+        let mut frames = Frames::new();
+        frames.read(&[255_u8; 64][..]).unwrap();
+        assert!(frames.next().is_err());
+    }
+
+    #[test]
+    fn a_body_that_is_too_long_leaves_nothing_behind() {
+        let mut bytes = vec![1];
+        let outcome = Head::new(Kind::Message).frame(&mut bytes, |b| {
+            b.resize(LONGEST + HEAD + 2, 0);
+            Ok(())
+        });
+        assert!(outcome.is_err_and(|e| e.contains("bytes")));
+        assert_eq!(bytes, [1]);
+    }
+
+    #[test]
+    fn a_profile_survives_the_way() {
+        for profile in [qos::sensor(5), qos::reliable(7), qos::latched(), qos::service()] {
+            assert_eq!(QosProfile::from(Quality::from(&profile)), profile);
+        }
+        assert_eq!(times_of(&times([-1, i64::MAX])), [-1, i64::MAX]);
+    }
+}

@@ -1,0 +1,309 @@
+//! Deep check of a bag: can every reader read it, does it say the same everywhere, is all of it there.
+
+use super::error::BagError;
+use super::metadata::{Metadata, VERSION};
+use super::qos::Qos;
+use super::reader::{BagFile, BagReader, Topic};
+use super::record::{Fields, Footer, PREFIX, op};
+use super::source::Source;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::schema::{missing_types, schema};
+use ros2_messages::{
+    CdrError, RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin, rosgraph_msgs, sensor_msgs, std_msgs,
+    visualization_msgs,
+};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Works, but look at it.
+    Warning,
+    /// Data is lost; the rest can be used.
+    Lost,
+    /// A reader will refuse the bag, or believe something false.
+    Error,
+}
+
+/// One thing that the check found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is, and what it does to a reader.
+    pub text: String,
+}
+
+/// What a check found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CheckReport {
+    /// The bag as it was named.
+    pub bag: String,
+    /// Messages that were read and, where their type is known, decoded.
+    pub messages: u64,
+    /// Topics.
+    pub topics: usize,
+    /// In the order of the check; empty if all is well.
+    pub findings: Vec<Finding>,
+}
+
+impl CheckReport {
+    /// The worst finding.
+    #[must_use]
+    pub fn worst(&self) -> Option<Severity> {
+        self.findings.iter().map(|f| f.severity).max()
+    }
+
+    fn add(&mut self, severity: Severity, text: impl Into<String>) {
+        self.findings.push(Finding { severity, text: text.into() });
+    }
+
+    fn error(&mut self, text: impl Into<String>) {
+        self.add(Severity::Error, text);
+    }
+}
+
+/// Checks a bag (folder or single .mcap), reading all of it.
+///
+/// # Errors
+/// [`BagError`] if it can't be opened at all.
+pub fn check(path: impl AsRef<Path>) -> Result<CheckReport, BagError> {
+    let path = path.as_ref();
+    let bag = BagReader::open(path)?;
+    let mut report =
+        CheckReport { bag: bag.name().to_owned(), messages: 0, topics: bag.topics().len(), findings: Vec::new() };
+    bag.losses().iter().for_each(|loss| report.add(Severity::Lost, loss.to_string()));
+    for warning in bag.warnings() {
+        // An index may be missing; a metadata.yaml that is missing or contradicts the file makes others refuse the bag.
+        let of_a_file = bag.files().iter().any(|f| f.index.warnings.contains(warning));
+        report.add(if of_a_file { Severity::Warning } else { Severity::Error }, warning.clone());
+    }
+    let folder = if path.is_dir() { Some(path) } else { path.parent().filter(|_| path.ends_with("metadata.yaml")) };
+    let yaml = folder.and_then(|folder| check_yaml(folder, &mut report));
+    for file in bag.files() {
+        check_file(file, yaml.as_ref(), &mut report);
+    }
+    check_topics(&bag, yaml.as_ref(), &mut report);
+    check_messages(&bag, &mut report);
+    Ok(report)
+}
+
+/// metadata.yaml: its version, and the keys that this version must have.
+fn check_yaml(folder: &Path, report: &mut CheckReport) -> Option<Metadata> {
+    #[derive(Deserialize)]
+    struct Keys {
+        rosbag2_bagfile_information: BTreeMap<String, serde::de::IgnoredAny>,
+    }
+    let text = std::fs::read_to_string(folder.join("metadata.yaml")).ok()?;
+    let metadata = Metadata::parse(&text).ok()?;
+    if metadata.version > VERSION {
+        report.error(format!("metadata.yaml is version {}; readers of today know up to {VERSION}", metadata.version));
+    } else if metadata.version < VERSION {
+        let text = format!("metadata.yaml is version {}, from a ROS before Jazzy", metadata.version);
+        report.add(Severity::Warning, text);
+    }
+    let keys = serde_saphyr::from_str::<Keys>(&text).ok()?.rosbag2_bagfile_information;
+    let since = [
+        ("duration", 1),
+        ("starting_time", 1),
+        ("message_count", 1),
+        ("topics_with_message_count", 1),
+        ("relative_file_paths", 1),
+        ("compression_format", 3),
+        ("compression_mode", 3),
+        ("files", 5),
+        ("custom_data", 6),
+        ("ros_distro", 8),
+    ];
+    for (key, version) in since {
+        if metadata.version >= version && !keys.contains_key(key) {
+            report.error(format!("metadata.yaml has no key {key}: `ros2 bag play` refuses the bag"));
+        }
+    }
+    if metadata.version >= 7
+        && let Some(t) =
+            metadata.topics_with_message_count.iter().find(|t| t.topic_metadata.type_description_hash.is_none())
+    {
+        report.error(format!("metadata.yaml has no type_description_hash for {}", t.topic_metadata.name));
+    }
+    Some(metadata)
+}
+
+/// Header, own copy of metadata, checksum of the data.
+fn check_file(file: &BagFile, yaml: Option<&Metadata>, report: &mut CheckReport) {
+    let name = &file.name;
+    if file.index.header.profile != "ros2" {
+        report.error(format!(
+            "{name}: its profile is {:?}, not ros2: readers of ROS 2 refuse it",
+            file.index.header.profile
+        ));
+    }
+    match file.index.metadata.iter().find(|m| m.name == "rosbag2").and_then(|m| m.entries.get("serialized_metadata")) {
+        None => report
+            .add(Severity::Warning, format!("{name} has no metadata record: `ros2 bag info` of the file alone fails")),
+        Some(text) => match (Metadata::parse_inner(text), yaml) {
+            (Err(e), _) => {
+                report.error(format!("{name}: its metadata record can't be read, `ros2 bag play` refuses it: {e}"))
+            }
+            (Ok(own), Some(yaml)) if own != *yaml && yaml.relative_file_paths.len() == 1 => {
+                report.error(format!("{name}: its metadata record and metadata.yaml differ"));
+            }
+            _ => {}
+        },
+    }
+    match data_checksum(&file.source) {
+        Ok(Some((saved, found))) if saved != found => {
+            report.add(Severity::Lost, format!("{name}: the checksum of its data is {found:08x}, not {saved:08x}"));
+        }
+        Ok(_) => {}
+        Err(e) => report.add(Severity::Lost, format!("{name}: {e}")),
+    }
+}
+
+/// Saved and found checksum of everything before the data-end record, where there is one.
+fn data_checksum(source: &Source) -> std::io::Result<Option<(u32, u32)>> {
+    const DATA_END: u64 = PREFIX + 4;
+    let Some(tail) = source.len().checked_sub(Footer::TAIL) else { return Ok(None) };
+    let Some(footer) = Footer::parse_tail(&source.read(tail, Footer::TAIL)?) else { return Ok(None) };
+    let end = if footer.summary_start == 0 { tail } else { footer.summary_start };
+    let Some(data_end) = end.checked_sub(DATA_END) else { return Ok(None) };
+    let bytes = source.read(data_end, DATA_END)?;
+    let mut f = Fields(&bytes);
+    let (kind, length, saved) = (f.u8(), f.u64(), f.u32());
+    let Some(saved) = saved.filter(|s| *s != 0 && kind == Some(op::DATA_END) && length == Some(4)) else {
+        return Ok(None);
+    };
+    let mut hasher = crc32fast::Hasher::new();
+    let mut at = 0;
+    while at < data_end {
+        let piece = (data_end - at).min(1 << 20);
+        hasher.update(&source.read(at, piece)?);
+        at += piece;
+    }
+    Ok(Some((saved, hasher.finalize())))
+}
+
+/// Encodings, schemas, hashes and quality of service of each topic.
+fn check_topics(bag: &BagReader, yaml: Option<&Metadata>, report: &mut CheckReport) {
+    for topic in bag.topics() {
+        let name = &topic.name;
+        if topic.encoding != "cdr" {
+            report.error(format!("{name}: its messages are encoded as {:?}, not cdr", topic.encoding));
+        }
+        match topic.schema_encoding.as_str() {
+            "ros2msg" => {
+                let missing = missing_types(&topic.schema);
+                if !missing.is_empty() {
+                    report.error(format!(
+                        "{name}: its schema does not define {}: readers can't decode it",
+                        missing.join(", ")
+                    ));
+                }
+            }
+            "ros2idl" => {}
+            other => report.error(format!("{name}: its schema is encoded as {other:?}, not ros2msg")),
+        }
+        if let Some(known) =
+            schema(&topic.type_name).filter(|k| !k.hash.is_empty() && !topic.hash.is_empty() && k.hash != topic.hash)
+        {
+            report.error(format!(
+                "{name}: its type hash is {}, that of {} is {}",
+                topic.hash, known.type_name, known.hash
+            ));
+        }
+        if !topic.qos.iter().all(Qos::is_named) {
+            report.add(
+                Severity::Warning,
+                format!("{name}: its quality of service is written in numbers, as before Jazzy"),
+            );
+        }
+        if let Some(yaml) = yaml {
+            compare_topic(topic, yaml, report);
+        }
+    }
+}
+
+/// One topic in the file and in metadata.yaml.
+fn compare_topic(topic: &Topic, yaml: &Metadata, report: &mut CheckReport) {
+    let name = &topic.name;
+    let Some(entry) = yaml.topics_with_message_count.iter().find(|t| t.topic_metadata.name == *name) else {
+        report.error(format!("{name} is not listed in metadata.yaml: readers will not see it"));
+        return;
+    };
+    if entry.message_count != topic.messages {
+        let (said, found) = (entry.message_count, topic.messages);
+        report.error(format!("{name}: metadata.yaml says {said} messages, the index of the file {found}"));
+    }
+    let hash = entry.topic_metadata.type_description_hash.as_deref().unwrap_or("");
+    // Older writers leave it out in one of the two places.
+    if !hash.is_empty() && !topic.hash.is_empty() && hash != topic.hash {
+        report.error(format!("{name}: its type hash is {hash:?} in metadata.yaml and {:?} in the file", topic.hash));
+    }
+    let profiles = entry.topic_metadata.offered_qos_profiles.as_ref().map_or(Ok(Vec::new()), |q| q.profiles());
+    match profiles {
+        Err(e) => report.error(format!("{name}: its quality of service in metadata.yaml can't be read: {e}")),
+        Ok(profiles) if profiles != topic.qos => report.error(format!(
+            "{name}: its quality of service differs between metadata.yaml and the file: some readers then yield no message at all"
+        )),
+        Ok(_) => {}
+    }
+}
+
+/// Reads every message; decodes those of known types.
+fn check_messages(bag: &BagReader, report: &mut CheckReport) {
+    let mut counts = vec![0; bag.topics().len()];
+    let mut problems: Vec<(u64, String)> = vec![(0, String::new()); bag.topics().len()];
+    let mut stamps: Vec<(Time, u64)> = vec![(Time::default(), 0); bag.topics().len()];
+    let mut messages = bag.messages();
+    for message in &mut messages {
+        report.messages += 1;
+        counts[message.topic] += 1;
+        match stamp(&bag.topics()[message.topic].type_name, &message.data) {
+            Some(Err(e)) => problems[message.topic] = (problems[message.topic].0 + 1, e.to_string()),
+            Some(Ok(Some(stamp))) => {
+                let (latest, back) = &mut stamps[message.topic];
+                *back += u64::from(stamp < *latest);
+                *latest = stamp.max(*latest);
+            }
+            Some(Ok(None)) | None => {}
+        }
+    }
+    messages.losses().iter().for_each(|loss| report.add(Severity::Lost, loss.to_string()));
+    let lost = report.worst() >= Some(Severity::Lost);
+    for (number, topic) in bag.topics().iter().enumerate() {
+        let (name, type_name) = (&topic.name, &topic.type_name);
+        if counts[number] != topic.messages && !lost {
+            let (said, found) = (topic.messages, counts[number]);
+            report.error(format!("{name}: the index of the file says {said} messages, it holds {found}"));
+        }
+        let (bad, reason) = &problems[number];
+        if *bad > 0 {
+            report.error(format!("{name}: {bad} messages are no {type_name}: {reason}"));
+        }
+        let back = stamps[number].1;
+        if back > 0 {
+            report.add(Severity::Warning, format!("{name}: {back} messages are stamped earlier than one before them"));
+        }
+    }
+}
+
+/// Decodes a message of a known type; its header's stamp, if it has one. `None` for an unknown type.
+fn stamp(type_name: &str, data: &[u8]) -> Option<Result<Option<Time>, CdrError>> {
+    macro_rules! decode {
+        ($($with_header:ty),*; $($without:ty),*) => {
+            match type_name {
+                $(<$with_header>::TYPE => from_cdr::<$with_header>(data).map(|m| Some(m.header.stamp)),)*
+                $(<$without>::TYPE => from_cdr::<$without>(data).map(|_| None),)*
+                _ => return None,
+            }
+        };
+    }
+    Some(decode!(
+        geometry_msgs::PoseStamped, geometry_msgs::PoseArray, geometry_msgs::WrenchStamped, sensor_msgs::JointState,
+        sensor_msgs::PointCloud2, visualization_msgs::Marker, diagnostic_msgs::DiagnosticArray, needle_twin::TissueModel,
+        needle_twin::TissueState, needle_twin::ForceComparison, needle_twin::TwinStatus;
+        std_msgs::Float64, std_msgs::Bool, rosgraph_msgs::Clock
+    ))
+}

@@ -1,0 +1,28 @@
+//! rosbag2 folders with MCAP storage: reading, salvage of what is damaged, writing, checking.
+//!
+//! A bag is a folder with `metadata.yaml` and one or more `.mcap` files, or one such file alone. [`BagReader`] opens it
+//! and says what of it is lost, [`BagWriter`] makes one, [`check()`] looks for what other readers would refuse.
+#![forbid(unsafe_code)]
+
+mod check;
+mod chunk;
+mod error;
+mod folder;
+mod index;
+mod messages;
+mod metadata;
+mod qos;
+mod reader;
+mod record;
+mod segment;
+mod source;
+mod space;
+mod writer;
+
+pub use check::{CheckReport, Finding, Severity, check};
+pub use error::{BagError, Loss};
+pub use messages::Messages;
+pub use metadata::Metadata;
+pub use qos::{Qos, QosTime};
+pub use reader::{BagReader, Message, Topic};
+pub use writer::{BagWriter, TopicId, WriterOptions, Written};

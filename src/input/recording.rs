@@ -1,0 +1,271 @@
+//! What the twin needs of a recording: depths or poses, and measured forces, each over time.
+
+use super::series::Reading;
+use crate::twin::Pose;
+use ros2_messages::RosMessage;
+use ros2_messages::geometry_msgs::{PoseStamped, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
+use rosbag2_mcap::{BagError, Loss};
+use rosbag2_mcap::{BagReader, Topic};
+use std::path::Path;
+
+/// Which topics to take, and which joint. Left out, they are found: by the last part of the name
+/// (`/rig/measured_js` is a `measured_js`), or by the type if only one topic has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TopicNames {
+    /// sensor_msgs/JointState: the displacement sensor. Default: a `measured_js`.
+    pub joint_state: Option<String>,
+    /// geometry_msgs/PoseStamped: the tip's pose. Default: a `measured_cp`.
+    pub pose: Option<String>,
+    /// geometry_msgs/WrenchStamped: the load cell. Default: a `measured_cf`.
+    pub wrench: Option<String>,
+    /// The joint whose position is the depth. Default: `insertion`.
+    pub joint: String,
+}
+
+impl Default for TopicNames {
+    fn default() -> Self {
+        Self { joint_state: None, pose: None, wrench: None, joint: "insertion".to_owned() }
+    }
+}
+
+/// A depth and when it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DepthSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Depth of the tip below the undeformed top surface, m; negative above it.
+    pub depth_m: f64,
+}
+
+/// A tip pose and when it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Position of the tip in the frame of the topic, m.
+    pub tip: [f64; 3],
+    /// Unit vector along the instrument into the sample: the z axis of the tip's frame.
+    pub axis: [f64; 3],
+}
+
+impl PoseSample {
+    /// The pose as the twin takes it.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose { tip: self.tip, axis: self.axis }
+    }
+}
+
+/// A force and when it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForceSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Force of the tissue on the instrument as recorded, N.
+    pub force_n: [f64; 3],
+}
+
+/// The series of a recording. Each is in the order of time, with finite values only.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// What the force is and where it comes from, for reports: the bag, and what it says of itself.
+    pub source: String,
+    /// Scene that the recording was made for, if the bag says so.
+    pub scene: Option<String>,
+    /// Time 0 of all series, ns since 1970: the earliest stamp.
+    pub origin_ns: i64,
+    /// From the displacement sensor; empty without one.
+    pub depths: Vec<DepthSample>,
+    /// From the tip's pose; empty without one.
+    pub poses: Vec<PoseSample>,
+    /// From the load cell; empty without one.
+    pub forces: Vec<ForceSample>,
+    /// Topics of the three series, where there are such.
+    pub topics: TopicNames,
+    /// Frame of the poses and of the forces, "" where it is not said.
+    pub frame_ids: [String; 2],
+    /// What of the bag is lost; not empty: exit code 3.
+    pub losses: Vec<Loss>,
+    /// What is odd but cost nothing.
+    pub warnings: Vec<String>,
+}
+
+impl Recording {
+    /// Reads the series of a bag (folder or .mcap).
+    ///
+    /// # Errors
+    /// [`BagError`] if the bag can't be opened, has no topic for depth or pose (the message lists what it has), or
+    /// has several that would do.
+    pub fn load(path: impl AsRef<Path>, names: &TopicNames) -> Result<Self, BagError> {
+        Self::from_reader(&BagReader::open(path)?, names)
+    }
+
+    /// As [`Recording::load`], from an opened bag.
+    ///
+    /// # Errors
+    /// As [`Recording::load`].
+    pub fn from_reader(bag: &BagReader, names: &TopicNames) -> Result<Self, BagError> {
+        let joint_state = find::<JointState>(bag, names.joint_state.as_deref(), "measured_js", &[])?;
+        let pose = find::<PoseStamped>(bag, names.pose.as_deref(), "measured_cp", &[])?;
+        let wrench = find::<WrenchStamped>(bag, names.wrench.as_deref(), "measured_cf", &["predicted_cf"])?;
+        if joint_state.is_none() && pose.is_none() {
+            return Err(no_motion(bag));
+        }
+        let mut reading = Reading { bag, losses: bag.losses().to_vec(), warnings: bag.warnings().to_vec() };
+        let depths = reading.depths(joint_state, &names.joint)?;
+        let poses = reading.series(pose, |m: &PoseStamped| Some((m.header.clone(), pose_values(m))))?;
+        let forces = reading.series(wrench, |m: &WrenchStamped| Some((m.header.clone(), m.wrench.force.into())))?;
+        let first = |t: &[(i64, _)]| t.first().map(|s: &(i64, [f64; 3])| s.0);
+        let origin_ns = [depths.0.first().map(|s| s.0), poses.0.first().map(|s| s.0), first(&forces.0)]
+            .into_iter()
+            .flatten()
+            .min()
+            .unwrap_or(0);
+        let seconds = |ns: i64| (ns - origin_ns) as f64 * 1e-9;
+        let name = |topic: Option<usize>| topic.map(|t| bag.topics()[t].name.clone());
+        let mut recording = Self {
+            source: describe(bag),
+            scene: bag.custom_data("scene").map(str::to_owned),
+            origin_ns,
+            depths: depths
+                .0
+                .iter()
+                .map(|(t, [depth_m])| DepthSample { time_s: seconds(*t), depth_m: *depth_m })
+                .collect(),
+            poses: poses.0.iter().map(|(t, v)| pose_sample(seconds(*t), v)).collect(),
+            forces: forces.0.iter().map(|(t, f)| ForceSample { time_s: seconds(*t), force_n: *f }).collect(),
+            topics: TopicNames {
+                joint_state: name(joint_state),
+                pose: name(pose),
+                wrench: name(wrench),
+                joint: names.joint.clone(),
+            },
+            frame_ids: [poses.1, forces.1],
+            losses: reading.losses,
+            warnings: reading.warnings,
+        };
+        recording.check(bag, joint_state.or(pose))?;
+        Ok(recording)
+    }
+
+    /// Nothing to drive the twin with is an error; a load cell from another time is said.
+    fn check(&mut self, bag: &BagReader, motion: Option<usize>) -> Result<(), BagError> {
+        if let (true, true, Some(topic)) = (self.depths.is_empty(), self.poses.is_empty(), motion) {
+            let lost: Vec<String> = self.losses.iter().map(ToString::to_string).collect();
+            let reason = if lost.is_empty() { "it has no messages".to_owned() } else { lost.join("; ") };
+            return Err(topic_error(bag, &bag.topics()[topic], format!("nothing of it can be used: {reason}")));
+        }
+        let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
+        let force = span(self.forces.iter().map(|s| s.time_s));
+        if let (Some(motion), Some(force)) = (motion, force)
+            && (force.0 > motion.1 || motion.0 > force.1)
+        {
+            self.warnings.push(format!(
+                "the load cell ({:.3} to {:.3} s) and the motion ({:.3} to {:.3} s) have no time in common: their stamps are \
+                 from different clocks, so there is nothing to compare",
+                force.0, force.1, motion.0, motion.1
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn span(times: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    times.fold(None, |span, t| Some(span.map_or((t, t), |(a, b): (f64, f64)| (a.min(t), b.max(t)))))
+}
+
+/// The bag and what it says of itself.
+fn describe(bag: &BagReader) -> String {
+    let name = Path::new(bag.name()).file_name().map_or(bag.name().into(), |n| n.to_string_lossy());
+    match bag.custom_data("description") {
+        Some(description) => format!("bag {name} ({description})"),
+        None => format!("bag {name}"),
+    }
+}
+
+pub(super) fn topic_error(bag: &BagReader, topic: &Topic, reason: String) -> BagError {
+    BagError::Topic {
+        bag: bag.name().to_owned(),
+        topic: topic.name.clone(),
+        type_name: topic.type_name.clone(),
+        reason,
+    }
+}
+
+fn no_motion(bag: &BagReader) -> BagError {
+    let lost: Vec<String> = bag.losses().iter().map(ToString::to_string).collect();
+    let remedy = if lost.is_empty() {
+        "Name the topics with the depth or the pose, or remap them when recording".to_owned()
+    } else {
+        format!("The bag is damaged: {}", lost.join("; "))
+    };
+    BagError::NoTopic {
+        bag: bag.name().to_owned(),
+        wanted: format!(
+            "the depth (measured_js, {}) or the tip's pose (measured_cp, {})",
+            JointState::TYPE,
+            PoseStamped::TYPE
+        ),
+        available: bag.describe_topics(),
+        remedy,
+    }
+}
+
+/// The topic of type `T`: the named one, or the one whose name ends in `suffix`, or the only one of the type that is
+/// not in `never`.
+fn find<T: RosMessage>(
+    bag: &BagReader,
+    named: Option<&str>,
+    suffix: &str,
+    never: &[&str],
+) -> Result<Option<usize>, BagError> {
+    if let Some(name) = named {
+        let found = bag.topics().iter().position(|t| t.name.trim_start_matches('/') == name.trim_start_matches('/'));
+        let Some(found) = found else {
+            return Err(BagError::NoTopic {
+                bag: bag.name().to_owned(),
+                wanted: name.to_owned(),
+                available: bag.describe_topics(),
+                remedy: "Name one of these".to_owned(),
+            });
+        };
+        let topic = &bag.topics()[found];
+        if topic.type_name != T::TYPE {
+            return Err(topic_error(bag, topic, format!("{} is needed here", T::TYPE)));
+        }
+        return Ok(Some(found));
+    }
+    let last = |t: &Topic| t.name.rsplit('/').next().unwrap_or_default().to_owned();
+    let typed: Vec<usize> = (0..bag.topics().len())
+        .filter(|&t| bag.topics()[t].type_name == T::TYPE && !never.contains(&last(&bag.topics()[t]).as_str()))
+        .collect();
+    let suffixed: Vec<usize> = typed.iter().copied().filter(|&t| last(&bag.topics()[t]) == suffix).collect();
+    match (suffixed.as_slice(), typed.as_slice()) {
+        ([one], _) | ([], [one]) => Ok(Some(*one)),
+        ([], []) => Ok(None),
+        ([], several) | (several, _) => {
+            let names: Vec<&str> = several.iter().map(|&t| bag.topics()[t].name.as_str()).collect();
+            Err(BagError::NoTopic {
+                bag: bag.name().to_owned(),
+                wanted: format!("{suffix} that stands out"),
+                available: format!("several of type {}: {}", T::TYPE, names.join(", ")),
+                remedy: "Name the one to take".to_owned(),
+            })
+        }
+    }
+}
+
+fn pose_values(m: &PoseStamped) -> [f64; 7] {
+    let (p, q) = (m.pose.position, m.pose.orientation);
+    [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+}
+
+fn pose_sample(time_s: f64, v: &[f64; 7]) -> PoseSample {
+    let [x, y, z, w] = [v[3], v[4], v[5], v[6]];
+    // Third column of the rotation matrix, whatever the quaternion's length; no rotation for the zero quaternion.
+    let axis = [2.0 * (x * z + y * w), 2.0 * (y * z - x * w), w * w - x * x - y * y + z * z];
+    let norm = axis.iter().map(|a| a * a).sum::<f64>().sqrt();
+    let axis = if norm > 0.0 { axis.map(|a| a / norm) } else { [0.0, 0.0, 1.0] };
+    PoseSample { time_s, tip: [v[0], v[1], v[2]], axis }
+}
