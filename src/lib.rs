@@ -14,7 +14,31 @@
 //! ```
 //!
 //! The inner ring (`scene` to `twin`) is numbers only: no files, sockets or clocks. The outer ring is
-//! input and output round the same [`twin::Twin`].
+//! input and output around the same [`twin::Twin`].
+//!
+//! A preset, three poses, and the force of the tissue on the indenter:
+//!
+//! ```
+//! use needle_twin::scene::Scene;
+//! use needle_twin::twin::{StampedPose, Twin};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let scene = Scene::preset("indentation")?;
+//! let mut twin = Twin::new(&scene)?;
+//! let mut force_n = 0.0;
+//! for (time_s, depth_m) in [(0.1, 1e-4), (0.2, 2e-4), (0.3, 3e-4)] {
+//!     let pose = StampedPose { time_s, pose: twin.pose_at_depth(depth_m) };
+//!     let prediction = twin.step(pose)?;
+//!     // the force in frame `sample`: tissue that resists pushes the indenter upwards
+//!     force_n = prediction.force_n[2];
+//! }
+//! // 83 N/m is the stiffness of the finite-element reference near the surface
+//! assert!((force_n / (83.0 * 3e-4) - 1.0).abs() < 0.03, "{force_n} N");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The handbook, `docs/README.md` in the repository, says how to use the programs; `mtled` is the method alone.
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
 #![forbid(unsafe_code)]
 

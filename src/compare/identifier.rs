@@ -10,7 +10,7 @@
 //!
 //! The force is proportional to the shear modulus (quasi-static, Poisson's ratio fixed), and nearly so to the deformation
 //! coefficient, if the retraction coefficient goes with it: what the needle holds moves by C_D, and the tissue's answer to that is
-//! nearly linear. `tests/identify.rs` holds both against runs of the twin. So the two have the same effect on a needle's
+//! nearly linear. `tests/ros/identify.rs` holds both against runs of the twin. So the two have the same effect on a needle's
 //! force: only one of them can be found from it.
 //!
 //! R is the noise as it is seen in second differences of the residual. A residual that jumps, or that stays outside what noise and

@@ -1,4 +1,4 @@
-// What any command line must do, whatever it says: shared by the fuzz target in `fuzz/` and by `tests/ros_arguments.rs`.
+// What any command line must do, whatever it says: shared by the fuzz target in `fuzz/` and by `tests/ros/ros_arguments.rs`.
 
 use std::ffi::OsString;
 

@@ -132,7 +132,7 @@ fn a_time_series_has_a_frame_per_interval() {
     let series = std::fs::read_to_string(folder.path().join("series.pvd")).unwrap();
     let times: Vec<f64> =
         series.split("timestep=\"").skip(1).map(|rest| rest.split('"').next().unwrap().parse().unwrap()).collect();
-    // 50 ms of motion; `tests/vtu.rs` reads the files with meshio
+    // 50 ms of motion; `tests/programs/vtu.rs` reads the files with meshio
     assert_eq!(times.len(), 6, "{times:?}");
     assert!(times.windows(2).all(|t| (t[1] - t[0] - 0.01).abs() < 1e-9), "{times:?}");
     assert!((0..6).all(|i| folder.path().join(format!("series/frame_{i:04}.vtu")).exists()));

@@ -5,6 +5,7 @@ mod bad_input;
 mod calibrate;
 mod cli;
 mod demo;
+mod docs;
 mod replay;
 mod report;
 mod report_browser;
