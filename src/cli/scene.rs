@@ -117,7 +117,7 @@ fn default_of(key: &Key) -> &'static str {
 
 fn keys_text() -> String {
     let mut out = String::from("Keys of a scene. Sections that are absent are not modelled.\n");
-    for section in std::iter::once(&"").chain(SECTIONS) {
+    for section in std::iter::once(&"").chain(SECTIONS.iter()) {
         out.push('\n');
         for key in KEYS.iter().filter(|key| key.section() == *section) {
             let live = if key.live { "; can change while running" } else { "" };

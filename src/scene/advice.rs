@@ -1,7 +1,8 @@
 //! What a scene may ask for and is unlikely to get: said when it is checked or built, and no error.
 
-use super::{DeformationRule, Dimension, InstrumentKind, Scene, VolumeRatio};
-use crate::scene::Word as _;
+use mtled::solver::VolumeRatio;
+
+use super::{DeformationRule, Dimension, Instrument, InstrumentKind, Material, Motion, Scene, Word as _};
 
 /// Way that captured tissue can be pushed ahead of the tip before cells turn inside out there, m: runs ended at 1.6 to 2.1 mm,
 /// whatever the capture radius (`docs/lab/stability.md`).
@@ -12,12 +13,51 @@ const FOLDING: f64 = 0.55;
 /// Depth over the sample's height to which every volume ratio goes on; the shallowest run without the projected one ended
 /// at 0.29 (`docs/lab/stability.md`).
 const ANY_VOLUME_RATIO: f64 = 0.28;
+/// Speed over that of a shear wave from which inertia, (v / c)^2 of the stress, is a per cent of the force.
+const QUASI_STATIC: f64 = 0.1;
+/// Compression of the base under the sample's own weight, rho g H / E, above which the scanned shape is no unloaded one.
+const OWN_WEIGHT: f64 = 0.1;
+/// Acceleration of gravity, m/s^2.
+const GRAVITY: f64 = 9.81;
 
 impl Scene {
     /// Advice, one sentence each.
     #[must_use]
     pub fn advice(&self) -> Vec<String> {
-        let (Some(instrument), Some(motion)) = (&self.instrument, &self.motion) else { return Vec::new() };
+        let mut advice: Vec<String> = self.own_weight().into_iter().collect();
+        let (Some(instrument), Some(motion)) = (&self.instrument, &self.motion) else { return advice };
+        advice.extend(self.inertia(motion.speed.get()));
+        advice.extend(self.contact(instrument, motion));
+        advice
+    }
+
+    /// The prediction is quasi-static: what is slow against a shear wave of speed c = sqrt(mu / rho).
+    fn inertia(&self, speed: f64) -> Option<String> {
+        let wave = (self.material.shear_modulus() / self.material.density.get()).sqrt();
+        (speed > QUASI_STATIC * wave).then(|| {
+            format!(
+                "motion.speed_m_per_s = {speed} is more than {QUASI_STATIC} of the tissue's shear wave speed of {wave:.3} m/s \
+                 (from material.shear_modulus_pa and material.density_kg_per_m3): its inertia, which the prediction leaves out, \
+                 is more than a per cent of the force"
+            )
+        })
+    }
+
+    /// The reference configuration is taken to be free of stress.
+    fn own_weight(&self) -> Option<String> {
+        let Material { poisson_ratio, density, .. } = self.material;
+        let young = 2.0 * self.material.shear_modulus() * (1.0 + poisson_ratio.get());
+        let strain = density.get() * GRAVITY * self.sample.shape.height()?.get() / young;
+        (strain > OWN_WEIGHT).then(|| {
+            format!(
+                "the sample's own weight compresses its base by {:.0} % (density g height / E): the scanned shape is no unloaded one, \
+                 and the twin takes it for one",
+                100.0 * strain
+            )
+        })
+    }
+
+    fn contact(&self, instrument: &Instrument, motion: &Motion) -> Vec<String> {
         let depth = motion.depth.get();
         match &instrument.kind {
             InstrumentKind::Needle(needle) if needle.deformation_rule == DeformationRule::Absolute => {
@@ -96,5 +136,7 @@ mod tests {
         assert!(advice("indentation", &back).contains("fold_guard"));
         assert_eq!(advice("indentation", &[back[0], back[2]]), "");
         assert_eq!(advice("indentation", &back[..2]), "");
+        assert!(advice("indentation", &[("motion.speed_m_per_s", "0.2")]).contains("shear wave speed of 1.315 m/s"));
+        assert!(advice("indentation", &[("material.shear_modulus_pa", "300")]).contains("compresses its base by 18 %"));
     }
 }

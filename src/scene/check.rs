@@ -38,12 +38,12 @@ impl Check<'_> {
 
     fn material(&self) -> Result<(), SceneError> {
         let material = &self.scene.material;
-        if material.model == MaterialModel::Ogden {
+        if let MaterialModel::Ogden(ogden) = &material.model {
             const KEY: &str = "material.ogden_exponents";
-            if material.ogden.terms().is_empty() {
+            if ogden.terms().is_empty() {
                 return self.refuse(KEY, "Ogden's law needs at least one term".to_owned());
             }
-            if material.ogden.terms().iter().any(|t| t.exponent.abs() < LEAST_EXPONENT) {
+            if ogden.terms().iter().any(|t| t.exponent.abs() < LEAST_EXPONENT) {
                 return self.refuse(
                     KEY,
                     format!("an exponent of 0 makes a term 0/0; at least {LEAST_EXPONENT} in size is needed"),

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use super::key::Key;
 use super::presets::Preset;
-use super::{Scene, SceneError, Value, check, convert, keys, parse, values::Values};
+use super::section::{Scope, Section as _};
+use super::{Scene, SceneError, Value, check, keys, parse, values::Values};
 
 /// A change to one key of a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,15 +82,26 @@ impl Scene {
     }
 
     fn from_values(values: &Values) -> Result<Self, SceneError> {
-        let scene = convert::to_scene(values)?;
+        values.check_applicability()?;
+        let mut scene = Self::read(values, Scope::Once)?;
+        if !values.has("name") {
+            stem(values.origin()).clone_into(&mut scene.name);
+        }
         check::check(&scene, values)?;
         Ok(scene)
+    }
+
+    /// Every key that applies, defaults included.
+    fn to_values(&self) -> Values {
+        let mut values = Values::new(&format!("scene {}", self.name));
+        self.write(&mut values, Scope::Once);
+        values
     }
 
     /// The scene as a file, every key that applies written out; [`Scene::from_toml`] gives the same scene back.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        convert::to_values(self).to_toml()
+        self.to_values().to_toml()
     }
 
     /// The scene with some keys changed, all at once, so that the order doesn't matter. Where `instrument.kind` or
@@ -98,7 +110,7 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] for a key that is not known, a wrong type, a value out of range, or parts that don't fit.
     pub fn with(&self, changes: &[Override]) -> Result<Self, SceneError> {
-        let mut values = convert::to_values(self);
+        let mut values = self.to_values();
         let mut changed = BTreeSet::new();
         for change in changes {
             let value = change.checked()?;
@@ -122,13 +134,13 @@ impl Scene {
     /// The value of a key, its default included; `None` where the key doesn't apply to this scene or isn't known.
     #[must_use]
     pub fn get(&self, path: &str) -> Option<Value> {
-        convert::to_values(self).get(path).cloned()
+        self.to_values().get(path).cloned()
     }
 
     /// Paths of every key that applies to this scene, targets by their index, in the order of the registry.
     #[must_use]
     pub fn paths(&self) -> Vec<String> {
-        let values = convert::to_values(self);
+        let values = self.to_values();
         let targets = (0..self.targets.len()).flat_map(|i| {
             let of_targets = keys::KEYS.iter().filter(|key| key.section() == "targets");
             of_targets.map(move |key| format!("targets.{i}.{}", key.field()))
@@ -136,4 +148,10 @@ impl Scene {
         let plain = keys::KEYS.iter().filter(|key| key.section() != "targets").map(|key| key.path.to_owned());
         plain.chain(targets).filter(|path| values.has(path)).collect()
     }
+}
+
+/// A file's name without folders and `.toml`: what a scene is called where it doesn't say.
+fn stem(origin: &str) -> &str {
+    let file = origin.rsplit(['/', '\\']).next().unwrap_or(origin);
+    file.strip_suffix(".toml").unwrap_or(file)
 }

@@ -45,46 +45,46 @@ pub struct Key {
 }
 
 impl Key {
-    const fn new(path: &'static str, kind: Kind, unit: &'static str, description: &'static str) -> Self {
-        Self { path, kind, default: None, unit, description, only_with: None, reason: "", live: false }
+    const fn new(path: &'static str, kind: Kind, unit: &'static str) -> Self {
+        Self { path, kind, default: None, unit, description: "", only_with: None, reason: "", live: false }
     }
 
-    pub(super) const fn text(path: &'static str, description: &'static str) -> Self {
-        Self::new(path, Kind::Text, "", description)
+    pub(super) const fn text(path: &'static str) -> Self {
+        Self::new(path, Kind::Text, "")
     }
 
-    pub(super) const fn word(path: &'static str, words: &'static [&'static str], description: &'static str) -> Self {
-        Self::new(path, Kind::Word(words), "", description)
+    pub(super) const fn word(path: &'static str, words: &'static [&'static str]) -> Self {
+        Self::new(path, Kind::Word(words), "")
     }
 
-    pub(super) const fn real(path: &'static str, range: Range, unit: &'static str, description: &'static str) -> Self {
-        Self::new(path, Kind::Real(range), unit, description)
+    pub(super) const fn real(path: &'static str, range: Range, unit: &'static str) -> Self {
+        Self::new(path, Kind::Real(range), unit)
     }
 
-    pub(super) const fn integer(path: &'static str, low: i64, high: i64, description: &'static str) -> Self {
-        Self::new(path, Kind::Integer(low, high), "", description)
+    pub(super) const fn integer(path: &'static str, low: i64, high: i64) -> Self {
+        Self::new(path, Kind::Integer(low, high), "")
     }
 
-    pub(super) const fn one_of(path: &'static str, choices: &'static [i64], description: &'static str) -> Self {
-        Self::new(path, Kind::OneOf(choices), "", description)
+    pub(super) const fn one_of(path: &'static str, choices: &'static [i64]) -> Self {
+        Self::new(path, Kind::OneOf(choices), "")
     }
 
-    pub(super) const fn boolean(path: &'static str, description: &'static str) -> Self {
-        Self::new(path, Kind::Boolean, "", description)
+    pub(super) const fn boolean(path: &'static str) -> Self {
+        Self::new(path, Kind::Boolean, "")
     }
 
-    pub(super) const fn point(path: &'static str, unit: &'static str, description: &'static str) -> Self {
-        Self::new(path, Kind::Point, unit, description)
+    pub(super) const fn point(path: &'static str, unit: &'static str) -> Self {
+        Self::new(path, Kind::Point, unit)
     }
 
-    pub(super) const fn list(
-        path: &'static str,
-        range: Range,
-        most: usize,
-        unit: &'static str,
-        description: &'static str,
-    ) -> Self {
-        Self::new(path, Kind::List(range, most), unit, description)
+    /// A list of at most `most` numbers, each in the range.
+    pub(super) const fn list(path: &'static str, range: Range, most: usize, unit: &'static str) -> Self {
+        Self::new(path, Kind::List(range, most), unit)
+    }
+
+    /// Says what it means: the doc comment of its field, whose leading blank falls away.
+    pub(super) const fn described(self, description: &'static str) -> Self {
+        Self { description: description.trim_ascii_start(), ..self }
     }
 
     /// Gives the default.
@@ -92,9 +92,9 @@ impl Key {
         Self { default: Some(default), ..self }
     }
 
-    /// Ties the key to words of another one.
-    pub(super) const fn only(self, with: (&'static str, &'static [&'static str])) -> Self {
-        Self { only_with: Some(with), ..self }
+    /// Ties the key to words of the one that selects it.
+    pub(super) const fn only(self, selector: &'static str, words: &'static [&'static str]) -> Self {
+        Self { only_with: Some((selector, words)), ..self }
     }
 
     /// Says why the range is as it is.

@@ -1,6 +1,24 @@
-//! The scene's own motion as a stream of depths.
+//! `[motion]`: the scene's own motion as a stream of depths.
 
-use super::Motion;
+use super::section::section;
+use super::{Hertz, Key, Metres, MetresPerSecond, Range, Seconds};
+
+section! {
+    /// A scene's own motion: approach is at zero depth, then insertion, hold and retraction.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Motion when |values| values.has_section("motion") => {
+        /// Depth to reach, positive into the sample.
+        depth: Metres = Key::real("motion.depth_m", Range::closed(0.0, 10.0), "m"),
+        /// Speed of insertion and retraction.
+        speed: MetresPerSecond = Key::real("motion.speed_m_per_s", Range::above(0.0, 100.0), "m/s").or("1e-3"),
+        /// Rate of the pose stream.
+        pose_rate: Hertz = Key::real("motion.pose_hz", Range::above(0.0, 1e6), "Hz").or("1000.0"),
+        /// Time to stay at depth.
+        hold: Seconds = Key::real("motion.hold_s", Range::closed(0.0, 1e6), "s").or("0.0"),
+        /// Whether the instrument then goes back to depth 0.
+        retract: bool = Key::boolean("motion.retract").or("false"),
+    }
+}
 
 impl Motion {
     /// Pose intervals of insertion, hold and retraction. The last pose of the insertion is at full depth, so the

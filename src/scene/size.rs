@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use super::{Dimension, Grading, InstrumentKind, Metres, Precision, Scene, Shape};
+use mtled::solver::Precision;
+
+use super::{Dimension, Grading, InstrumentKind, Metres, Scene, Shape};
 
 /// Most memory that a scene may ask for, bytes.
 pub const MEMORY_LIMIT: f64 = 8e9;

@@ -1,6 +1,6 @@
 //! The raw layer: checked values by dotted path, each with the place where it was written.
 //!
-//! A file, `--set` and parameters all end here; `convert.rs` turns it into a [`super::Scene`] and back.
+//! A file, `--set` and parameters all end here; the sections' fields turn it into a [`super::Scene`] and back.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -87,11 +87,15 @@ impl Values {
         }
     }
 
+    /// The word of a key that selects others; `None` where it is missing.
+    pub(super) fn word(&self, selector: &str) -> Option<String> {
+        self.value(selector).ok()?.as_text().map(str::to_owned)
+    }
+
     fn missing(&self, path: &str, key: &Key) -> SceneError {
         let because = match key.only_with {
             Some((selector, _)) => {
-                let word = self.value(selector).ok();
-                let word = word.as_ref().and_then(Value::as_text).unwrap_or_default();
+                let word = self.word(selector).unwrap_or_default();
                 format!(" (required where {selector} is \"{word}\")")
             }
             None if key.section().is_empty() => String::new(),

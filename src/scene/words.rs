@@ -3,7 +3,7 @@
 use mtled::material::Volumetric;
 use mtled::solver::{Precision, VolumeRatio};
 
-use super::{DeformationRule, Dimension, InstrumentKind, MaterialModel, Method, Shape};
+use super::{DeformationRule, Dimension, Method};
 
 /// A choice that a scene file makes by a word.
 pub trait Word: Sized + Copy {
@@ -41,40 +41,9 @@ macro_rules! words {
     };
 }
 
-words!(MaterialModel: NeoHookean = "neo_hookean", Ogden = "ogden");
 words!(Volumetric: Quadratic = "quadratic", Logarithmic = "logarithmic");
 words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Full = "full");
 words!(VolumeRatio: Projected = "projected", Averaged = "averaged", Pointwise = "pointwise");
 words!(Precision: F32 = "f32", F64 = "f64");
-
-impl Shape {
-    /// Words of `sample.shape`.
-    pub const WORDS: &'static [&'static str] = &["cylinder", "box", "mesh"];
-
-    /// The word that files and messages use.
-    #[must_use]
-    pub const fn as_str(&self) -> &'static str {
-        match self {
-            Self::Cylinder { .. } => "cylinder",
-            Self::Box { .. } => "box",
-            Self::Mesh(_) => "mesh",
-        }
-    }
-}
-
-impl InstrumentKind {
-    /// Words of `instrument.kind`.
-    pub const WORDS: &'static [&'static str] = &["plate", "indenter", "needle"];
-
-    /// The word that files and messages use.
-    #[must_use]
-    pub const fn as_str(&self) -> &'static str {
-        match self {
-            Self::Plate => "plate",
-            Self::Indenter { .. } => "indenter",
-            Self::Needle(_) => "needle",
-        }
-    }
-}

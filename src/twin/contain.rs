@@ -94,7 +94,7 @@ impl Twin {
 
     /// Strain energy below which the kinetic energy is not compared with it, J.
     pub(super) fn energy_floor(&self) -> f64 {
-        ENERGY_FLOOR * self.scene.material.shear_modulus.get() * self.height.powi(3)
+        ENERGY_FLOOR * self.scene.material.shear_modulus() * self.height.powi(3)
     }
 }
 

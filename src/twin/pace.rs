@@ -57,7 +57,7 @@ impl Pace {
         Self {
             stepping: scene.stepping,
             length: LENGTH * height,
-            force_floor: FORCE_FLOOR * scene.material.shear_modulus.get() * height * height,
+            force_floor: FORCE_FLOOR * scene.material.shear_modulus() * height * height,
             peak: 0.0,
             imbalance: 0.0,
             gap: 0.0,

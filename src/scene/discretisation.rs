@@ -1,0 +1,83 @@
+//! `[discretisation]`: how the field is approximated and integrated.
+
+use mtled::solver::{Precision, VolumeRatio};
+
+use super::section::section;
+use super::{Key, Metres, Range, Word};
+
+/// The shapes whose nodes the twin places itself.
+const GENERATED: [&str; 2] = ["cylinder", "box"];
+
+section! {
+    /// How the field is approximated and integrated.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Discretisation => {
+        /// Approximation of the field.
+        method: Method = Key::word("discretisation.method", Method::WORDS).or("mmls"),
+        /// Three dimensions or the axisymmetric half plane; auto takes the least model that the scene allows.
+        dimension: Dimension = Key::word("discretisation.dimension", Dimension::WORDS).or("auto"),
+        /// How the nodes are spaced; absent where a mesh file brings them.
+        grading: Option<Grading>,
+        /// alpha: support radius over mean edge length at a node.
+        support_factor: f64 = Key::real("discretisation.support_factor", Range::above(1.0, 4.0), "").or("1.8"),
+        /// eta: MMLS penalty on the quadratic coefficients, dimensionless (local scaled coordinates).
+        penalty: f64 = Key::real("discretisation.penalty", Range::closed(0.0, 1e6), "").or("1e-2"),
+        /// Integration points per tetrahedral cell; a triangle of the half plane then has 3, 6 or 7.
+        points_per_cell: u32 = Key::one_of("discretisation.points_per_cell", &[1, 4, 5]).or("1"),
+        /// Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless
+        /// methods with one point per cell do so, and no half plane.
+        cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[1, 2]).or("1"),
+        /// Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged
+        /// (over each node) half-way.
+        volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("projected"),
+        /// Whether cells at the edge of a plate or indenter resist folding, so that they come back from any depth; not
+        /// in the half plane.
+        fold_guard: bool = Key::boolean("discretisation.fold_guard").or("true"),
+        /// Precision of the internal-force kernel.
+        precision: Precision = Key::word("discretisation.precision", Precision::WORDS).or("f32"),
+    }
+}
+
+section! {
+    /// Spacing of the nodes of a generated cloud.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Grading when |values| values.word("sample.shape").is_some_and(|s| GENERATED.contains(&s.as_str())) => {
+        /// Spacing of the nodes far from every edge.
+        spacing: Metres = generated(Key::real("discretisation.spacing_m", Range::above(0.0, 1.0), "m")),
+        /// Spacing at the instrument's contact edge as a fraction of spacing_m.
+        edge_refinement: f64 =
+            generated(Key::real("discretisation.edge_refinement", Range::closed(0.01, 1.0), "").or("0.3")),
+        /// Growth of the spacing per metre of distance from an edge.
+        growth: f64 = generated(
+            Key::real("discretisation.growth", Range::above(0.0, 0.5), "m/m")
+                .or("0.35")
+                .because("cells that grow faster than by half their size from one to the next lose their shape"),
+        ),
+    }
+}
+
+const fn generated(key: Key) -> Key {
+    key.only("sample.shape", &GENERATED)
+}
+
+/// Approximation method (`discretisation.method`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Modified moving least squares, quadratic basis with penalty.
+    Mmls,
+    /// Moving least squares, linear basis.
+    Mls,
+    /// Linear tetrahedra: the finite-element baseline.
+    Tet4,
+}
+
+/// `discretisation.dimension`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// The least model that the scene allows.
+    Auto,
+    /// r-z half plane with the hoop term.
+    Axisymmetric,
+    /// Three dimensions.
+    Full,
+}

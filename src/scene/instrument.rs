@@ -1,0 +1,130 @@
+//! `[instrument]`: the rigid instrument that meets the top face.
+
+use super::section::{Scope, Section, choice, section};
+use super::values::Values;
+use super::{Key, Metres, Radians, Range, SceneError};
+
+const LENGTH: Range = Range::above(0.0, 10.0);
+const SHARE: Range = Range::closed(0.0, 1.0);
+const DIAMETER: Key = Key::real("instrument.diameter_m", LENGTH, "m");
+/// A plate covers the whole face: it has no entry point.
+const WITH_ENTRY: [&str; 2] = ["indenter", "needle"];
+
+/// The rigid instrument that meets the top face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instrument {
+    /// Plate, indenter or needle.
+    pub kind: InstrumentKind,
+    /// Where the instrument's axis meets the top face: x, y in frame `sample`; zero for a plate.
+    pub entry: [Metres; 2],
+}
+
+choice! {
+    /// Kind of instrument with the keys that only it has (`instrument.kind`).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub enum InstrumentKind = Key::word("instrument.kind", InstrumentKind::WORDS)
+        .described("What meets the top face.")
+    => {
+        /// Covers and sticks to the whole top face.
+        "plate" => Plate,
+        /// Flat disc that sticks to the top face.
+        "indenter" => Indenter {
+            /// Diameter of the indenter's face or the needle's shaft.
+            diameter: Metres = DIAMETER,
+        },
+        /// Kinematic needle of the source paper.
+        "needle" => Needle(needle: Needle),
+    }
+}
+
+section! {
+    /// Kinematic needle.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Needle => {
+        /// Diameter of the indenter's face or the needle's shaft.
+        diameter: Metres = DIAMETER,
+        /// Material within this distance of the axis and behind the tip moves with the needle.
+        capture_radius: Metres = Key::real("instrument.capture_radius_m", LENGTH, "m"),
+        /// C_D: fraction of the needle's displacement that captured material follows.
+        deformation_coefficient: f64 = Key::real("instrument.deformation_coefficient", SHARE, "").or("0.4").live(),
+        /// The same fraction while the needle is withdrawn.
+        retraction_coefficient: f64 = Key::real("instrument.retraction_coefficient", SHARE, "").or("0.4").live(),
+        /// Whether captured material follows the displacement since its capture or since first contact.
+        deformation_rule: DeformationRule =
+            Key::word("instrument.deformation_rule", <DeformationRule as super::Word>::WORDS).or("incremental"),
+        /// Largest principal Green-Lagrange strain under the tip at which the surface is punctured.
+        puncture_strain: f64 = Key::real("instrument.puncture_strain", Range::closed(0.0, 10.0), "").or("1e-6").live(),
+        /// Angle between the needle's path and the vertical.
+        tilt: Radians = Key::real("instrument.tilt_rad", Range::closed(0.0, 0.7), "rad").or("0.0"),
+        /// Direction, from x towards y, in which an oblique needle moves sideways on its way down.
+        azimuth: Radians = Key::real("instrument.azimuth_rad", Range::closed(-6.3, 6.3), "rad").or("0.0"),
+    }
+}
+
+section! {
+    /// Entry point of whatever doesn't cover the whole face.
+    struct Entry when |values| values.word("instrument.kind").is_some_and(|kind| WITH_ENTRY.contains(&kind.as_str())) => {
+        /// Where the axis meets the top face: x.
+        x: Metres = entry("instrument.entry_x_m"),
+        /// Where the axis meets the top face: y.
+        y: Metres = entry("instrument.entry_y_m"),
+    }
+}
+
+fn entry(path: &'static str) -> Key {
+    Key::real(path, Range::closed(-10.0, 10.0), "m").or("0.0").only("instrument.kind", &WITH_ENTRY)
+}
+
+impl Section for Instrument {
+    fn keys() -> Vec<Key> {
+        [InstrumentKind::keys(), Entry::keys()].concat()
+    }
+
+    fn applies(values: &Values) -> bool {
+        values.has_section("instrument")
+    }
+
+    fn read(values: &Values, scope: Scope) -> Result<Self, SceneError> {
+        let kind = InstrumentKind::read(values, scope)?;
+        let entry = Option::<Entry>::read(values, scope)?;
+        Ok(Self { kind, entry: entry.map_or([Metres(0.0); 2], |Entry { x, y }| [x, y]) })
+    }
+
+    fn write(&self, values: &mut Values, scope: Scope) {
+        self.kind.write(values, scope);
+        if WITH_ENTRY.contains(&self.kind.as_str()) {
+            let [x, y] = self.entry;
+            Entry { x, y }.write(values, scope);
+        }
+    }
+}
+
+impl Needle {
+    /// Lateral way (x, y) per metre of depth: tan(tilt) in direction azimuth.
+    #[must_use]
+    pub fn slope(&self) -> [f64; 2] {
+        let (sin, cos) = self.azimuth.get().sin_cos();
+        let tan = self.tilt.get().tan();
+        [tan * cos, tan * sin]
+    }
+}
+
+impl Instrument {
+    /// Lateral way (x, y) of the tip per metre of depth: zero for all but an oblique needle.
+    #[must_use]
+    pub fn slope(&self) -> [f64; 2] {
+        match &self.kind {
+            InstrumentKind::Needle(needle) => needle.slope(),
+            InstrumentKind::Plate | InstrumentKind::Indenter { .. } => [0.0; 2],
+        }
+    }
+}
+
+/// What the deformation coefficient multiplies (`instrument.deformation_rule`; method.md, section 9.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeformationRule {
+    /// u_i = C_D (d - d_capture,i). The default.
+    Incremental,
+    /// u_i = C_D d.
+    Absolute,
+}

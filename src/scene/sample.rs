@@ -1,0 +1,71 @@
+//! `[sample]`: the tissue sample's geometry.
+
+use super::section::{choice, section};
+use super::{Key, Metres, Range};
+
+const LENGTH: Range = Range::above(0.0, 10.0);
+const HEIGHT: Key = Key::real("sample.height_m", LENGTH, "m");
+
+section! {
+    /// The sample's geometry. Frame `sample`: origin at the centre of the bottom face, z up; a mesh brings its own origin.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Sample => {
+        /// Shape and size.
+        shape: Shape,
+    }
+}
+
+choice! {
+    /// Shape and size of the sample (`sample.shape`).
+    #[derive(Clone, Debug, PartialEq)]
+    pub enum Shape = Key::word("sample.shape", Shape::WORDS)
+        .described("Shape of the sample: upright on its base, or a mesh from a file.")
+        .or("cylinder")
+    => {
+        /// Upright cylinder.
+        "cylinder" => Cylinder {
+            /// Height; the top face is at z = height.
+            height: Metres = HEIGHT,
+            /// Diameter of the cylinder.
+            diameter: Metres = Key::real("sample.diameter_m", LENGTH, "m"),
+        },
+        /// Upright box, centred on the z axis.
+        "box" => Box {
+            /// Height; the top face is at z = height.
+            height: Metres = HEIGHT,
+            /// Edge of the box along x.
+            size_x: Metres = Key::real("sample.size_x_m", LENGTH, "m"),
+            /// Edge of the box along y.
+            size_y: Metres = Key::real("sample.size_y_m", LENGTH, "m"),
+        },
+        /// A tetrahedral mesh from a file, in the file's own frame, z up.
+        "mesh" => Mesh(mesh: MeshFile),
+    }
+}
+
+section! {
+    /// A mesh file and what its parts stand for.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct MeshFile => {
+        /// Mesh of tetrahedra, Gmsh .msh 4.1 ASCII or VTU, z up; its path, from the scene file's folder (with --set:
+        /// from here).
+        path: String = Key::text("sample.mesh"),
+        /// Metres per unit of the mesh file: 0.001 for mm.
+        unit_m: f64 = Key::real("sample.mesh_unit_m", Range::above(0.0, 1e3), "m").or("1.0"),
+        /// Group of the mesh's surface that is held.
+        base_group: String = Key::text("sample.base_group").or("base"),
+        /// Group of the mesh's surface that the instrument may touch.
+        contact_group: String = Key::text("sample.contact_group").or("contact"),
+    }
+}
+
+impl Shape {
+    /// Height of a cylinder or box; a mesh has to be read for it.
+    #[must_use]
+    pub const fn height(&self) -> Option<Metres> {
+        match self {
+            Self::Cylinder { height, .. } | Self::Box { height, .. } => Some(*height),
+            Self::Mesh(_) => None,
+        }
+    }
+}
