@@ -8,11 +8,11 @@ use crate::twin::{Prediction, Twin};
 
 /// Snapshots that a run of known length gets.
 const SNAPSHOTS: f64 = 48.0;
-/// More than these and every second one goes.
+/// When there are more than these, every second one is dropped.
 const MOST_SNAPSHOTS: usize = 96;
 /// Snapshot interval to start with where the length is not known, s.
 const FIRST_INTERVAL_S: f64 = 0.05;
-/// Kinetic over strain energy says nothing until the force has passed this part of its peak.
+/// Kinetic over strain energy is not judged until the force has passed this part of its peak.
 const LOADED: f64 = 0.1;
 
 /// What a run keeps besides its answers.

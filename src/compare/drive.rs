@@ -24,7 +24,7 @@ pub enum At {
     Pose(Pose),
 }
 
-/// Looks on while a twin is driven.
+/// Observes a run.
 pub trait Watch {
     /// One pose was answered, or refused (`None`); `done` of them in all.
     fn progress(&mut self, done: usize, answer: Option<&Answer>);

@@ -14,8 +14,8 @@
 //! force: only one of them can be found from it.
 //!
 //! R is the noise as it is seen in second differences of the residual. A residual that jumps, or that stays outside what noise and
-//! model error explain, says that the model is wrong (slip, puncture, a fault of the sensor): nothing is learnt then, and
-//! what was learnt shortly before is taken back. Plain numbers: nothing is allocated per reading.
+//! model error explain, shows that the model does not hold (slip, puncture, a fault of the sensor): nothing is learnt then, and
+//! what was learnt shortly before is discarded. Plain numbers: nothing is allocated per reading.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -64,7 +64,7 @@ impl Parameter {
 /// How the identification is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum State {
-    /// It learns, and doesn't know enough yet.
+    /// It learns; the errors are still too large.
     Learning,
     /// Every parameter is known to [`CONVERGED_SHARE`], the offset to the noise of one reading.
     Converged,
@@ -95,31 +95,31 @@ impl std::fmt::Display for Cause {
     }
 }
 
-/// Share of a value that is known.
+/// Relative standard error below which a value counts as known.
 pub const CONVERGED_SHARE: f64 = 0.03;
 /// Standard deviations before the first reading: shares of the scene's values, N.
 const PRIOR: [f64; 3] = [0.5, 0.5, 0.1];
-/// Standard deviation of how the truth wanders in a second: shares, N.
+/// Process noise: standard deviation of the drift of the true values in a second: shares, N.
 const WANDER: [f64; 3] = [1e-3, 1e-3, 5e-5];
-/// Readings that only tell the noise.
+/// Readings at the start that are used only to estimate the noise.
 const WARM_UP: u32 = 20;
 /// Time over which the noise is averaged, s.
 const NOISE_S: f64 = 1.0;
-/// Least noise, N: a reading that never changes has more than it shows.
+/// Smallest noise that is assumed, N: quantised readings can repeat exactly.
 const LEAST_NOISE_N: f64 = 1e-5;
-/// Neighbouring residuals are alike: so many readings are worth one.
+/// Residuals of neighbouring readings are correlated: so many readings count as one independent reading.
 const CORRELATED: f64 = 2.0;
 /// A reading farther off than this, in standard deviations, counts less.
 const OUTLIER: f64 = 3.0;
 /// Times over which the residual is averaged, s: the present one, and the one before it.
 const AVERAGE_S: [f64; 2] = [0.02, 0.2];
-/// A residual is wrong from so many standard deviations and such a share of the force on: at its level, in a jump.
+/// A residual is unexplained beyond so many standard deviations plus such a share of the force: for its level, for a jump.
 const WRONG: [(f64, f64); 2] = [(5.0, 0.05), (5.0, 0.02)];
-/// It has to be wrong for so long, s; and right (half of that) for so long to go on.
+/// It has to be unexplained for so long to freeze, s; and explained (within half of that) for so long to continue, s.
 const PERSISTENT_S: [f64; 2] = [0.1, 0.5];
-/// What was learnt is kept aside so often, s; a freeze goes back to the last but one.
+/// Interval at which the estimate is saved, s; a freeze goes back to the last but one.
 const ASIDE_S: f64 = 0.5;
-/// A longer gap between readings tells nothing of the residual before it, s.
+/// After a longer gap between readings the residual before it is not used, s.
 const GAP_S: f64 = 0.5;
 
 #[derive(Clone, Copy, Debug)]
@@ -301,7 +301,7 @@ impl Identifier {
         }
     }
 
-    /// Stops learning and forgets what the last moments have taught.
+    /// Stops learning and goes back to a saved estimate.
     fn freeze(&mut self, cause: Cause) {
         if !matches!(self.state, State::Frozen(_)) {
             self.learnt = self.aside[1];
@@ -322,12 +322,12 @@ impl Identifier {
         }
         let noise = CORRELATED * self.variance.max(LEAST_NOISE_N * LEAST_NOISE_N);
         let spread = (h.transpose() * *p * h)[0] + noise;
-        // Huber's weight: an outlier pulls no harder than the last reading that isn't one
+        // Huber's weight: an outlier has no more influence than a reading at the threshold
         let weight = (OUTLIER * spread.sqrt() / residual.abs()).min(1.0);
         let spread = spread + noise * (1.0 / weight - 1.0);
         let gain = *p * h / spread;
         *x += gain * residual;
-        // earlier residuals as they would have been with what is known now: what is learnt must not look like a jump
+        // earlier residuals as the present estimate would have made them, so that an update does not look like a jump
         let learnt = (h.transpose() * gain)[0] * residual;
         for earlier in self.average.iter_mut().chain(&mut self.residuals) {
             *earlier -= learnt;

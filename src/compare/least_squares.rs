@@ -9,7 +9,7 @@
 //!
 //! Written here since a residual is a whole run of the twin, which may be impossible for some x: such a step is refused
 //! like one that makes the sum larger. The well-kept crate `levenberg-marquardt` (0.15) has no bounds, takes an x
-//! that can't be evaluated for the end of the search, and needs a second version of nalgebra.
+//! that can't be evaluated as the end of the search, and needs a second version of nalgebra.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,8 +17,9 @@ use nalgebra::{DMatrix, DVector};
 const MOST_ITERATIONS: usize = 40;
 /// A step is small when no unknown moves by more than this share of its size.
 const SMALL_STEP: f64 = 1e-6;
-/// A sum of squares that falls, or should fall, by less than this share has arrived: of n readings that is a shift of the
-/// root of n times this in standard errors by noise. A run of the twin repeats to no more than that when a key changes a little.
+/// The search ends when the sum of squares falls, or is predicted to fall, by less than this share. With n readings that is a
+/// shift of sqrt(n) times this in standard errors from noise. When a key changes a little, a run of the twin is smooth to no
+/// more than that.
 const SMALL_GAIN: f64 = 1e-5;
 /// Damping at the start, at least and at most.
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e10];
@@ -50,7 +51,7 @@ pub struct Unknown {
     pub bounds: [f64; 2],
     /// Its size: what steps are small or large against.
     pub scale: f64,
-    /// Largest step, as a share of the present value or `scale`: what a model takes without going astray.
+    /// Largest step, as a share of the present value or `scale`: limits how far one linearisation is trusted.
     pub largest_step: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Figures of merit of a finished run: force error, latency, speed.
 //!
-//! A figure that can't be said (no measured force, nothing stepped, a number that is not finite) is `None`,
+//! A figure that is not known (no measured force, nothing stepped, a number that is not finite) is `None`,
 //! never zero.
 
 use super::Run;

@@ -1,6 +1,6 @@
 //! The measured force as a function of time: what the load cell read, brought to the stamps of the poses.
 
-/// A gap of more than this many ordinary sampling intervals is a gap: nothing is made up across it.
+/// A pause of more than this many ordinary sampling intervals is a gap, across which nothing is interpolated.
 const GAP_INTERVALS: f64 = 5.0;
 /// Gaps shorter than this are bridged in any case, s.
 const LEAST_GAP_S: f64 = 0.1;

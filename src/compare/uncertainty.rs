@@ -1,4 +1,4 @@
-//! How far a least-squares estimate may be from the truth: by noise, and by what model and load cell have wrong.
+//! Error of a least-squares estimate: from noise, and from systematic errors of model and load cell.
 //!
 //! With N = J^T J, r the residuals and F the predicted force,
 //!
@@ -7,22 +7,22 @@
 //! systematic   C = s^2 G K G^T,   G = N^-1 J^T diag(F + 0.05 F_max),   K_ij = mean over a of exp(-(d_i - d_j)^2 / (2 a^2))
 //! ```
 //!
-//! Residuals of neighbouring readings are alike, so the first line counts their products as well (Newey and West,
+//! Residuals of neighbouring readings are correlated, so the first line counts their products as well (Newey and West,
 //! Econometrica 55, 1987; L = 1.3 sqrt(n): Lazarus, Lewis, Stock and Watson, J. Bus. Econ. Stat. 36, 2018); it is never taken
 //! for less than independent residuals would give. The second line is what a force that is wrong by a share s (standard), varying
 //! over the depth d within the lengths a, does to the estimate: no number of readings makes that smaller.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Standard uncertainty of the force's size that no number of readings makes smaller, as a share of it. Discretisation: the
-/// needle's force is within 2 % (docs/lab/verification.md); the bend of a load cell of 0.25 % of its range: 1 % of a small force.
-/// A limit of a is a standard uncertainty of a / sqrt(3), and the two add by their squares.
+/// Relative standard uncertainty of the force that no number of readings reduces. Discretisation: the needle's force is within
+/// 2 % (docs/lab/verification.md); non-linearity of a load cell of 0.25 % of its range: 1 % of a small force. A limit of a is a
+/// standard uncertainty of a / sqrt(3), and the two add by their squares.
 pub const FORCE_ERROR: f64 = 0.013;
 /// Lengths over which the systematic error varies, over the largest depth: half of its variance is that of a wrong size, half
 /// that of a wrong shape.
 const LENGTHS: [f64; 2] = [0.5, 0.1];
-/// Share of the largest force whose error every force has at least: near the surface the model is worse in proportion (the
-/// needle's force is 6 % too high at 1 mm, where it is 1 % of its peak).
+/// Every force has at least the error of this share of the largest force: near the surface the relative error is larger (the
+/// needle's force is 5.5 % too high at 1 mm in the half plane, where it is 2 % of its peak).
 const FLOOR: f64 = 0.05;
 /// Depths that the systematic error is taken at.
 const BINS: usize = 128;

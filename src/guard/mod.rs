@@ -1,4 +1,5 @@
-//! A guard that inserts a needle and would rather stop: the controller between the twin and a needle driver.
+//! The supervising controller between the twin and a needle driver: inserts the needle, and stops when something is lost or
+//! out of bounds.
 //!
 //! Every tick it looks at what it has heard and how long ago, and says where the needle shall be next:
 //!
@@ -7,8 +8,8 @@
 //!    ▲                       │  trouble
 //!    └── resume ── stopped ◄─┘  brakes at once, then holds
 //! ```
-//! It slows down before it stops: the speed falls in proportion to what is missing to the force limit, from
-//! [`SLOWS_AT`] of it on, and to a share of itself while the twin warns.
+//! It slows down before it stops: from [`SLOWS_AT`] of the force limit on, the speed falls in proportion to the remaining
+//! force, and while the twin warns it is multiplied by `slow_factor`.
 //!
 //! The goal is a depth, or the depth of a target that moves with the tissue; the motion there is a [`Trajectory`], so a
 //! goal that moves is followed without passing it. No sockets and no clocks: times come in as ages.
@@ -19,7 +20,7 @@ use crate::rig::{MotionLimits, Trajectory};
 
 /// Share of the force limit from which the speed falls, to nothing at the limit.
 pub const SLOWS_AT: f64 = 0.8;
-/// Share of the force limit at which the guard stops for good: the rest is for what the braking adds.
+/// Share of the force limit at which the guard stops; the rest is for what braking adds.
 pub const STOPS_AT: f64 = 0.97;
 
 /// What the guard is to do.
@@ -31,7 +32,7 @@ pub struct Orders {
     pub step_s: f64,
     /// Largest force against the insertion, N.
     pub force_limit_n: f64,
-    /// What is older is not known any more, s.
+    /// Largest age of a value, s; older ones count as lost.
     pub timeout_s: f64,
     /// The same for a target, which comes at a lower rate, s.
     pub target_timeout_s: f64,
@@ -63,13 +64,13 @@ pub struct Sight {
     pub depth_m: Option<Heard<f64>>,
     /// Predicted force against the insertion, N.
     pub force_n: Option<Heard<f64>>,
-    /// Whether the twin vouches for it.
+    /// Whether the twin says that it is safe to go on.
     pub safe: Option<Heard<bool>>,
     /// Whether the twin warns.
     pub warned: bool,
     /// Depth to go to, m.
     pub goal_m: Option<Heard<f64>>,
-    /// Whether the goal is a target of the twin, which grows old.
+    /// Whether the goal is a target of the twin, whose position can become outdated.
     pub goal_moves: bool,
 }
 
@@ -227,7 +228,7 @@ impl Guard {
         sight.force_n.map_or(0.0, |force| ((limit - force.value) / ((1.0 - SLOWS_AT) * limit)).clamp(0.0, 1.0))
     }
 
-    /// Why the needle must not move, the gravest first.
+    /// Why the needle must not move, the most serious reason first.
     fn trouble(&self, sight: &Sight) -> Option<Trouble> {
         let Orders { timeout_s, target_timeout_s, force_limit_n, following_error_m, .. } = self.orders;
         let Some(depth) = fresh(sight.depth_m, timeout_s).filter(|d| d.is_finite()) else {

@@ -10,23 +10,23 @@
 //! ```
 //!
 //! Cells whose corners are all held are filled by the needle: they carry no stress. Their strain (u_r = 0 and C_D along
-//! the axis, a volume ratio of 1 - C_D) is an artefact of the kinematic rule, and its pressure would leak into the tissue.
+//! the axis, a volume ratio of 1 - C_D) is an artefact of the kinematic rule, and its pressure would spread into the tissue.
 //!
 //! An oblique needle's tip is cut parallel to the top face: d and z_i are depths below that face, and the rule's
 //! vertical displacement carries its lateral share along, as the path goes.
 //!
 //! *Lateral motion and tilt* of an inserted needle carry the captured nodes along, as a rigid needle does: each moves
-//! sideways as the axis has moved at its depth since its capture. What the needle has pierced beside the path's line
-//! stays beside it.
+//! sideways as the axis has moved at its depth since its capture. Material that the needle has pierced beside the line of
+//! the path stays beside it.
 //!
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
-//! Capture is smooth: while the tip comes near, a node goes from where the tissue has carried it to where the needle
-//! holds it, on a ramp as long as two layers of nodes that ends when the tip has reached the node. So whatever is behind
-//! the tip moves exactly by the rule, and the held length grows with no jump: a ramp of one layer, or a smoother one,
-//! leaves the force a saw-tooth of 2 to 4% at the distance of the layers. A ramp that ends half a layer later leaves
-//! the force 3% higher at a depth of 2 mm, since the tissue is dragged along ahead of the tip and given back late.
+//! Capture is continuous: while the tip approaches, a node is moved from its present displacement to the one that the rule
+//! prescribes, on a linear ramp over two layers of nodes that ends when the tip reaches the node. So everything behind the
+//! tip follows the rule exactly, and the held length grows without a jump. A ramp of one layer, or a smoother one, leaves a
+//! saw-tooth of 2 to 4 % in the force at the distance of the layers. A ramp that ends half a layer later makes the force
+//! 3 % larger at a depth of 2 mm, since tissue ahead of the tip is dragged along and released late.
 
 use std::f64::consts::PI;
 
@@ -188,7 +188,7 @@ impl NeedlePath {
 
     pub(super) fn reset(&mut self, solver: &mut Solver) {
         self.release_all(solver);
-        // a solver that is reset has made all of it tissue again
+        // a solver that was reset has all cells filled with tissue again
         self.filled.fill(0.0);
         self.state = Insertion { punctured: false, deepest: 0.0 };
     }
@@ -291,7 +291,7 @@ impl NeedlePath {
             DeformationRule::Incremental => n.deformation_coefficient * (deepest - z).max(0.0),
             DeformationRule::Absolute => n.deformation_coefficient * deepest,
         };
-        // What retraction can give back ends where the node is let go.
+        // what retraction can undo ends where the node is released
         reached - n.retraction_coefficient * (deepest - depth.max(0.0)).min((deepest - z).max(0.0))
     }
 

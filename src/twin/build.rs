@@ -82,7 +82,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     table.guarded = guarded(scene, cloud, held, body.height);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
     let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
-    // the table is the largest thing of all: gone before the fields are made
+    // the table is the largest object: dropped before the fields are made
     let (of_point, volume) = {
         let table = table;
         (table.cell, table.volume)

@@ -1,8 +1,8 @@
 //! Divergence contained in one place: what counts as trouble, the way back to the last good state, and when to give up.
 //!
-//! Masses follow the stiffness of the deformed tissue (`solver::mass`), so a step that was stable stays so. What that
-//! doesn't foresee ends here: the state is looked at after every pose, and if it can't be vouched for, the twin goes back
-//! to the last good one and tries again with twice the mass, twice the steps and no velocities, up to [`TRIES`] times.
+//! Masses follow the stiffness of the deformed tissue (`solver::mass`), so a stable step stays stable. What that does not
+//! prevent is handled here: the state is checked after every pose, and if it is not acceptable, the twin goes back to the
+//! last good one and tries again with twice the mass, twice the steps and zero velocities, up to [`TRIES`] times.
 
 use mtled::material::neo_hookean::{cofactor, determinant};
 use mtled::solver::{Advance, Balance};
@@ -11,13 +11,13 @@ use super::{Halt, Trouble, Twin};
 
 /// Steps between two saved states.
 const SAVE: u32 = 64;
-/// Tries to get past trouble, each with twice the mass and twice the steps of the one before.
+/// Attempts after a divergence, each with twice the mass and twice the steps of the one before.
 pub(super) const TRIES: u32 = 6;
 /// Volume ratio at which a point counts as inverted.
 const INVERTED: f64 = 1e-3;
-/// Kinetic over strain energy that a quasi-static motion never reaches.
+/// Kinetic over strain energy beyond which a motion is not quasi-static.
 const RUNAWAY: f64 = 10.0;
-/// Strain energy, over mu V, below which the ratio means nothing.
+/// Strain energy, over mu H^3, below which the ratio is not evaluated.
 const ENERGY_FLOOR: f64 = 1e-6;
 
 impl Twin {

@@ -1,11 +1,11 @@
-//! What a further motion would do: a double of the twin makes it, and the twin itself knows nothing of it.
+//! Prediction of a further motion by a second twin with a copy of the state; the live twin is not changed.
 //!
-//! The double is built once, beside the twin ([`Twin::double`]). Asked about the future, the twin's thread copies the
-//! state into it between two poses ([`Twin::take_over`]: no allocation, no waiting), and from there on the double is
-//! somebody else's: [`Twin::look_ahead`] takes as long as it takes, in another thread.
+//! The double is built once, beside the twin ([`Twin::double`]). For a question the twin's thread copies its state into it
+//! between two poses ([`Twin::take_over`]: no allocation, no waiting). [`Twin::look_ahead`] then runs in another thread for
+//! as long as it needs.
 //!
-//! The future is coarser than the present: a motion of a millimetre is cut into few poses, since a pose costs at least
-//! one step, and the steps between two poses follow from the travel (see `pace`), not from the clock.
+//! The motion is cut more coarsely than live poses are, since a pose costs at least one step; the steps between two poses
+//! follow from the travel (see `pace`), not from the clock.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use super::{Halt, Pose, Prediction, StampedPose, Twin};
 pub struct Motion {
     /// How far, m; negative: back.
     pub distance_m: f64,
-    /// How fast, m/s. Only a material that relaxes feels it.
+    /// How fast, m/s. It matters only for a material that relaxes.
     pub speed_m_per_s: f64,
     /// Poses that it is cut into, at least 1.
     pub poses: u32,
@@ -53,8 +53,8 @@ impl Motion {
 }
 
 impl Twin {
-    /// A second twin of the same model and state, which steps on one thread. It shares what never changes and is shown,
-    /// and has a kernel of its own.
+    /// A second twin of the same model and state, which steps on one thread. It shares the immutable displayed body and
+    /// has a kernel of its own.
     #[must_use]
     pub fn double(&self) -> Self {
         Self {
@@ -81,7 +81,7 @@ impl Twin {
     }
 
     /// Takes over the state of the twin that this one is a double of. Copies a few hundred bytes per node and allocates
-    /// nothing, so that it may stand between two poses.
+    /// nothing, so that it may run between two poses.
     pub fn take_over(&mut self, live: &Self) {
         self.solver.take_over(&live.solver);
         if let (Some(own), Some(live)) = (&mut self.contact, &live.contact) {

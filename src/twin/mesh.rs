@@ -15,7 +15,7 @@ use super::{Body, BuildError};
 const LEAST_HELD: usize = 6;
 /// Share of the indenter's face that triangles of held nodes must cover.
 const LEAST_COVER: f64 = 0.75;
-/// Relief of the held surface over its width: a bond moves it as one rigid piece, which serves while it is nearly flat.
+/// Largest height of the held surface over its width: a bond moves it as one rigid piece, which is right for a nearly flat one.
 const MOST_RELIEF: f64 = 0.1;
 /// Layers of nodes below a needle's deepest pose.
 const LAYERS_BELOW: f64 = 2.0;

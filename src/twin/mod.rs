@@ -62,7 +62,7 @@ pub struct Health {
     pub constraint_error_m: f64,
 }
 
-/// What the twin says of one pose. Plain numbers: nothing is allocated per pose.
+/// The answer to one pose. Plain numbers: nothing is allocated per pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     /// Stamp of the pose that this answers.
@@ -72,7 +72,7 @@ pub struct Prediction {
     /// Force of the tissue on the instrument in frame `sample`, N; while it moves, less what inertia and damping of the
     /// explicit steps add along its way (see `solver::inertia`).
     pub force_n: [f64; 3],
-    /// Force of the tissue on the base, N: cancels `force_n` at rest, and comes late while the instrument moves.
+    /// Force of the tissue on the base, N: cancels `force_n` at rest, and lags behind while the instrument moves.
     pub base_force_n: [f64; 3],
     /// Phase of the interaction.
     pub phase: Phase,
@@ -101,7 +101,7 @@ pub enum Halt {
     Diverged {
         /// What was seen.
         trouble: Trouble,
-        /// Tries to get past it.
+        /// Attempts to continue.
         tries: u32,
         /// Explicit step since the last reset.
         step: u64,
@@ -110,14 +110,14 @@ pub enum Halt {
     },
 }
 
-/// What makes a state useless.
+/// Why a state is not acceptable.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Trouble {
-    /// Forces or energies are no numbers.
+    /// Forces or energies are not finite.
     #[error("forces or energies are not finite; try a smaller stepping.step_factor")]
     NotFinite,
-    /// A cell is crushed to nothing or turned inside out.
+    /// A cell is crushed to zero volume or inverted.
     #[error(
         "integration point {point} at ({:.6}, {:.6}, {:.6}) m of the undeformed body is inverted (volume ratio \
          {volume_ratio:.3e}); try a coarser discretisation.spacing_m, a larger edge_refinement, or material.volumetric = \
@@ -131,7 +131,7 @@ pub enum Trouble {
         /// det F.
         volume_ratio: f64,
     },
-    /// More energy of motion than a quasi-static motion has: the step is too large.
+    /// More kinetic energy than a quasi-static motion has: the step is too large.
     #[error(
         "kinetic energy {kinetic_j:.3e} J runs away from strain energy {strain_j:.3e} J; try a smaller \
          stepping.step_factor or a slower motion"

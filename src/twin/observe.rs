@@ -66,7 +66,7 @@ impl Twin {
                 let entering = 0.5 * n.capture_radius.get();
                 if self.inserted() { entering.max(-self.tip[2]) } else { entering }
             }
-            // a shear of one half: further, and the tissue would be torn off what holds it
+            // a shear of one half: beyond that the bond is not realistic
             _ => 0.5 * self.height,
         }
     }

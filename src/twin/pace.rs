@@ -3,9 +3,10 @@
 //! The inertial error of the force falls with the travel per step. Relative to the force it is about
 //! travel / (omega L) with omega the slowest frequency (rad per step) and L the distance over which the force changes
 //! by its own size: that gives the steps that the tolerance asks for. What inertia adds is then taken out of the force, and
-//! the doubt that this leaves (see `solver::inertia`) says whether the steps were enough; so does, less strictly, the gap between the
-//! instrument's own force and the base's, which is as wide as the tissue lags behind. The next pose gets more while they are too
-//! large, and fewer again when they are not. A motion that begins is a jolt, so it begins with the most. An instrument at rest is followed until the gap has closed, then costs nothing.
+//! the error estimate that remains (see `solver::inertia`) says whether the steps were enough; so does, less strictly, the gap
+//! between the forces on instrument and base, which grows with the lag of the tissue. The next pose gets more steps while they are
+//! too large, and fewer when they are not. The start of a motion is an impulse, so it begins with the most steps. A resting
+//! instrument gets steps until the gap has closed, and then none.
 
 use crate::scene::{Scene, Stepping};
 use mtled::solver::Balance;
@@ -16,17 +17,17 @@ const LENGTH: f64 = 2.0;
 const FORCE_FLOOR: f64 = 0.01;
 /// Steps of one relaxation towards equilibrium at rest, over 1/omega.
 const RELAXATION: f64 = 0.5;
-/// Relative change of the stress by relaxation, over what the tolerance allows, that a resting instrument waits for.
+/// Relative stress relaxation, over what the tolerance allows, from which a resting instrument gets further steps.
 const PATIENCE: f64 = 0.1;
 /// The error, over what the tolerance allows, at which a resting instrument needs no more steps.
 const QUIET: f64 = 0.1;
-/// What is left after a pose of an error that has gone.
+/// Share of a former error that is still counted after a pose.
 const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
-/// Steps after a relaxation of the stress: the pressure has to find its new balance, which its fast waves do in these.
+/// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.
 const SETTLING: u32 = 4;
 
 /// Pace of one scene.
@@ -41,13 +42,13 @@ pub(super) struct Pace {
     pub imbalance: f64,
     /// The force's present error over what the tolerance allows, estimated.
     gap: f64,
-    /// The same with a fading memory: an oscillating gap is not closed when it passes through zero.
+    /// The same with an exponentially decaying maximum: an oscillating gap is not closed when it passes through zero.
     unsettled: f64,
     /// Factor on the steps that the tolerance asks for, 1 or more.
     boost: f64,
     /// Most steps that there is time for.
     pub limit: u32,
-    /// Relative change of the stress by relaxation since the last step.
+    /// Relative stress relaxation since the last step.
     pending: f64,
 }
 
@@ -80,7 +81,7 @@ impl Pace {
         if self.unsettled >= QUIET {
             return ((RELAXATION / slowest).ceil() as u32).min(self.most());
         }
-        // Relaxation of the same material everywhere changes forces more than places.
+        // relaxation of one material everywhere changes forces, and hardly displacements
         if self.pending > PATIENCE * s.tolerance { SETTLING.min(self.most()) } else { 0 }
     }
 
@@ -97,7 +98,7 @@ impl Pace {
         self.peak = self.peak.max(force);
         let unbalanced = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
         self.imbalance = if self.peak > 0.0 { unbalanced / self.peak } else { 0.0 };
-        // at rest nothing doubts the force but the gap itself
+        // at rest the gap is the only error estimate
         let error = if moving { balance.doubt.max(balance.gap / LAG) } else { balance.gap };
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
         self.unsettled = self.gap.max(FADE * self.unsettled);

@@ -12,12 +12,13 @@ const FASTEST_ITERATIONS: usize = 400;
 const ALIGNMENT: f64 = 0.02;
 /// Largest tilt of an inserted needle (sine).
 const INSERTED_ALIGNMENT: f64 = 0.35;
-/// Largest tilt (sine) of an axisymmetric model's instrument, and how far beside the axis it may be, over the height of
-/// the body: what it can't follow, and what a sensor may tremble by.
+/// Largest tilt (sine) of an axisymmetric model's instrument, and largest distance from the axis over the height of the
+/// body. The model cannot follow either; smaller values are taken for sensor noise.
 const SYMMETRIC: f64 = 2e-3;
-/// Steps between two looks at the field where it is prescribed.
+/// Steps between two measurements of the constraint error.
 const LOOK: u64 = 64;
-/// Distance between the places of a way that was not seen, over the height of the body; a way of less than two is no such.
+/// Length of the moves into which a large jump of the instrument is divided, over the height of the body. A jump of less
+/// than two of them is made at once.
 const STRIDE: f64 = 0.0125;
 
 impl Twin {
@@ -40,14 +41,13 @@ impl Twin {
         Ok(Prediction { steps: steps.saturating_add(last.steps), event: event.or(last.event), ..last })
     }
 
-    /// Places on the way to one that is far, without it: what was not seen of an instrument's way is taken for a straight
-    /// one. All at once it would tear the tissue: the needle preset's solution is lost in half of the jumps of 1.0 mm.
-    /// Only what is below the surface counts, which the sample bounds.
+    /// Intermediate positions on the straight line to a distant one, without its end. In one move the needle preset's
+    /// solution is lost in half of the jumps of 1.0 mm. Only the part below the surface counts; the sample bounds it.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     fn way(&self, to: Tip) -> impl Iterator<Item = Tip> + use<> {
         let (from, stride) = (self.tip, STRIDE * self.height);
         let (start, end) = (from[2], to.offset[2]);
-        // shares of the way at which it passes the surface
+        // shares of the line at which it crosses the surface
         let enters = if start > 0.0 { start / (start - end) } else { 0.0 };
         let leaves = if end > 0.0 { start / (start - end) } else { 1.0 };
         let inside = if start.min(end) < 0.0 { leaves - enters } else { 0.0 };
@@ -108,13 +108,13 @@ impl Twin {
         })
     }
 
-    /// Says how many steps there is time for: a live twin that can't keep up takes fewer, larger steps rather than
-    /// fall behind. Offline nothing limits but the scene's `stepping.max_steps_per_pose`.
+    /// Limits the steps per pose to what there is time for: a live twin that can't keep up takes fewer, larger steps rather
+    /// than fall behind. Offline only the scene's `stepping.max_steps_per_pose` applies.
     pub fn limit_steps(&mut self, most_per_pose: u32) {
         self.pace.limit = most_per_pose;
     }
 
-    /// Angular frequency of the slowest mode, rad per step.
+    /// Angular frequency of the fundamental mode, rad per step.
     #[must_use]
     pub fn slowest(&self) -> f64 {
         self.solver.slowest()
@@ -201,7 +201,7 @@ impl Twin {
         Ok(Tip { offset, depth, slope: [axis[0] / axis[2], axis[1] / axis[2]] })
     }
 
-    /// What an axisymmetric model can't follow of a pose, if anything.
+    /// Why an axisymmetric model can't follow a pose, if it can't.
     fn asymmetry(&self, pose: &Pose) -> Option<String> {
         let Pose { tip, axis } = pose;
         let (beside, tilt) = (tip[0].hypot(tip[1]), axis[0].hypot(axis[1]));

@@ -1,4 +1,4 @@
-//! Counts what is computed beside the force, so that anyone can see that what nobody asks for is not.
+//! Counts of what is computed besides the force, which show that outputs nobody asked for are not computed.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -15,7 +15,7 @@ pub struct Work {
     pub stresses: u64,
 }
 
-/// The counters: those who only look at a twin count as well.
+/// The counters; shared references to a twin count as well.
 #[derive(Debug, Default)]
 pub(super) struct Counters {
     pub displacements: Counter,
