@@ -1,4 +1,4 @@
-"""Needle driver, twin and guard: inserts the needle under the twin's eyes, and stops when in doubt."""
+"""Needle driver, twin and guard: inserts the needle under supervision, and stops when something is lost or out of bounds."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument

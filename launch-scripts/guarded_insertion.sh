@@ -1,5 +1,5 @@
 #!/bin/sh
-# Needle driver, twin and guard without a ROS installation: inserts the needle under the twin's eyes, then ends.
+# Needle driver, twin and guard without a ROS installation: inserts the needle under supervision, then ends.
 #   launch-scripts/guarded_insertion.sh [parameters of the guard, such as -p goal_depth_m:=0.008]
 # Programs are taken from PROGRAMS (default: target/release of this checkout).
 set -eu

@@ -72,7 +72,7 @@ struct Make {
     /// Readings per second of each sensor
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     rate_hz: Option<f64>,
-    /// Sensors that tell the truth: no noise, offset, drift, steps or non-linearity
+    /// Ideal sensors: no noise, offset, drift, resolution steps or non-linearity
     #[arg(long)]
     ideal: bool,
 }

@@ -1,4 +1,4 @@
-//! Force over depth in the terminal while it comes: predicted and measured, in dots of braille.
+//! Force over depth in the terminal during a run: predicted and measured, drawn with braille dots.
 
 use console::{Style, style};
 

@@ -52,7 +52,8 @@ enum Command {
     Tune(tune::Arguments),
     Scene(scene::Arguments),
     Bag(bag::Arguments),
-    /// Insert the needle under the twin's eyes, and stop when in doubt (a ROS 2 node; `guard --help`)
+    /// Supervise an insertion: move the needle, watch the twin's prediction, stop when something is lost or out of bounds (a
+    /// ROS 2 node; `guard --help`)
     #[command(disable_help_flag = true)]
     Guard(NodeArguments),
     /// The program `twin_node`, for `demo`
@@ -88,7 +89,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(arguments) => exit_code(dispatch(arguments)),
         // Help and version end here too, as "errors" of exit code 0 that go to stdout.
         Err(error) => {
-            let _ = error.print(); // nowhere left to say that it can't be said
+            let _ = error.print(); // a failure to print can't be reported either
             ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
         }
     }
@@ -104,7 +105,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Tune(arguments)) => tune::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
         Some(Command::Bag(arguments)) => bag::run(arguments),
-        // What a newcomer types first shows what the program is.
+        // without a sub-command the demo shows what the program does
         None => demo::run(&demo::Arguments::default()),
         // The nodes have exit codes of their own: `run` starts them.
         Some(Command::Guard(_) | Command::TwinNode(_) | Command::RigNode(_)) => Ok(Outcome::Complete),
@@ -115,10 +116,10 @@ fn exit_code(result: Result<Outcome, CliError>) -> ExitCode {
     match result {
         Ok(Outcome::Complete) => ExitCode::SUCCESS,
         Ok(Outcome::Lossy) => ExitCode::from(3),
-        // Whoever reads our output has had enough of it (`| head`).
+        // the reader of the output has closed the pipe (`| head`)
         Err(CliError::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            let _ = writeln!(io::stderr(), "error: {error}"); // nowhere left to say that it can't be said
+            let _ = writeln!(io::stderr(), "error: {error}"); // a failure to write can't be reported either
             ExitCode::FAILURE
         }
     }
@@ -132,7 +133,7 @@ fn print(text: &str) -> Result<(), CliError> {
 
 /// Writes a diagnostic to stderr.
 fn warn(message: &str) {
-    let _ = writeln!(io::stderr(), "warning: {message}"); // nowhere left to say that it can't be said
+    let _ = writeln!(io::stderr(), "warning: {message}"); // a failure to write can't be reported either
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@ pub(super) struct Progress {
     begun: Instant,
     /// When the next picture or line is due, after the beginning; `None` where nothing is shown.
     due: Option<Duration>,
-    /// All of them; 0 if nobody said.
+    /// All of them; 0 if unknown.
     poses: usize,
 }
 
@@ -99,7 +99,7 @@ impl Watch for Progress {
             self.bar.set_message(format!("{}\n{now}", self.curves.picture()));
         } else {
             let of = if self.poses > 0 { format!(" of {}", self.poses) } else { String::new() };
-            // nowhere left to say that it can't be said
+            // a failure to write can't be reported either
             let _ = writeln!(std::io::stderr(), "{done}{of} poses, {now}");
         }
     }

@@ -1,4 +1,4 @@
-//! A picture drawn into a PNG, and the width of a text. Nothing of the machine is asked for: the font is our own.
+//! A picture drawn into a PNG, and the width of a text. The font is compiled in, so the machine's fonts don't matter.
 
 use super::{
     ReportError,

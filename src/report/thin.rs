@@ -1,4 +1,4 @@
-//! Thinning a long run for drawing, so that nothing that the eye would see is lost.
+//! Thinning a long run for drawing without losing visible detail.
 
 use crate::compare::{Answer, Run};
 use std::collections::BTreeSet;

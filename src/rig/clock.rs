@@ -1,4 +1,4 @@
-//! The playback clock: which bag time it is, and when a bag time will come.
+//! The playback clock: the present bag time, and the wall time of a bag time.
 //!
 //! It is arithmetic only, so that it can be tested without sleeping: the caller says what the wall clock shows.
 
@@ -48,7 +48,7 @@ impl PlaybackClock {
         self.rate
     }
 
-    /// Whether time stands still.
+    /// Whether it is paused.
     #[must_use]
     pub const fn is_paused(&self) -> bool {
         self.paused
@@ -64,7 +64,7 @@ impl PlaybackClock {
         usable
     }
 
-    /// Stops or starts time.
+    /// Pauses or resumes.
     pub fn set_paused(&mut self, wall: Instant, paused: bool) {
         self.jump(wall, self.now_ns(wall));
         self.paused = paused;

@@ -1,8 +1,8 @@
-//! What a sensor says reaches its listeners later than it was true.
+//! Sensor latency: readings are delivered later than they were taken.
 
 use std::collections::VecDeque;
 
-/// A line that holds readings back: what goes in comes out, in order, so many steps later.
+/// A delay line: readings come out in order, a fixed number of steps later.
 #[derive(Clone, Debug)]
 pub struct Delay<T> {
     line: VecDeque<T>,
@@ -18,7 +18,7 @@ impl<T> Delay<T> {
         Self { line: VecDeque::with_capacity(steps + 1), steps }
     }
 
-    /// Puts a reading in and takes out the one that has travelled the line, if the line is full yet.
+    /// Puts a reading in and takes out the oldest one, once the line is full.
     pub fn pass(&mut self, reading: T) -> Option<T> {
         self.line.push_back(reading);
         if self.line.len() > self.steps { self.line.pop_front() } else { None }

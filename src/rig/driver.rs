@@ -1,8 +1,8 @@
-//! The needle driver: a joint under position control that goes to where it is told, within its limits.
+//! The needle driver: a joint under position control that follows commands within its limits.
 //!
-//! A command that comes alone is a goal: it is gone to. Commands that follow each other within the timeout are a stream,
-//! as a controller sends one, and a stream that ceases is a controller that has died or a cable that was cut: the joint
-//! then comes to rest as soon as its limits allow.
+//! A single command is a goal, and the joint moves there. Commands that follow each other within the timeout are a stream,
+//! as a controller sends it. A stream that ceases means that the controller has died or a cable was cut: the joint then
+//! comes to rest as soon as its limits allow.
 
 use super::trajectory::{MotionLimits, Trajectory};
 
@@ -17,7 +17,7 @@ pub struct DriverLimits {
     pub command_timeout_s: f64,
 }
 
-/// What the driver hears.
+/// Kind of the commands received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Commands {
     /// Nothing, or single goals: how long ago the last one came, s.

@@ -55,7 +55,7 @@ pub enum Step {
     Publish(Message),
     /// Nothing is due before this.
     WaitUntil(Instant),
-    /// Time stands still.
+    /// The player is paused.
     Paused,
     /// The bag has started anew: time has jumped back.
     Looped,
@@ -199,7 +199,7 @@ impl Player {
         Some(message)
     }
 
-    /// Stops or starts time.
+    /// Pauses or resumes.
     pub fn set_paused(&mut self, wall: Instant, paused: bool) {
         self.clock.set_paused(wall, paused);
     }

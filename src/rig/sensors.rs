@@ -1,4 +1,4 @@
-//! Sensor models of the simulated rig: what a displacement sensor and a load cell make of the truth.
+//! Sensor models of the simulated rig: readings of a displacement sensor and a load cell from the true values.
 //!
 //! The numbers are of the class of instrument that such a rig uses (data sheets of magnetostrictive sensors and of
 //! subminiature load cells), chosen by us. They are no calibration of any real instrument.
@@ -26,7 +26,7 @@ impl DisplacementModel {
     pub const MAGNETOSTRICTIVE: Self =
         Self { resolution_m: 2e-6, noise_m: 1e-6, nonlinearity_m: 10e-6, nonlinearity_period_m: 25e-3 };
 
-    /// A sensor that tells the truth.
+    /// A sensor without errors.
     pub const IDEAL: Self = Self { resolution_m: 0.0, noise_m: 0.0, nonlinearity_m: 0.0, nonlinearity_period_m: 1.0 };
 
     /// Systematic error at a depth, m: `a (sin(2 pi d / p + 1) - sin(1))`. Zero at depth 0, where the rig is zeroed; the
@@ -66,7 +66,7 @@ impl LoadCellModel {
         drift_n_per_s: 2e-5,
     };
 
-    /// A cell that tells the truth.
+    /// A cell without errors.
     pub const IDEAL: Self = Self {
         range_n: f64::INFINITY,
         resolution_n: 0.0,

@@ -1,8 +1,8 @@
-//! A motion along one axis that knows at every moment how it would come to rest: limited speed, acceleration and jerk.
+//! A motion along one axis with limited speed, acceleration and jerk, which at every moment can come to rest at or before its
+//! goal.
 //!
-//! The place where the motion can stop at the soonest, S(x, v, a), rises with x, v and a. So one rule makes the whole
-//! motion: in each step of length h the jerk j is the one after which S is the goal, or, where the limits don't allow
-//! that, the nearest that they do.
+//! The position S(x, v, a) at which the motion can stop soonest increases with x, v and a. One rule makes the whole motion:
+//! in each step of length h the jerk j is the one after which S equals the goal, or the nearest that the limits allow.
 //!
 //! ```text
 //! a' = a + j h      v' = v + a h + j h^2 / 2      x' = x + v h + a h^2 / 2 + j h^3 / 6
@@ -12,8 +12,8 @@
 //! The third is the speed that there will be when the acceleration has been taken away in n whole steps, so that it
 //! changes its sign between steps and the speed has no peak inside one.
 //!
-//! Once S is the goal, the motion is that stop. S never passes the goal, so neither does the motion, but for a goal that comes too late to be stopped at: that one is
-//! passed and come back to. To stop in (v, a) with v + a|a|/2J > 0, the jerk is -J until a = -p, then +J, where
+//! Once S equals the goal, the motion is that stop. S never passes the goal, so neither does the motion, except when a goal is
+//! set too late to be stopped at: the motion then passes it and returns. To stop in (v, a) with v + a|a|/2J > 0, the jerk is -J until a = -p, then +J, where
 //! p = sqrt(J v + a^2 / 2); if that is above A, the deceleration stays at A in between (Biagiotti and Melchiorri,
 //! Trajectory Planning for Automatic Machines and Robots, 2008, section 3.4). The mirror image for a negative sign.
 
@@ -104,7 +104,7 @@ impl Stop {
         self.after(state, f64::INFINITY).x
     }
 
-    /// What becomes of a state in `h` seconds of its stop.
+    /// The state after `h` seconds of its stop.
     fn after(&self, state: State, h: f64) -> State {
         let mut left = h;
         self.times.iter().zip([-self.jerk, 0.0, self.jerk]).fold(state, |state, (time, jerk)| {
@@ -205,7 +205,7 @@ impl Trajectory {
             return;
         }
         let next = self.state.after(self.step_s, self.jerk());
-        // The jerk of a stop changes inside a step: one jerk for the whole of it would turn into a swing round the
+        // The jerk of a stop changes inside a step: one jerk for the whole of it would end in an oscillation around the
         // goal, or end beyond it. A motion away from the goal is stopped first.
         let passed = |place: f64| (self.goal_m - place) * missing < 0.0 && (self.goal_m - place).abs() > ON_GOAL_M;
         let away = |state: State| state.speed_at_no_acceleration(limits.jerk_m_per_s3) * missing.signum() < -AT_REST;

@@ -2,7 +2,7 @@
 //!
 //! A scene is a TOML file that names only what is in it. [`Scene`] is the validated form, SI units.
 //!
-//! The way of a scene: text → `parse` (every key looked up in the one registry, [`keys`]) → raw values → the sections'
+//! From file to scene: text → `parse` (every key looked up in the one registry, [`keys`]) → raw values → the sections'
 //! own fields ([`Scene`]) → `check` (do the parts fit together?). `--set` and parameters meet the file at the raw
 //! values, so that all of them obey the same types, ranges and messages.
 //!

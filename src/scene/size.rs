@@ -1,4 +1,4 @@
-//! How large a discretisation will be, before it is built: nothing absurd gets as far as the memory.
+//! How large a discretisation will be, before it is built, so that nothing absurd is allocated.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,8 @@ pub const MEMORY_LIMIT: f64 = 8e9;
 const PACKING: f64 = 1.3;
 /// Background tetrahedra per node of a large cloud.
 const CELLS_PER_NODE: f64 = 5.5;
-/// Support nodes of an integration point at a support factor of 1.8 (method.md, section 3.7).
+/// Support nodes of an integration point at a support factor of 1.8, measured on the presets' clouds before nodes beyond
+/// 0.95 of the radius were left out: rather too many.
 const SUPPORT_NODES: f64 = 41.0;
 /// Bytes per node besides the shape table: positions, state, masses, cells, surface, links.
 const BYTES_PER_NODE: f64 = 1000.0;

@@ -1,8 +1,8 @@
 //! What a step costs on this machine: the presets, the number of support nodes, the size of the model, and how fast a
 //! needle may go in three dimensions.
 //!
-//! A step is timed as a pose that takes one, many times over. The best of them is what the code costs on a machine
-//! that does nothing else; the median is what it cost this time.
+//! A step is timed as a pose that takes one step, many times. The shortest time is the cost on an otherwise idle machine; the
+//! median is the cost in this run.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -27,7 +27,7 @@ pub enum SpeedError {
     /// It can't be discretised.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// The twin gave up.
+    /// The twin halted.
     #[error(transparent)]
     Halt(#[from] Halt),
 }

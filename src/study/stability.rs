@@ -1,8 +1,8 @@
 //! Where methods fail, and why: the indentation is driven on until it ends, for several methods, one property changed
 //! at a time.
 //!
-//! A run ends because it has reached [`DEEPEST_M`], because the twin gave up ([`Trouble`]: after going back to the last
-//! good state and trying smaller steps), or because the scene can't be discretised.
+//! A run ends because it has reached [`DEEPEST_M`], because the twin halted ([`Trouble`], after returns to the last good
+//! state with smaller steps), or because the scene can't be discretised.
 
 use std::fmt::Write as _;
 
@@ -12,7 +12,7 @@ use crate::compare::Watch;
 use crate::scene::{Override, Scene};
 use crate::twin::{BuildError, Halt, StampedPose, Trouble, Twin};
 
-/// Depth at which a run counts as having come through, m; the sample is 17 mm high.
+/// Depth at which a run counts as complete, m; the sample is 17 mm high.
 pub const DEEPEST_M: f64 = 0.013;
 /// Depth at which the force is compared, m.
 const COMPARED_AT_M: f64 = 0.004;
@@ -102,11 +102,11 @@ pub struct Case {
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It came through.
+    /// It reached the depth.
     Reached,
-    /// A cell was crushed to nothing or turned inside out.
+    /// A cell was crushed to zero volume or inverted.
     Inversion,
-    /// Energy of motion ran away, or numbers were no numbers: the step was too large.
+    /// The kinetic energy grew without bound, or values were not finite: the step was too large.
     Step,
     /// The support of a point does not determine its fit.
     SingularMoments,

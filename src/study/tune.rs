@@ -1,7 +1,7 @@
-//! As coarse as allowed: the cheapest discretisation and the fewest steps per pose that keep a scene's force within a
-//! tolerance, found by running them on this machine.
+//! The cheapest discretisation and the fewest steps per pose that keep a scene's force within a tolerance, found by running
+//! them on this machine.
 //!
-//! The way: coarse clouds first, with the scene's own pace, until one is within the tolerance; there and on the next
+//! The search: coarse clouds first, with the scene's own pace, until one is within the tolerance; there and on the next
 //! coarser one other supports, more points and linear moving least squares; then, for the cheapest that are near enough, one,
 //! two, four steps per pose until the force is right; last, the other precision. The half plane comes before space,
 //! where the scene's `discretisation.dimension` leaves the choice. What counts is measured, nothing is estimated.
@@ -52,7 +52,7 @@ pub struct Tuned {
     pub row: Row,
 }
 
-/// Runs a scene in ever other ways until the cheapest within the goal is known; `seen` hears of every row.
+/// Runs a scene with different discretisations until the cheapest within the goal is known; `seen` gets every row.
 ///
 /// # Errors
 /// [`StudyError::Untuned`] if no way meets both, naming the nearest; otherwise as [`Case::run`].

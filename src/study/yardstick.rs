@@ -1,4 +1,4 @@
-//! What predictions of a scene are held against: independent finite elements where there are any, and the scene's own
+//! What predictions of a scene are compared with: independent finite elements where there are any, and the scene's own
 //! model on a much finer cloud where there are none.
 
 use super::accuracy::{Case, Steps, StudyError};

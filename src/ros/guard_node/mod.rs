@@ -4,8 +4,8 @@
 //! measured_js, predicted_cf, safe_to_go_on, status, targets ──► control thread ──► servo_jp
 //! housekeeping thread: ~/resume, parameters, discovery, diagnostics        main thread: signals
 //! ```
-//! It is a process of its own, so that it outlives the twin and notices its death; and the driver notices the guard's,
-//! since a stream of `servo_jp` that ceases stops it.
+//! It is a process of its own, so that it outlives the twin and detects that the twin has ended. The driver detects the end of
+//! the guard, since it stops when a stream of `servo_jp` ceases.
 
 mod control;
 mod declared;
@@ -29,7 +29,7 @@ use ros2_guarded::threads::{join, spawn};
 #[derive(Parser, Debug)]
 #[command(
     name = "needle_twin guard",
-    about = "Inserts the needle to a depth or to a moving target under the twin's eyes, and stops when in doubt (a ROS 2 node)",
+    about = "Inserts the needle to a depth or to a moving target, watches the twin's prediction, and stops when something is lost or out of bounds (a ROS 2 node)",
     after_help = "ROS arguments: --ros-args [-r from:=to] [-r __ns:=/ns] [-p name:=value] [--params-file FILE] [--]\n\
                   Parameters: goal_depth_m, or target_index with entry_m and axis; speed_m_per_s, force_limit_n, timeout_s,\n    \
                   resume_after_s, ... (`ros2 param describe /guard NAME`).\n\

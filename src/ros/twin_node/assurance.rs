@@ -1,6 +1,6 @@
 //! Whether it is safe to go on, for whoever drives the needle: `safe_to_go_on`, at a steady rate.
 //!
-//! True only while everything vouches for the prediction: the node is active and its health no worse than WARN, a pose
+//! True only while the prediction is valid in every respect: the node is active and its health no worse than WARN, a pose
 //! that came within `guard_timeout_s` has been answered and published, and, with a `residual_band_n`, the load cell
 //! speaks and agrees. A node that is frozen or dead says nothing, so silence means "not safe" too: whoever listens needs
 //! a timeout of their own, a few periods long.

@@ -79,7 +79,7 @@ pub(super) fn run(
             }
             Err(RecvTimeoutError::Timeout) => {}
             Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => {
-                // The last word: who goes vouches for nothing.
+                // The last message: a node that ends says that it is not safe to go on.
                 outputs.assurance.deny();
                 return;
             }

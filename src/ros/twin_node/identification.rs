@@ -1,6 +1,6 @@
 //! Identification in the force thread: what the parameter `identify` asks for, and what is said about it.
 //!
-//! The solver thread knows nothing of it.
+//! The solver thread is not involved.
 
 use ros2_client::ParameterValue;
 
@@ -80,7 +80,7 @@ impl Identification {
         let changed = if message.valid {
             self.identifier.update(time_s, message.predicted_n, inserted, message.measured_n)
         } else {
-            // A reading that is only missing is nobody's fault: the next one tells.
+            // A missing reading is no fault of the load cell: the next one decides.
             let missing = message.load_cell == ForceComparison::LOAD_CELL_MISSING;
             if missing { None } else { self.identifier.fault() }
         };

@@ -145,7 +145,7 @@ impl Inbox {
         self.wake.notify_one();
     }
 
-    /// A number that stands for what the solver is at, or should take up, and that changes when it does; `None` while
+    /// A number that identifies the solver's present or next work, and changes with it; `None` while
     /// there is nothing to do, and while a model is built, which may take as long as it takes.
     pub fn at_work(&self) -> Option<u64> {
         let state = self.lock();

@@ -171,7 +171,7 @@ impl<'a> Intake<'a> {
         self.accept("measured_js", message.header.stamp, Where::Depth(depth));
     }
 
-    /// A load cell may call its frame as it likes; that its axes are those of the sample is then the user's word.
+    /// A load cell may use another frame name; the user is then responsible for axes parallel to those of the sample.
     fn check_cell(&mut self, frame_id: &str) {
         if !frame_id.is_empty() && frame_id != self.frame_id && self.cell_frame.pass().is_some() {
             tracing::warn!(
@@ -236,8 +236,8 @@ impl<'a> Intake<'a> {
                 if back_s <= settings.input_timeout_s {
                     return self.out_of_order(back_s, source);
                 }
-                // One late message is no reason to throw the tissue's history away: it waits until the next one, or
-                // /clock, says whether time has gone back.
+                // One late message does not reset the tissue: it waits until the next one, or /clock, shows whether
+                // time has gone back.
                 let Some(first) = self.straggler.replace(arrival) else { return };
                 if nanos <= first.pose.stamp.nanos() {
                     return self.out_of_order(back_s, source);
@@ -305,7 +305,7 @@ impl<'a> Intake<'a> {
         self.shared.lock().last_clock = Some(Instant::now());
         match tick {
             Tick::Back(nanos) if clock.is_simulated() => {
-                // It came in a time that has not been yet.
+                // It arrived before the present node time.
                 self.shared.lock().last_pose = None;
                 let first = self.straggler.take();
                 self.jump_back(nanos as f64 * 1e-9);

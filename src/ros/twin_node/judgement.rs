@@ -1,4 +1,4 @@
-//! Whether the twin vouches for what it says, and why not.
+//! The health of the twin, whether its prediction is valid, and why not.
 
 use super::declared::Settings;
 use super::rivals::REMEDY;
@@ -12,7 +12,7 @@ use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
 pub(super) struct Judgement {
     pub health: u8,
     pub reasons: Vec<String>,
-    /// Somebody else speaks on the same topics: nobody can tell whose force is whose.
+    /// Another twin publishes on the same topics: readers can't tell the forces apart.
     pub contested: bool,
 }
 
@@ -22,7 +22,7 @@ impl Judgement {
         self.reasons.push(reason);
     }
 
-    /// The twin answers and vouches for what it says.
+    /// The twin answers every pose and its force is valid.
     pub fn vouches(&self) -> bool {
         self.health <= TwinStatus::HEALTH_WARN && !self.contested
     }
@@ -33,7 +33,7 @@ impl Judgement {
 pub(super) struct Around {
     /// Messages that reliable readers were too slow for.
     pub failed_outputs: u64,
-    /// Simulated time is used, and nobody publishes it (any more).
+    /// Simulated time is used, and no one publishes it (any more).
     pub clock_gone: bool,
     /// Why the middleware process was replaced, if that was a short while ago.
     pub replaced: Option<String>,
@@ -143,9 +143,9 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
     judgement
 }
 
-/// Skipped poses, and what that does to the force: while the tissue has not caught up with the instrument, what the
-/// instrument feels and what the base holds differ. That gap is a sign of the force's error and less than it: 20% of the
-/// force were seen with a gap of 5% (docs/lab/faults.md).
+/// Skipped poses and their effect on the force: while the tissue lags behind the instrument, the forces on instrument and
+/// base differ. That gap indicates the error of the force and can be smaller than it: an error of 20 % was seen with a gap
+/// of 5 % (docs/lab/faults.md).
 fn skipped(live: &Live, share: f64) -> String {
     let gap = live.last.map_or(0.0, |answer| 100.0 * answer.prediction.health.force_imbalance);
     format!(
@@ -179,7 +179,7 @@ fn silence(silent: Option<f64>, clock: &NodeClock, around: &Around) -> String {
 
 pub(super) fn load_cell_problem(live: &Live) -> Option<&'static str> {
     match live.load_cell? {
-        // It is optional: only one that has spoken before can be missed.
+        // It is optional: only a load cell that has been heard before can be missing.
         ForceComparison::LOAD_CELL_MISSING if live.measured > 0 => Some("load cell: no reading near the pose's stamp"),
         ForceComparison::LOAD_CELL_NOT_FINITE => Some("load cell: the reading is not a number"),
         ForceComparison::LOAD_CELL_STUCK => Some("load cell: the reading does not change"),

@@ -7,8 +7,8 @@
 //!                                    └──a double───► look-ahead thread ──► answers of ~/look_ahead
 //! housekeeping thread: services, discovery, status, diagnostics, rosout        main thread: signals
 //! ```
-//! The solver thread touches no socket and waits for nobody; a slow subscriber can only slow the thread that publishes
-//! to it.
+//! The solver thread touches no socket and waits for no other thread; a slow subscriber can only slow the thread that
+//! publishes to it.
 
 mod assurance;
 mod comparison;
@@ -60,7 +60,7 @@ use ros2_guarded::threads::{join, join_before, spawn};
 
 /// Answers that may wait for the force thread, seconds at any sensible rate.
 const EVENTS: usize = 8192;
-/// A thread that is in the middle of something long when the node stops (building a model) is left behind after this.
+/// When the node stops, a thread that is still busy (building a model) is abandoned after this.
 const LEAVING: Duration = Duration::from_millis(400);
 
 #[derive(Parser, Debug)]

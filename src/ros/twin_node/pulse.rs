@@ -1,4 +1,4 @@
-//! Notices that the solver does not come back from its work.
+//! Detects that the solver hangs.
 
 use std::time::Duration;
 

@@ -1,7 +1,7 @@
 //! Other twins on the same names: whoever publishes `status` here beside this node.
 //!
-//! Readers of `predicted_cf` would get the forces of both without a way to tell them apart, so neither vouches for its
-//! own as long as the other one speaks. A twin that starts later, or that was frozen and comes back, is heard as well.
+//! Readers of `predicted_cf` would get the forces of both without a way to tell them apart, so neither marks its
+//! own as valid while the other one publishes. A twin that starts later, or that was frozen and comes back, is heard as well.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};

@@ -45,7 +45,7 @@ pub struct Wanted {
 /// What of the load cell is estimated alongside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadCell {
-    /// Nothing: it is taken at its word.
+    /// Nothing: its readings are taken as they are.
     Exact,
     /// Reading without load.
     Offset,
@@ -66,8 +66,8 @@ pub struct Task<'a> {
     pub wanted: &'a [Wanted],
     /// What of the load cell is estimated.
     pub load_cell: LoadCell,
-    /// Standard uncertainty of the force's size, as a share of it: what discretisation and load cell have wrong and no
-    /// number of readings makes smaller.
+    /// Relative standard uncertainty of the force, from errors of discretisation and load cell that no number of readings
+    /// reduces.
     pub force_error: f64,
     /// Which part of the recording is fitted.
     pub part: HoldOut,

@@ -15,12 +15,12 @@ const PROPORTIONAL: &str = "material.shear_modulus_pa";
 
 /// A key whose doubling changes the force by less than this share of it has no effect: what is left is rounding.
 const NO_EFFECT: f64 = 1e-3;
-/// A scene whose retraction coefficient equals its deformation coefficient says that they are one: they stay one.
+/// Where a scene's retraction coefficient equals its deformation coefficient, they stay equal.
 const TIED: (&str, &str) = ("instrument.retraction_coefficient", "instrument.deformation_coefficient");
 
 /// A residual of more than so many medians of all residuals' sizes is a spike (for normal noise: six standard deviations).
 const SPIKE: f64 = 9.0;
-/// When an instrument that sticks lets go, the twin's tissue swings back for less than this, s: no quasi-static force.
+/// After a bonded instrument has lifted off, the twin's tissue oscillates for less than this, s; the force is not quasi-static then.
 const SWINGS_S: f64 = 0.3;
 /// Largest share of the readings that may be spikes.
 const MOST_LEFT_OUT: f64 = 0.02;
