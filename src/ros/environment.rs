@@ -1,7 +1,6 @@
 //! Environment variables that a ROS 2 program honours. The only place of the crate that reads them.
 //!
-//! Without a word from the user the programs speak on the loopback only: a prediction of a force is nobody
-//! else's business, and DDS has no login. `ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` opens the network.
+//! By default the programs use the loopback only, since DDS has no authentication. `ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` opens the network.
 
 use ros2_client::ServiceMapping;
 

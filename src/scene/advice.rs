@@ -1,21 +1,21 @@
-//! What a scene may ask for and is unlikely to get: said when it is checked or built, and no error.
+//! Warnings about scenes that are allowed but unlikely to give what they ask for; printed when a scene is checked or built.
 
 use mtled::solver::VolumeRatio;
 
 use super::{DeformationRule, Dimension, Instrument, InstrumentKind, Material, Motion, Scene, Word as _};
 
-/// Way that captured tissue can be pushed ahead of the tip before cells turn inside out there, m: runs ended at 1.6 to 2.1 mm,
+/// Distance by which captured tissue can be pushed ahead of the tip before cells invert there, m: runs ended at 1.6 to 2.1 mm,
 /// whatever the capture radius (`docs/lab/stability.md`).
 const FURTHEST_PUSH: f64 = 1.5e-3;
 /// Depth over the sample's height from which cells at a fine edge in three dimensions may stay folded on the way back without
 /// the guard: 10 of 17 mm with 7962 nodes, 13 with 2649 (`docs/lab/stability.md`).
 const FOLDING: f64 = 0.55;
-/// Depth over the sample's height to which every volume ratio goes on; the shallowest run without the projected one ended
+/// Depth over the sample's height that every `volume_ratio` reaches; the shallowest run without the projected one ended
 /// at 0.29 (`docs/lab/stability.md`).
 const ANY_VOLUME_RATIO: f64 = 0.28;
 /// Speed over that of a shear wave from which inertia, (v / c)^2 of the stress, is a per cent of the force.
 const QUASI_STATIC: f64 = 0.1;
-/// Compression of the base under the sample's own weight, rho g H / E, above which the scanned shape is no unloaded one.
+/// Compression of the base under the sample's own weight, rho g H / E, above which the scanned shape can't be taken for the unloaded one.
 const OWN_WEIGHT: f64 = 0.1;
 /// Acceleration of gravity, m/s^2.
 const GRAVITY: f64 = 9.81;
@@ -31,7 +31,7 @@ impl Scene {
         advice
     }
 
-    /// The prediction is quasi-static: what is slow against a shear wave of speed c = sqrt(mu / rho).
+    /// The prediction is quasi-static, which holds for motions that are slow compared with shear waves, c = sqrt(mu / rho).
     fn inertia(&self, speed: f64) -> Option<String> {
         let wave = (self.material.shear_modulus() / self.material.density.get()).sqrt();
         (speed > QUASI_STATIC * wave).then(|| {

@@ -1,4 +1,4 @@
-//! What no single key can say: whether the parts of a scene fit together.
+//! Consistency of a scene: whether its parts fit together, beyond the ranges of single keys.
 
 use super::size::MEMORY_LIMIT;
 use super::values::Values;
@@ -7,7 +7,7 @@ use super::{Dimension, Instrument, InstrumentKind, MaterialModel, Scene, SceneEr
 /// Most poses that a scene's own motion may have.
 const MOST_POSES: f64 = 1e7;
 
-/// Smallest size of an Ogden exponent: below, the powers' differences drown in round-off.
+/// Smallest size of an Ogden exponent: below it, differences of the powers are lost in round-off.
 const LEAST_EXPONENT: f64 = 0.01;
 /// Largest sum of the Prony shares.
 const MOST_RELAXING: f64 = 0.999;
@@ -60,7 +60,7 @@ impl Check<'_> {
         Ok(())
     }
 
-    /// What can be said of a mesh without reading it; the twin says the rest.
+    /// What can be checked of a mesh without reading it; the twin checks the rest.
     fn mesh(&self) -> Result<(), SceneError> {
         let Shape::Mesh(mesh) = &self.scene.sample.shape else { return Ok(()) };
         for (key, text) in [

@@ -120,7 +120,7 @@ impl Instrument {
     }
 }
 
-/// What the deformation coefficient multiplies (`instrument.deformation_rule`; method.md, section 9.2).
+/// What the deformation coefficient multiplies (`instrument.deformation_rule`; `docs/method.md`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeformationRule {
     /// u_i = C_D (d - d_capture,i). The default.

@@ -1,4 +1,4 @@
-//! Wakes who answers services when one is called, so that nobody has to look often.
+//! Wakes the thread that answers services when one is called, so that it need not poll often.
 
 use std::time::Instant;
 

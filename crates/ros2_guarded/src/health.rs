@@ -1,4 +1,4 @@
-//! How it goes with the middleware, for people.
+//! State of the middleware process, for people.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,4 +1,4 @@
-//! Starts the middleware process, hands on what it says, and replaces it when it dies or falls silent.
+//! Starts the middleware process, forwards its messages, and replaces it when it dies or falls silent.
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -324,7 +324,7 @@ fn is_stopped(pid: u32) -> bool {
 fn say_goodbye(socket: &UnixStream) {
     // Fails only if it is gone already.
     let _ = socket.shutdown(std::net::Shutdown::Write);
-    // Who still has something to say must not be stuck with it.
+    // a process that still writes to the socket must not block
     let _ = socket.set_nonblocking(false);
     let _ = socket.set_read_timeout(Some(LEAVE));
     let (mut rest, until) = (Frames::new(), Instant::now() + LEAVE);
@@ -374,6 +374,6 @@ fn relay(level: u8, body: &str) {
 /// Waits until something can be done with one of the sockets; false if nothing could in time.
 fn poll<const N: usize>(sockets: [(&UnixStream, PollFlags); N], patience: Duration) -> bool {
     let mut entries = sockets.map(|(socket, interest)| PollFd::new(socket, interest));
-    // An interruption is no silence.
+    // an interrupted wait does not count as silence
     !matches!(rustix::event::poll(&mut entries, Timespec::try_from(patience).ok().as_ref()), Ok(0))
 }

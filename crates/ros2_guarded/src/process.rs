@@ -49,7 +49,7 @@ pub fn serve(arguments: impl IntoIterator<Item = OsString>) -> Option<ExitCode> 
 }
 
 fn run() -> Result<(), String> {
-    // The terminal's signals are the node's affair, and RustDDS does not survive them.
+    // The node handles the terminal's signals, and RustDDS does not survive them.
     let _signals = Signals::block().map_err(|e| e.to_string())?;
     let socket = io::stdin().as_fd().try_clone_to_owned().map(UnixStream::from).map_err(|e| e.to_string())?;
     let mut frames = Frames::new();
@@ -228,7 +228,7 @@ impl Domain {
             // The channel is closed, never written to.
             let _ = stopped.recv().await;
         };
-        // Fails only where sockets do, which the watch takes for deafness.
+        // fails only where sockets do, which the watch detects as not receiving
         let knock = || drop(knocker.send_to(&voice.knock(), ear));
         let ebbed = look_after(watch, &ticks, knock, &readers, uplink, voice, lines);
         // Not smol's own, which looks after sockets and timers too, and wakes a hundred times a second for it.
@@ -294,7 +294,7 @@ async fn hear(number: u16, subscription: &Subscription<RawCdr>, uplink: &Uplink)
                 let head = Head::of(Kind::Message, number, times(stamps(&info)));
                 uplink.send(Head { flag: u8::from(raw.is_big_endian()), ..head }, raw.as_slice());
             }
-            // Of a representation that is not plain CDR. Nothing is so wrong that it must be hurried.
+            // a representation that is not plain CDR
             Err(_) => drop(smol::Timer::after(Duration::from_millis(1)).await),
         }
     }

@@ -1,7 +1,7 @@
 //! SIGINT and SIGTERM as something to wait for, and every other signal kept away from the middleware's threads.
 //!
-//! RustDDS ends both its event loops for good when a poll of theirs is interrupted, and then the process lives on deaf
-//! and mute while `publish` keeps returning Ok. Blocking all signals before the participant is built (its threads
+//! RustDDS ends both its event loops for good when a poll of theirs is interrupted, and then the process neither
+//! receives nor sends while `publish` keeps returning Ok. Blocking all signals before the participant is built (its threads
 //! inherit the mask) keeps handled signals and Ctrl-Z away from them.
 
 use std::os::fd::AsFd;

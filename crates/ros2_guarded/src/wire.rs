@@ -1,9 +1,9 @@
-//! What a node and its middleware process say to each other: frames over a Unix socket, and the plan that comes first.
+//! Protocol between a node and its middleware process: frames over a Unix socket, and the plan that comes first.
 //!
 //! ```text
 //! frame    length u32 │ kind u8 │ flag u8 │ endpoint u16 │ stamp or caller, 24 bytes │ body
 //! ```
-//! Both sides are the same program on the same machine, so numbers go as they lie in memory.
+//! Both sides are the same program on the same machine, so numbers are sent in native byte order.
 
 use std::io::{self, Read};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -196,7 +196,7 @@ impl Frames {
     /// The next whole frame.
     ///
     /// # Errors
-    /// If what was read is no frame: the other side is out of its mind.
+    /// If what was read is no frame: the other side does not follow the protocol.
     pub fn next(&mut self) -> io::Result<Option<(Head, &[u8])>> {
         let nonsense = || io::Error::new(io::ErrorKind::InvalidData, "what came is not a frame");
         let bytes = &self.bytes[self.from..self.to];
