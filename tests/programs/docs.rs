@@ -1,5 +1,5 @@
-//! What the pages say of the repository is there: links, anchors, images, paths. And a
-//! page of the handbook stays short enough to be read.
+//! What the pages say of the repository is there: links, anchors, images, paths, the table of
+//! constants. And a page of the handbook stays short enough to be read.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -117,14 +117,79 @@ fn paths_that_pages_and_comments_name_exist() {
     assert!(wrong.is_empty(), "paths that are not there:\n{}", wrong.join("\n"));
 }
 
+/// Words of a text; the lines of a table are none.
+fn words(text: &str) -> usize {
+    text.split_whitespace().filter(|word| word.contains(char::is_alphanumeric)).count()
+}
+
 #[test]
 fn a_page_of_the_handbook_is_short() {
     let handbook =
         files(&root().join("docs"), ".md").into_iter().filter(|page| page.parent() == Some(&root().join("docs")));
     let long: Vec<String> = handbook
-        .map(|page| (read(&page).split_whitespace().count(), page))
+        .map(|page| (words(&read(&page)), page))
         .filter(|(words, _)| *words >= MOST_WORDS)
         .map(|(words, page)| format!("{}: {words} words", page.display()))
         .collect();
     assert!(long.is_empty(), "pages of {MOST_WORDS} words and more:\n{}", long.join("\n"));
+}
+
+/// Rows of the table of constants, file, name, value: | `src/twin/pace.rs` `LAG` | 6.0 | ...
+fn constants() -> Vec<[String; 3]> {
+    let page = read(&root().join("docs/constants.md")) + &read(&root().join("docs/lab/constants.md"));
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let words: Vec<&str> = cells[1].split('`').skip(1).step_by(2).collect();
+        <[&str; 2]>::try_from(words).ok().map(|[file, name]| [file, name, cells[2]].map(ToOwned::to_owned))
+    };
+    page.lines().filter(|line| line.starts_with("| `")).filter_map(row).collect()
+}
+
+/// Value of a constant in a source.
+fn value(source: &str, name: &str) -> Option<String> {
+    let declaration = format!("const {name}: ");
+    let line = source.lines().find(|line| line.contains(&declaration))?;
+    line.split_once(" = ").map(|(_, value)| value.trim_end_matches(';').to_owned())
+}
+
+#[test]
+fn the_table_of_constants_has_the_values_of_the_code() {
+    let rows = constants();
+    assert!(rows.len() > 60, "only {} rows were found", rows.len());
+    let wrong: Vec<String> = rows
+        .into_iter()
+        .map(|[file, name, page]| (value(&read(&root().join(&file)), &name), file, name, page))
+        .filter(|(code, _, _, page)| code.as_ref() != Some(page))
+        .map(|(code, file, name, page)| format!("{file} {name}: the page says {page}, the code {code:?}"))
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Names of the constants that are numbers, outside of tests.
+fn numbers(source: &str) -> Vec<String> {
+    let code = source.split("#[cfg(test)]").next().unwrap_or_default();
+    let declarations = code.lines().filter(|line| !line.trim_start().starts_with("//") && line.contains(" = "));
+    let named = declarations.filter_map(|line| line.split_once("const ")?.1.split_once(": "));
+    let number =
+        |kind: &str| ["f64", "u32", "i32", "usize", "[f64", "(f64", "[(f64"].iter().any(|n| kind.starts_with(n));
+    named.filter(|(_, kind)| number(kind)).map(|(name, _)| name.to_owned()).collect()
+}
+
+#[test]
+fn no_constant_of_the_model_is_left_out() {
+    let pages = read(&root().join("docs/constants.md")) + &read(&root().join("docs/lab/constants.md"));
+    let rooms =
+        ["crates/mtled/src", "src/twin", "src/instrument", "src/compare"].map(|room| files(&root().join(room), ".rs"));
+    let missing: Vec<String> = rooms
+        .into_iter()
+        .flatten()
+        .flat_map(|file| numbers(&read(&file)).into_iter().map(move |name| (file.clone(), name)))
+        .filter(|(_, name)| !pages.contains(&format!("`{name}`")))
+        .map(|(file, name)| format!("{}: {name}", file.display()))
+        .collect();
+    assert!(
+        missing.is_empty(),
+        "constants on neither docs/constants.md nor docs/lab/constants.md:\n{}",
+        missing.join("\n")
+    );
 }
