@@ -9,6 +9,7 @@ pub mod accuracy;
 pub mod bounds;
 pub mod calibrate;
 mod clock;
+mod csv;
 pub mod reference;
 pub mod speed;
 pub mod stability;

@@ -1,18 +1,25 @@
 //! Independent finite-element solutions of the presets (`bags/reference/`, whose README says how they were made and
 //! how far they can be trusted). The solver shares no code with them.
 
+use serde::Deserialize;
+
+use super::csv;
 use crate::scene::Target;
 
 /// Displacement of one material point of the indentation at [`DISPLACEMENT_DEPTH_M`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct PointDisplacement {
     /// Distance from the axis in the undeformed state, m.
+    #[serde(default, alias = "reference_radius_m")]
     pub radius_m: f64,
     /// Depth below the top in the undeformed state, m.
+    #[serde(default, alias = "depth_below_top_m")]
     pub below_top_m: f64,
     /// Displacement away from the axis, m.
+    #[serde(default, alias = "radial_displacement_m")]
     pub radial_m: f64,
     /// Displacement upwards, m.
+    #[serde(alias = "vertical_displacement_m")]
     pub vertical_m: f64,
 }
 
@@ -28,7 +35,18 @@ const OUTERMOST_M: f64 = 0.0145;
 /// (depth in m, force in N) of a preset, by rising depth; `None` for a scene without a reference.
 #[must_use]
 pub fn force(preset: &str) -> Option<Vec<(f64, f64)>> {
-    Some(rows::<2>(force_table(preset)?).map(|[depth, force]| (depth, force)).collect())
+    Some(csv::read(force_table(preset)?).filter_map(Result::ok).map(|p: ForcePoint| (p.depth_m, p.force_n)).collect())
+}
+
+/// A line of a force table.
+#[derive(Deserialize)]
+struct ForcePoint {
+    #[serde(alias = "displacement_m")]
+    depth_m: f64,
+    #[serde(rename = "force_N")]
+    force_n: f64,
+    #[serde(rename = "uncertainty_N")]
+    uncertainty_n: f64,
 }
 
 fn force_table(preset: &str) -> Option<&'static str> {
@@ -44,28 +62,19 @@ fn force_table(preset: &str) -> Option<&'static str> {
 #[must_use]
 pub fn uncertainty(preset: &str, depth_m: f64) -> Option<f64> {
     let compared = (0.2 * depth_m * (1.0 - 1e-9))..=depth_m * (1.0 + 1e-9);
-    let deep = rows::<3>(force_table(preset)?).filter(|[depth, ..]| compared.contains(depth));
-    deep.map(|[_, force, uncertainty]| uncertainty / force).reduce(f64::max)
+    let points = csv::read(force_table(preset)?).filter_map(Result::ok);
+    let deep = points.filter(|p: &ForcePoint| compared.contains(&p.depth_m));
+    deep.map(|p| p.uncertainty_n / p.force_n).reduce(f64::max)
 }
 
 /// Displacements of the indentation: on the axis, and of the top surface beyond 6 mm radius.
 #[must_use]
 pub fn indentation_displacements() -> Vec<PointDisplacement> {
-    let axis = rows::<2>(include_str!("../../bags/reference/indentation_axis_at_4mm.csv"));
-    let top = rows::<3>(include_str!("../../bags/reference/indentation_top_surface_at_4mm.csv"));
-    let on_axis = axis.map(|[below_top_m, vertical_m]| PointDisplacement {
-        radius_m: 0.0,
-        below_top_m,
-        radial_m: 0.0,
-        vertical_m,
-    });
-    let on_top = top.map(|[radius_m, radial_m, vertical_m]| PointDisplacement {
-        radius_m,
-        below_top_m: 0.0,
-        radial_m,
-        vertical_m,
-    });
-    on_axis.chain(on_top.filter(|p| p.radius_m >= NEAR_EDGE_M)).collect()
+    let axis = csv::read(include_str!("../../bags/reference/indentation_axis_at_4mm.csv"));
+    let top = csv::read(include_str!("../../bags/reference/indentation_top_surface_at_4mm.csv"));
+    let on_axis = axis.filter_map(Result::ok);
+    let on_top = top.filter_map(Result::ok);
+    on_axis.chain(on_top.filter(|p: &PointDisplacement| p.radius_m >= NEAR_EDGE_M)).collect()
 }
 
 /// Where a finite element of a size ended in the indentation.
@@ -87,19 +96,25 @@ pub struct ElementStability {
 /// since they were stopped on the way.
 #[must_use]
 pub fn element_stability() -> Vec<ElementStability> {
-    let row = |line: &str| {
-        let f: Vec<&str> = line.split(',').collect();
-        let [element, size, _, _, _, error, depth, _, reason] = f[..] else { return None };
-        Some(ElementStability {
-            element: element.to_owned(),
-            size_mm: size.parse().ok()?,
-            force_error: error.parse().ok(),
-            depth_m: 1e-3 * depth.parse::<f64>().ok()?,
-            reached: reason.starts_with("reached"),
-        })
-    };
     let table = include_str!("../../bags/reference/finite_element_stability.csv");
-    table.lines().skip(1).filter_map(row).filter(|e| !e.element.starts_with("3D")).collect()
+    let row = |line: Line| ElementStability {
+        element: line.element,
+        size_mm: line.size_mm,
+        force_error: line.relative_error_at_4mm,
+        depth_m: 1e-3 * line.last_converged_depth_mm,
+        reached: line.stop_reason.starts_with("reached"),
+    };
+    csv::read(table).filter_map(Result::ok).map(row).filter(|e| !e.element.starts_with("3D")).collect()
+}
+
+/// A line of `finite_element_stability.csv`.
+#[derive(Deserialize)]
+struct Line {
+    element: String,
+    size_mm: f64,
+    relative_error_at_4mm: Option<f64>,
+    last_converged_depth_mm: f64,
+    stop_reason: String,
 }
 
 fn compared() -> impl Iterator<Item = (PointDisplacement, f64)> {
@@ -133,18 +148,6 @@ pub fn displaced(height: f64) -> Vec<[f64; 3]> {
 pub fn displacement_error(positions: &[[f64; 3]], height: f64) -> f64 {
     let distance = |(now, then): (&[f64; 3], [f64; 3])| (0..3).map(|k| (now[k] - then[k]).powi(2)).sum::<f64>().sqrt();
     positions.iter().zip(displaced(height)).map(distance).fold(0.0, f64::max) / DISPLACEMENT_DEPTH_M
-}
-
-/// The first N columns of the lines of a table that holds numbers there.
-fn rows<const N: usize>(table: &str) -> impl Iterator<Item = [f64; N]> {
-    table.lines().filter_map(|line| {
-        let mut columns = line.split(',').map(|c| c.trim().parse::<f64>());
-        let mut row = [0.0; N];
-        for value in &mut row {
-            *value = columns.next()?.ok()?;
-        }
-        Some(row)
-    })
 }
 
 #[cfg(test)]

@@ -4,9 +4,11 @@
 //! A step is timed as a pose that takes one step, many times. The shortest time is the cost on an otherwise idle machine; the
 //! median is the cost in this run.
 
-use std::fmt::Write as _;
 use std::time::Instant;
 
+use serde::Serialize;
+
+use super::csv;
 use crate::compare::Watch;
 use crate::scene::{Override, PRESETS, Preset, Scene, SceneError};
 use crate::twin::{BuildError, Halt, StampedPose, Twin};
@@ -170,20 +172,41 @@ pub fn heading() -> String {
 /// Content of `speed.csv`.
 #[must_use]
 pub fn csv(rows: &[Row]) -> String {
-    let mut text = String::from(
-        "what,preset,threads,nodes,points,support_nodes,bytes_per_point,flops_per_point,build_s,best_step_s,median_step_s\n",
-    );
-    for r in rows {
-        let Case { group, preset, threads, .. } = &r.case;
-        let StepWork { support_nodes, bytes, flops } = r.work;
-        // writing to a String can't fail
-        let _ = writeln!(
-            text,
-            "{group},{preset},{threads},{},{},{support_nodes:.2},{bytes:.0},{flops:.0},{:.4},{:.7},{:.7}",
-            r.nodes, r.points, r.build_s, r.best_s, r.median_s
-        );
+    csv::write(rows.iter().map(Record::from))
+}
+
+/// A line of `speed.csv`.
+#[derive(Serialize)]
+struct Record {
+    what: &'static str,
+    preset: &'static str,
+    threads: usize,
+    nodes: usize,
+    points: usize,
+    support_nodes: f64,
+    bytes_per_point: f64,
+    flops_per_point: f64,
+    build_s: f64,
+    best_step_s: f64,
+    median_step_s: f64,
+}
+
+impl From<&Row> for Record {
+    fn from(row: &Row) -> Self {
+        Self {
+            what: row.case.group,
+            preset: row.case.preset,
+            threads: row.case.threads,
+            nodes: row.nodes,
+            points: row.points,
+            support_nodes: row.work.support_nodes,
+            bytes_per_point: row.work.bytes,
+            flops_per_point: row.work.flops,
+            build_s: row.build_s,
+            best_step_s: row.best_s,
+            median_step_s: row.median_s,
+        }
     }
-    text
 }
 
 /// A needle that goes in at one speed, poses at one rate, in three dimensions.

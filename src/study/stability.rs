@@ -4,10 +4,10 @@
 //! A run ends because it has reached [`DEEPEST_M`], because the twin halted ([`Trouble`], after returns to the last good
 //! state with smaller steps), or because the scene can't be discretised.
 
-use std::fmt::Write as _;
+use serde::{Deserialize, Serialize};
 
 use super::accuracy::StudyError;
-use super::reference;
+use super::{csv, reference};
 use crate::compare::Watch;
 use crate::scene::{Override, Scene};
 use crate::twin::{BuildError, Halt, StampedPose, Trouble, Twin};
@@ -132,7 +132,7 @@ impl Ended {
 }
 
 /// What one run gave.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// [`Method::name`].
     pub method: String,
@@ -148,6 +148,7 @@ pub struct Row {
     pub ended: String,
     /// Predicted over reference force - 1 at 4 mm, or at the last depth of the reference before; only where Poisson's
     /// ratio is the reference's.
+    #[serde(rename = "force_error_at_4mm")]
     pub force_error: Option<f64>,
     /// Smallest volume ratio on the way.
     pub min_jacobian: f64,
@@ -289,45 +290,16 @@ impl Row {
     }
 }
 
-const COLUMNS: &str = "method;group;label;nodes;depth_m;ended;force_error_at_4mm;min_jacobian;recoveries;steps";
-
-/// `stability.csv`: a line per run, fields separated by semicolons (names have commas).
+/// `stability.csv`: a line per run.
 #[must_use]
 pub fn csv(rows: &[Row]) -> String {
-    let mut out = format!("{COLUMNS}\n");
-    for r in rows {
-        let error = r.force_error.map_or_else(String::new, |e| format!("{e:.6}"));
-        let _ = writeln!(
-            out,
-            "{};{};{};{};{:.6};{};{error};{:.4};{};{}",
-            r.method, r.group, r.label, r.nodes, r.depth_m, r.ended, r.min_jacobian, r.recoveries, r.steps
-        );
-    }
-    out
+    csv::write(rows)
 }
 
 /// The rows of a `stability.csv`; lines that are none, as the last of an interrupted run might be, are left out.
 #[must_use]
-pub fn parse(csv: &str) -> Vec<Row> {
-    let row = |line: &str| {
-        let f: Vec<&str> = line.split(';').collect();
-        let [method, group, label, nodes, depth, ended, error, jacobian, recoveries, steps] = f[..] else {
-            return None;
-        };
-        Some(Row {
-            method: method.to_owned(),
-            group: group.to_owned(),
-            label: label.to_owned(),
-            nodes: nodes.parse().ok()?,
-            depth_m: depth.parse().ok()?,
-            ended: ended.to_owned(),
-            force_error: if error.is_empty() { None } else { Some(error.parse().ok()?) },
-            min_jacobian: jacobian.parse().ok()?,
-            recoveries: recoveries.parse().ok()?,
-            steps: steps.parse().ok()?,
-        })
-    };
-    csv.lines().skip(1).filter_map(row).collect()
+pub fn parse(table: &str) -> Vec<Row> {
+    csv::read(table).filter_map(Result::ok).collect()
 }
 
 #[cfg(test)]

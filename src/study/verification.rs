@@ -3,7 +3,10 @@
 
 use std::fmt::Write as _;
 
+use serde::Serialize;
+
 use super::accuracy::StudyError;
+use super::csv;
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use super::yardstick::force_at;
 use crate::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};
@@ -222,23 +225,29 @@ pub fn table(verification: &Verification) -> String {
 /// `verification.csv`: a line per depth of the reference.
 #[must_use]
 pub fn csv(all: &[Verification]) -> String {
-    let mut out = String::from("scene,method,nodes,depth_m,predicted_n,reference_n,relative_error\n");
-    for v in all {
-        for c in &v.compared {
-            let _ = writeln!(
-                out,
-                "{},{},{},{},{:.9},{},{:.6}",
-                v.preset,
-                v.run.method,
-                v.run.nodes,
-                c.depth_m,
-                c.predicted_n,
-                c.reference_n,
-                c.error()
-            );
-        }
-    }
-    out
+    csv::write(all.iter().flat_map(|v| {
+        v.compared.iter().map(|c| Record {
+            scene: v.preset,
+            method: &v.run.method,
+            nodes: v.run.nodes,
+            depth_m: c.depth_m,
+            predicted_n: c.predicted_n,
+            reference_n: c.reference_n,
+            relative_error: c.error(),
+        })
+    }))
+}
+
+/// A line of `verification.csv`.
+#[derive(Serialize)]
+struct Record<'a> {
+    scene: &'a str,
+    method: &'a str,
+    nodes: usize,
+    depth_m: f64,
+    predicted_n: f64,
+    reference_n: f64,
+    relative_error: f64,
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod drive;
 mod order;
 mod pareto;
 mod plan;
+mod record;
 mod row;
 mod table;
 
@@ -17,7 +18,8 @@ pub use case::{Case, Steps};
 pub use order::{observed_order, orders, refined};
 pub use pareto::front;
 pub use plan::{Extent, named, plan, source_paper, work};
-pub use row::{Row, csv, heading, largest_error};
+pub use record::csv;
+pub use row::{Row, heading, largest_error};
 pub use table::{Table, merge, read};
 
 pub(super) use drive::drive;

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::row::{COLUMNS, csv_line, parse_line};
+use super::record;
 use super::{Case, Row, StudyError};
 
 /// A table that rows are appended to.
@@ -48,7 +48,7 @@ impl Table {
     /// # Errors
     /// [`StudyError::Table`] if it can't be written.
     pub fn append(&mut self, row: Row) -> Result<(), StudyError> {
-        let line = format!("{}\n", csv_line(&row));
+        let line = record::line(&row);
         let written = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data());
         written.map_err(|e| unwritable(&self.path, &e))?;
         self.rows.push(row);
@@ -69,16 +69,14 @@ pub fn read(path: &Path) -> Result<Vec<Row>, StudyError> {
     let refuse = |reason: String| StudyError::Table { path: path.to_owned(), reason };
     let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("can't be read ({e})")))?;
     let whole = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
-    let mut lines = whole.lines().enumerate();
-    match lines.next() {
-        None => return Ok(Vec::new()),
-        Some((_, COLUMNS)) => {}
-        Some(_) => {
-            return Err(refuse("not a table of this study (its first line differs); give another --out".to_owned()));
-        }
+    if whole.is_empty() {
+        return Ok(Vec::new());
     }
-    let row = |(i, line): (usize, &str)| parse_line(line).ok_or_else(|| refuse(format!("line {} is no row", i + 1)));
-    lines.map(row).collect()
+    if !whole.starts_with(&record::heading()) {
+        return Err(refuse("not a table of this study (its first line differs); give another --out".to_owned()));
+    }
+    let row = |(i, row): (usize, Option<Row>)| row.ok_or_else(|| refuse(format!("row {} can't be read", i + 1)));
+    record::rows(whole).enumerate().map(row).collect()
 }
 
 /// Joins parts: every row once. Where a case was run more than once, the cheapest run counts, as within a run; the
@@ -142,8 +140,8 @@ mod tests {
         std::fs::write(&path, "a,b\n1,2\n").unwrap();
         assert!(Table::open(&path).unwrap_err().to_string().contains("first line differs"));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "a,b\n1,2\n", "left as it was");
-        std::fs::write(&path, format!("{COLUMNS}\n1,2\n")).unwrap();
-        assert!(Table::open(&path).unwrap_err().to_string().contains("line 2 is no row"));
+        std::fs::write(&path, format!("{}1,2\n", record::heading())).unwrap();
+        assert!(Table::open(&path).unwrap_err().to_string().contains("row 1 can't be read"));
     }
 
     #[test]
