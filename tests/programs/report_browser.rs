@@ -1,6 +1,7 @@
 //! `report.html` and `accuracy.html` in a browser: they draw without an error, and their controls do what they say.
 //!
-//! Needs Chromium or Chrome; where there is none, the test says so and passes.
+//! Needs Chromium or Chrome. Where there is none, the test says so and looks at what a page without a browser can show: its data
+//! can be read, and every element that its script asks for is there. `NEEDLE_TWIN_BROWSER=1` makes a missing browser a failure.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::synthetic_run;
@@ -87,8 +88,50 @@ const AFTER: &str = r#"<script>(async () => {
 })();</script>"#;
 
 fn browser() -> Option<PathBuf> {
-    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
-    NAMES.iter().flat_map(|name| folders.iter().map(move |f| f.join(name))).find(|p| p.is_file())
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+    let found = NAMES.iter().flat_map(|name| folders.iter().map(move |f| f.join(name))).find(|p| p.is_file());
+    if found.is_none() {
+        let names = NAMES.join(", ");
+        assert!(
+            std::env::var_os("NEEDLE_TWIN_BROWSER").is_none(),
+            "no {names} on the path, and a browser is asked for"
+        );
+        eprintln!("no {names} on the path: the page's data and elements are looked at, its drawing is not");
+    }
+    found
+}
+
+/// What stands in `text` between each `before` and the next `after`.
+fn between<'a>(text: &'a str, before: &'a str, after: &'a str) -> impl Iterator<Item = &'a str> {
+    text.split(before).skip(1).filter_map(move |rest| rest.split_once(after).map(|(inner, _)| inner))
+}
+
+/// A page as far as it shows without a browser: its data is JSON of finite numbers, its pictures hold no broken number,
+/// and its script finds each element that it asks for by name.
+fn assert_whole(html: &str, name: &str) {
+    let data = between(html, "<script type=\"application/json\" id=\"run\">", "</script>").next();
+    let data: Value = serde_json::from_str(data.unwrap_or_else(|| panic!("{name}: no data"))).unwrap();
+    assert!(!data.is_null(), "{name}");
+    let script = between(html, "<script>", "</script>").collect::<String>();
+    let static_part = html.replace(&script, "");
+    for broken in ["NaN", "Infinity", "undefined"] {
+        assert!(!static_part.contains(&format!("\"{broken}")), "{name}: {broken}");
+    }
+    let asked = |before: &'static str, after: &'static str| between(&script, before, after).map(str::to_owned);
+    let ids = asked("getElementById('", "'").map(|id| format!("id=\"{id}\""));
+    let shown = asked("[data-show=", "]").map(|what| format!("data-show=\"{what}\""));
+    let controls = asked(" one('", "'").chain(asked(" control('", "'")).map(|what| format!("data-control=\"{what}\""));
+    let mut asked: Vec<String> = ids.chain(shown).chain(controls).collect();
+    asked.sort();
+    asked.dedup();
+    println!("{name}: {} elements asked for by name", asked.len());
+    assert!(!asked.is_empty(), "{name}: the script asks for nothing");
+    // what only some runs have is looked for and may be absent
+    let optional = ["id=\"cost\"", "id=\"targets\"", "id=\"sample\""];
+    for element in asked.iter().filter(|element| !optional.contains(&element.as_str())) {
+        assert!(static_part.contains(element.as_str()), "{name}: the script asks for {element}, which is not there");
+    }
 }
 
 /// What the browser saw of a run's page at a window width.
@@ -122,11 +165,9 @@ fn used(browser: &PathBuf, html: &str, after: &str, width: u32) -> Value {
 
 #[test]
 fn the_page_draws_and_its_controls_work() {
-    let Some(browser) = browser() else {
-        eprintln!("skipped: no {} on the path; install one to test the page in a browser", NAMES.join(", "));
-        return;
-    };
     let run = synthetic_run::needle(1000.0);
+    assert_whole(&report::report_html(&run).unwrap(), "a run");
+    let Some(browser) = browser() else { return };
     for width in [1280, 500] {
         let seen = seen(&browser, &run, width);
         assert_eq!(seen["errors"], serde_json::json!([]), "width {width}");
@@ -150,7 +191,7 @@ fn the_page_draws_and_its_controls_work() {
 
 #[test]
 fn a_page_of_little_or_broken_data_draws_too() {
-    let Some(browser) = browser() else { return };
+    let browser = browser();
     let mut unmeasured = synthetic_run::needle(20.0);
     unmeasured.answers.iter_mut().for_each(|a| (a.measured_n, a.event) = (None, None));
     unmeasured.targets.clear();
@@ -167,7 +208,12 @@ fn a_page_of_little_or_broken_data_draws_too() {
     for (name, run) in
         [("still", still), ("unmeasured", unmeasured), ("one", one), ("gaps", gaps), ("empty", Run::default())]
     {
-        let seen = seen(&browser, &run, 1280);
+        // without snapshots there is no sample to be shown, and so no control of it
+        if !run.snapshots.is_empty() {
+            assert_whole(&report::report_html(&run).unwrap(), name);
+        }
+        let Some(browser) = &browser else { continue };
+        let seen = seen(browser, &run, 1280);
         assert_eq!(seen["errors"], serde_json::json!([]), "{name}");
         assert_eq!(seen["broken"], 0, "{name}: {seen:#}");
     }
@@ -254,12 +300,13 @@ fn rows(preset: &str) -> Vec<Row> {
 
 #[test]
 fn the_page_of_a_study_draws_and_its_controls_work() {
-    let Some(browser) = browser() else { return };
     let (first, second) = (rows("compression"), rows("indentation"));
     let folder = tempfile::tempdir().unwrap();
     report::write_accuracy(folder.path(), &[first.clone(), second.clone()].concat()).unwrap();
     let html = fs::read_to_string(folder.path().join("accuracy.html")).unwrap();
     assert!(!html.contains("src=\"http") && !html.contains("@import"), "nothing is loaded");
+    assert_whole(&html, "a study");
+    let Some(browser) = browser() else { return };
     for width in [1280, 500] {
         let seen = used(&browser, &html, STUDY, width);
         let count = |name: &str| seen[name].as_u64().unwrap() as usize;

@@ -96,7 +96,11 @@ fn diagnostics_say_once_a_second_how_it_goes_and_a_lost_input_is_said() {
     assert!(value("twin: prediction", "answered") > 0.0);
     assert!(value("twin: prediction", "latency p50 (ms)") > 0.0);
     assert!(value("twin: prediction", "latency p99 (ms)") >= value("twin: prediction", "latency p50 (ms)"));
-    assert!(value("twin: prediction", "missed deadlines") >= 0.0);
+    let missed = value("twin: prediction", "missed deadlines");
+    assert!(
+        missed.fract() == 0.0 && (0.0..=value("twin: prediction", "answered")).contains(&missed),
+        "{missed} missed"
+    );
     assert!(value("twin: load cell", "residual (N)").is_finite() && value("twin: load cell", "rmse (N)") > 0.0);
     assert!(text(by_name["twin: input"], "message").contains("poses per second"));
     assert_eq!(by_name["twin: prediction"]["hardware_id"], "needle_twin");
