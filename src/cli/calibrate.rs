@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Progress;
-use super::replay::{RecordedOptions, foreign_frames};
+use super::replay::{RecordedOptions, foreign_frame};
 use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
 use crate::compare::uncertainty::FORCE_ERROR;
@@ -138,7 +138,7 @@ fn found(
 ) -> Result<(Calibration, Option<Prediction>), CliError> {
     let progress = Progress::preparing("building the model");
     let readings = arguments.recorded.topics.readings(recording);
-    for warning in recording.warnings.iter().chain(&foreign_frames(recording, &readings)) {
+    for warning in recording.warnings.iter().chain(&foreign_frame(recording)) {
         progress.warn(warning);
     }
     let measured = series(recording);

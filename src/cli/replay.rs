@@ -13,8 +13,6 @@ use crate::scene::Scene;
 
 /// Scene of a bag that doesn't say which it was made for.
 const DEFAULT_SCENE: &str = "needle_insertion";
-/// Frame of poses and wrenches.
-const FRAME: &str = "sample";
 
 /// Run the recorded motion of a bag and compare with its load cell: one message at a time, as fast as the machine
 /// allows; the same bag, scene and settings give the same checksum
@@ -72,6 +70,10 @@ pub(super) struct TopicOptions {
     #[arg(long, value_name = "NAME", default_value = "insertion")]
     joint: String,
 
+    /// Frame of the tip's poses: origin at the centre of the sample's bottom face, z up
+    #[arg(long, value_name = "NAME", default_value = "sample")]
+    frame_id: String,
+
     /// Topic of the displacement sensor, sensor_msgs/JointState [default: a measured_js]
     #[arg(long, value_name = "TOPIC")]
     measured_js: Option<String>,
@@ -111,6 +113,7 @@ impl TopicOptions {
             pose: self.measured_cp.clone(),
             wrench: self.measured_cf.clone(),
             joint: self.joint.clone(),
+            frame_id: self.frame_id.clone(),
         }
     }
 
@@ -132,7 +135,7 @@ fn duration_s(readings: &[Reading]) -> Option<f64> {
 
 fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, keep: Keep) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
-    for warning in recording.warnings.iter().chain(&foreign_frames(recording, &readings)) {
+    for warning in recording.warnings.iter().chain(&foreign_frame(recording)) {
         progress.warn(warning);
     }
     let built = compare::build(scene);
@@ -150,15 +153,10 @@ fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, keep: Ke
     Ok(run)
 }
 
-/// What to say of poses and forces that are recorded in another frame: a replay has no transforms to bring them over.
-pub(super) fn foreign_frames(recording: &Recording, readings: &[Reading]) -> Vec<String> {
-    let poses_used = readings.first().is_some_and(|reading| matches!(reading.at, At::Pose(_)));
-    let [poses, forces] = &recording.frame_ids;
-    [("poses", poses, poses_used), ("forces", forces, !recording.forces.is_empty())]
-        .into_iter()
-        .filter(|(_, frame, used)| *used && !frame.is_empty() && frame.trim_start_matches('/') != FRAME)
-        .map(|(what, frame, _)| {
-            format!("the {what} are recorded in frame \"{frame}\" and are taken as if it were \"{FRAME}\" (z up)")
-        })
-        .collect()
+/// What to say of forces that are recorded in another frame: a replay has no transforms to bring them over.
+pub(super) fn foreign_frame(recording: &Recording) -> Option<String> {
+    let (found, wanted) = (recording.force_frame.trim_start_matches('/'), &recording.topics.frame_id);
+    (!found.is_empty() && found != wanted).then(|| {
+        format!("the forces are recorded in frame `{found}`, taken as if its axes were those of `{wanted}`: rotate them if they are not")
+    })
 }

@@ -1,6 +1,8 @@
-//! What comes in: depths, poses and forces, from messages of a recording.
+//! What comes in: depths, poses and forces, from messages live or recorded.
 
+mod adapter;
 mod recording;
 mod series;
 
+pub use adapter::{Adapter, Refusal};
 pub use recording::{DepthSample, ForceSample, PoseSample, Recording, TopicNames};

@@ -1,5 +1,6 @@
 //! What the twin needs of a recording: depths or poses, and measured forces, each over time.
 
+use super::Adapter;
 use super::series::Reading;
 use crate::twin::Pose;
 use ros2_messages::RosMessage;
@@ -21,11 +22,19 @@ pub struct TopicNames {
     pub wrench: Option<String>,
     /// The joint whose position is the depth. Default: `insertion`.
     pub joint: String,
+    /// Frame that the poses must be in. Default: `sample`.
+    pub frame_id: String,
 }
 
 impl Default for TopicNames {
     fn default() -> Self {
-        Self { joint_state: None, pose: None, wrench: None, joint: "insertion".to_owned() }
+        Self {
+            joint_state: None,
+            pose: None,
+            wrench: None,
+            joint: "insertion".to_owned(),
+            frame_id: "sample".to_owned(),
+        }
     }
 }
 
@@ -83,8 +92,8 @@ pub struct Recording {
     pub forces: Vec<ForceSample>,
     /// Topics of the three series, where there are such.
     pub topics: TopicNames,
-    /// Frame of the poses and of the forces, "" where it is not said.
-    pub frame_ids: [String; 2],
+    /// Frame of the forces, "" where it is not said.
+    pub force_frame: String,
     /// What of the bag is lost; not empty: exit code 3.
     pub losses: Vec<Loss>,
     /// What is odd but cost nothing.
@@ -113,11 +122,11 @@ impl Recording {
             return Err(no_motion(bag));
         }
         let mut reading = Reading { bag, losses: bag.losses().to_vec(), warnings: bag.warnings().to_vec() };
-        let depths = reading.depths(joint_state, &names.joint)?;
-        let poses = reading.series(pose, |m: &PoseStamped| Some((m.header.clone(), pose_values(m))))?;
-        let forces = reading.series(wrench, |m: &WrenchStamped| Some((m.header.clone(), m.wrench.force.into())))?;
-        let first = |t: &[(i64, _)]| t.first().map(|s: &(i64, [f64; 3])| s.0);
-        let origin_ns = [depths.0.first().map(|s| s.0), poses.0.first().map(|s| s.0), first(&forces.0)]
+        let adapter = Adapter { joint: &names.joint, frame_id: &names.frame_id };
+        let depths = reading.series(joint_state, |m: &JointState| (&m.header, adapter.depth(m)));
+        let poses = reading.series(pose, |m: &PoseStamped| (&m.header, adapter.pose(m)));
+        let forces = reading.series(wrench, |m: &WrenchStamped| (&m.header, force(m)));
+        let origin_ns = [depths.0.first().map(|s| s.0), poses.0.first().map(|s| s.0), forces.0.first().map(|s| s.0)]
             .into_iter()
             .flatten()
             .min()
@@ -131,17 +140,22 @@ impl Recording {
             depths: depths
                 .0
                 .iter()
-                .map(|(t, [depth_m])| DepthSample { time_s: seconds(*t), depth_m: *depth_m })
+                .map(|(t, depth_m)| DepthSample { time_s: seconds(*t), depth_m: *depth_m })
                 .collect(),
-            poses: poses.0.iter().map(|(t, v)| pose_sample(seconds(*t), v)).collect(),
+            poses: poses
+                .0
+                .iter()
+                .map(|(t, Pose { tip, axis })| PoseSample { time_s: seconds(*t), tip: *tip, axis: *axis })
+                .collect(),
             forces: forces.0.iter().map(|(t, f)| ForceSample { time_s: seconds(*t), force_n: *f }).collect(),
             topics: TopicNames {
                 joint_state: name(joint_state),
                 pose: name(pose),
                 wrench: name(wrench),
                 joint: names.joint.clone(),
+                frame_id: names.frame_id.clone(),
             },
-            frame_ids: [poses.1, forces.1],
+            force_frame: forces.1,
             losses: reading.losses,
             warnings: reading.warnings,
         };
@@ -184,7 +198,7 @@ fn describe(bag: &BagReader) -> String {
     }
 }
 
-pub(super) fn topic_error(bag: &BagReader, topic: &Topic, reason: String) -> BagError {
+fn topic_error(bag: &BagReader, topic: &Topic, reason: String) -> BagError {
     BagError::Topic {
         bag: bag.name().to_owned(),
         topic: topic.name.clone(),
@@ -256,16 +270,12 @@ fn find<T: RosMessage>(
     }
 }
 
-fn pose_values(m: &PoseStamped) -> [f64; 7] {
-    let (p, q) = (m.pose.position, m.pose.orientation);
-    [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
-}
-
-fn pose_sample(time_s: f64, v: &[f64; 7]) -> PoseSample {
-    let [x, y, z, w] = [v[3], v[4], v[5], v[6]];
-    // Third column of the rotation matrix, whatever the quaternion's length; no rotation for the zero quaternion.
-    let axis = [2.0 * (x * z + y * w), 2.0 * (y * z - x * w), w * w - x * x - y * y + z * z];
-    let norm = axis.iter().map(|a| a * a).sum::<f64>().sqrt();
-    let axis = if norm > 0.0 { axis.map(|a| a / norm) } else { [0.0, 0.0, 1.0] };
-    PoseSample { time_s, tip: [v[0], v[1], v[2]], axis }
+/// The force of the tissue on the instrument, N.
+fn force(m: &WrenchStamped) -> Result<[f64; 3], String> {
+    let force: [f64; 3] = m.wrench.force.into();
+    if force.iter().all(|f| f.is_finite()) {
+        Ok(force)
+    } else {
+        Err(format!("its force is {force:?}; check the load cell"))
+    }
 }

@@ -1,14 +1,16 @@
 //! Values of one topic over time: decoded, stamped and put in order, with what is lost on the way.
 
-use super::recording::topic_error;
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
 use ros2_messages::builtin_interfaces::Time;
-use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::{RosMessage, std_msgs::Header};
-use rosbag2_mcap::BagReader;
-use rosbag2_mcap::{BagError, Loss};
+use rosbag2_mcap::{BagReader, Loss};
 
 /// Largest step back in time that is taken for disorder and sorted, s. A larger one is a second recording.
 const DISORDER_S: f64 = 1.0;
+/// Reasons that are told apart; further ones are counted together.
+const REASONS: usize = 8;
 
 /// Reads series and gathers what is lost on the way.
 pub(super) struct Reading<'a> {
@@ -18,67 +20,32 @@ pub(super) struct Reading<'a> {
 }
 
 /// Stamped values (ns since 1970) and their frame.
-pub(super) type Series<const N: usize> = (Vec<(i64, [f64; N])>, String);
+pub(super) type Series<V> = (Vec<(i64, V)>, String);
 
 impl Reading<'_> {
-    /// Depths of one joint.
-    pub fn depths(&mut self, topic: Option<usize>, joint: &str) -> Result<Series<1>, BagError> {
-        let Some(number) = topic else { return Ok((Vec::new(), String::new())) };
-        let topic = &self.bag.topics()[number];
-        let mut others: Vec<String> = Vec::new();
-        let series = self.series(Some(number), |m: &JointState| {
-            let at = m.name.iter().position(|name| name == joint);
-            // A sensor with one joint may call it as it likes.
-            let at = at.or_else(|| (m.position.len() == 1).then_some(0));
-            if m.name.len() == 1 && m.name[0] != joint || at.is_none() {
-                for name in &m.name {
-                    if !others.contains(name) && others.len() < 20 {
-                        others.push(name.clone());
-                    }
-                }
-            }
-            Some((m.header.clone(), [*m.position.get(at?)?]))
-        })?;
-        if series.0.is_empty() && !others.is_empty() {
-            let reason = format!(
-                "it has no joint {joint:?}; it has {}. Name the joint whose position is the depth",
-                others.join(", ")
-            );
-            return Err(topic_error(self.bag, topic, reason));
-        }
-        if !others.is_empty() {
-            self.warnings.push(format!(
-                "{}: its only joint is called {}, not {joint:?}; it was taken",
-                topic.name,
-                others.join(", ")
-            ));
-        }
-        Ok(series)
-    }
-
-    /// Finite values of one topic in the order of their stamps.
-    pub fn series<T: RosMessage, const N: usize>(
+    /// Values of one topic in the order of their stamps; why a message has none is counted by its reason.
+    pub fn series<T: RosMessage, V: Copy, E: Display>(
         &mut self,
         topic: Option<usize>,
-        mut values: impl FnMut(&T) -> Option<(Header, [f64; N])>,
-    ) -> Result<Series<N>, BagError> {
-        let Some(number) = topic else { return Ok((Vec::new(), String::new())) };
+        value: impl Fn(&T) -> (&Header, Result<V, E>),
+    ) -> Series<V> {
+        let Some(number) = topic else { return (Vec::new(), String::new()) };
         let topic = &self.bag.topics()[number];
         let mut messages = self.bag.select(|t| t.name == topic.name && t.type_name == topic.type_name);
         let (mut samples, mut frame) = (Vec::new(), String::new());
-        let (mut undecodable, mut reason, mut without, mut infinite) = (0, String::new(), 0, 0);
+        let mut left_out: BTreeMap<String, u64> = BTreeMap::new();
+        let mut leave_out = |reason: String| {
+            let told_apart = left_out.len() < REASONS || left_out.contains_key(&reason);
+            *left_out.entry(if told_apart { reason } else { "other reasons".to_owned() }).or_default() += 1;
+        };
         for message in &mut messages {
             match self.bag.decode::<T>(&message) {
-                Err(e) => {
-                    undecodable += 1;
-                    reason = e;
-                }
-                Ok(decoded) => match values(&decoded) {
-                    None => without += 1,
-                    Some((_, v)) if !v.iter().all(|v| v.is_finite()) => infinite += 1,
-                    Some((header, v)) => {
-                        samples.push((header.stamp, message.publish_ns, v));
-                        frame = header.frame_id;
+                Err(reason) => leave_out(reason),
+                Ok(decoded) => match value(&decoded) {
+                    (_, Err(refusal)) => leave_out(refusal.to_string()),
+                    (header, Ok(value)) => {
+                        samples.push((header.stamp, message.publish_ns, value));
+                        header.frame_id.clone_into(&mut frame);
                     }
                 },
             }
@@ -88,20 +55,14 @@ impl Reading<'_> {
                 self.losses.push(loss.clone());
             }
         }
-        let mut lose = |count: u64, reason: &str| {
-            if count > 0 {
-                self.losses.push(Loss::Samples { topic: topic.name.clone(), count, reason: reason.to_owned() });
-            }
-        };
-        lose(undecodable, &reason);
-        lose(without, "they hold no such value");
-        lose(infinite, "their values are not finite");
+        let lost = left_out.into_iter();
+        self.losses.extend(lost.map(|(reason, count)| Loss::Samples { topic: topic.name.clone(), count, reason }));
         let stamped = self.stamp(&topic.name, samples);
-        Ok((self.in_order(&topic.name, stamped), frame))
+        (self.in_order(&topic.name, stamped), frame)
     }
 
     /// Times in ns: the header's stamps, or where some are zero the times of publishing for all.
-    fn stamp<const N: usize>(&mut self, topic: &str, samples: Vec<(Time, u64, [f64; N])>) -> Vec<(i64, [f64; N])> {
+    fn stamp<V>(&mut self, topic: &str, samples: Vec<(Time, u64, V)>) -> Vec<(i64, V)> {
         let unstamped = samples.iter().filter(|(stamp, ..)| stamp.is_zero()).count();
         if unstamped > 0 {
             let all = samples.len();
@@ -115,7 +76,7 @@ impl Reading<'_> {
     }
 
     /// Sorts small disorder, drops repeated stamps, and cuts at a large step back.
-    fn in_order<const N: usize>(&mut self, topic: &str, mut samples: Vec<(i64, [f64; N])>) -> Vec<(i64, [f64; N])> {
+    fn in_order<V>(&mut self, topic: &str, mut samples: Vec<(i64, V)>) -> Vec<(i64, V)> {
         let mut latest = i64::MIN;
         let back = samples.iter().position(|(time, _)| {
             latest = latest.max(*time);

@@ -8,15 +8,15 @@ use crossbeam_channel::Sender;
 use super::inbox::{Inbox, PoseInput, Where};
 use super::shared::{Reject, Shared};
 use super::solver::Event;
+use crate::input::{Adapter, Refusal};
 use crate::ros::clock::Tick;
 use crate::ros::logging::Throttle;
 use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{PoseStamped, Quaternion, WrenchStamped};
+use crate::ros::messages::geometry_msgs::{PoseStamped, WrenchStamped};
 use crate::ros::messages::rosgraph_msgs::Clock;
 use crate::ros::messages::sensor_msgs::JointState;
 use crate::ros::participant::{Input, Participant, ParticipantError, Wish};
 use crate::ros::qos;
-use crate::twin::Pose;
 
 /// A stamp so far ahead of the node's clock is refused. `/clock` comes at 1 Hz at the slowest.
 const FUTURE_S: f64 = 2.0;
@@ -146,29 +146,9 @@ impl<'a> Intake<'a> {
 
     fn joint_state(&mut self, message: &JointState) {
         let settings = self.shared.settings();
-        let index = match message.name.iter().position(|name| *name == settings.joint_name) {
-            // A driver with a single joint and no names.
-            None if message.name.is_empty() && message.position.len() == 1 => 0,
-            Some(index) => index,
-            None => {
-                return self.reject(Reject::NoSuchJoint, || {
-                    format!(
-                        "measured_js has the joints {:?}; set -p joint_name:=... to the one whose position is the \
-                         depth in m (now `{}`)",
-                        message.name, settings.joint_name
-                    )
-                });
-            }
-        };
-        let Some(depth) = message.position.get(index).copied() else {
-            return self
-                .reject(Reject::NoSuchJoint, || "measured_js names the joint but has no position for it".to_owned());
-        };
-        if !depth.is_finite() {
-            return self
-                .reject(Reject::NotFinite, || format!("the position in measured_js is {depth}; check the sensor"));
-        }
-        self.accept("measured_js", message.header.stamp, Where::Depth(depth));
+        let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
+        let taken = adapter.depth(message).map(Where::Depth);
+        self.offer("measured_js", message.header.stamp, taken);
     }
 
     /// A load cell may use another frame name; the user is then responsible for axes parallel to those of the sample.
@@ -183,23 +163,16 @@ impl<'a> Intake<'a> {
     }
 
     fn pose_stamped(&mut self, message: &PoseStamped) {
-        if message.header.frame_id != self.frame_id {
-            let frame_id = self.frame_id.clone();
-            return self.reject(Reject::WrongFrame, || {
-                format!(
-                    "measured_cp is in frame `{}`, the twin needs `{}` (origin at the centre of the sample's bottom \
-                     face, z up): transform it, or set -p frame_id:=...",
-                    message.header.frame_id, frame_id
-                )
-            });
-        }
-        let tip: [f64; 3] = message.pose.position.into();
-        let axis = forward(message.pose.orientation);
-        match axis.filter(|_| tip.iter().all(|x| x.is_finite())) {
-            Some(axis) => self.accept("measured_cp", message.header.stamp, Where::Pose(Pose { tip, axis })),
-            None => self.reject(Reject::NotFinite, || {
-                "measured_cp has a number that is not finite or a quaternion that is not a rotation".to_owned()
-            }),
+        let settings = self.shared.settings();
+        let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
+        let taken = adapter.pose(message).map(Where::Pose);
+        self.offer("measured_cp", message.header.stamp, taken);
+    }
+
+    fn offer(&mut self, source: &'static str, stamp: Time, taken: Result<Where, Refusal>) {
+        match taken {
+            Ok(place) => self.accept(source, stamp, place),
+            Err(refusal) => self.reject(Reject::from(&refusal), || format!("{source}: {refusal}")),
         }
     }
 
@@ -317,16 +290,6 @@ impl<'a> Intake<'a> {
             _ => {}
         }
     }
-}
-
-/// The needle points along +z of its own frame (CRTK's tool frame); `None` if the quaternion is not a rotation.
-fn forward(q: Quaternion) -> Option<[f64; 3]> {
-    let norm = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
-    if !(0.9..=1.1).contains(&norm) {
-        return None;
-    }
-    let (x, y, z, w) = (q.x / norm, q.y / norm, q.z / norm, q.w / norm);
-    Some([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
 }
 
 #[cfg(test)]

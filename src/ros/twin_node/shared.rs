@@ -10,6 +10,7 @@ use hdrhistogram::Histogram;
 use super::declared::Settings;
 use super::inbox::Handoff;
 use super::solver::Answer;
+use crate::input::Refusal;
 use crate::ros::clock::NodeClock;
 use crate::ros::lifecycle::State;
 use crate::ros::messages::needle_twin::ForceComparison;
@@ -27,6 +28,16 @@ pub(super) enum Reject {
     SecondSource,
     ByTwin,
     Diverged,
+}
+
+impl From<&Refusal> for Reject {
+    fn from(refusal: &Refusal) -> Self {
+        match refusal {
+            Refusal::NoSuchJoint { .. } | Refusal::NoPosition { .. } => Self::NoSuchJoint,
+            Refusal::WrongFrame { .. } => Self::WrongFrame,
+            _ => Self::NotFinite,
+        }
+    }
 }
 
 impl Reject {

@@ -75,7 +75,7 @@ fn poses_move_the_tissue_that_viewers_see_and_the_targets_in_it() {
     assert!(lesion < 0.012 - 5e-5 && lesion > 0.010, "the lesion goes with the tissue: {lesion}");
     let (code, log, _) = node.stop("INT");
     assert_eq!(code, Some(0));
-    assert!(log.contains("measured_cp is in frame `world`"), "{log}");
+    assert!(log.contains("measured_cp: it is in frame `world`"), "{log}");
 }
 
 /// Values of the diagnostics by their keys, after some poses.

@@ -1,10 +1,14 @@
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 use super::*;
+use crate::input::{Recording, TopicNames};
 use crate::ros::clock::NodeClock;
+use crate::ros::messages::geometry_msgs::{Point, Pose, Quaternion};
 use crate::ros::messages::std_msgs::Header;
 use crate::ros::parameters::Parameters;
 use crate::ros::twin_node::declared::{Settings, declarations};
 use crate::ros::twin_node::inbox::Work;
+use rosbag2_mcap::{BagWriter, WriterOptions};
+use tracing_subscriber::layer::SubscriberExt as _;
 
 fn shared() -> Shared {
     let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
@@ -20,14 +24,6 @@ fn joint(sec: i32, nanosec: u32, names: &[&str], positions: &[f64]) -> JointStat
         position: positions.to_vec(),
         ..JointState::default()
     }
-}
-
-#[test]
-fn straight_down_is_half_a_turn_about_x() {
-    let axis = forward(Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 }).unwrap();
-    assert!((axis[2] + 1.0).abs() < 1e-12);
-    assert_eq!(forward(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 0.0 }), None);
-    assert_eq!(forward(Quaternion { x: f64::NAN, y: 0.0, z: 0.0, w: 1.0 }), None);
 }
 
 #[test]
@@ -65,4 +61,109 @@ fn order_is_kept_and_a_jump_back_resets() {
     assert_eq!(counts(&shared.lock()), (4, 3), "the first pose of the new time is not lost");
     assert!(matches!(inbox.next(), Work::Reset(_)));
     assert!(matches!(inbox.next(), Work::Pose(p) if p.place == Where::Depth(0.002)));
+}
+
+/// What the live node makes of a message: where the pose is, or the words of the refusal.
+fn live(message: &Message) -> Result<Where, String> {
+    let (shared, inbox) = (shared(), Inbox::default());
+    let words = Words::default();
+    tracing::subscriber::with_default(tracing_subscriber::registry().with(words.clone()), || {
+        let mut intake = Intake::new("sample", &shared, &inbox);
+        match message {
+            Message::Joint(m) => intake.joint_state(m),
+            Message::Pose(m) => intake.pose_stamped(m),
+        }
+    });
+    if shared.lock().rejected == 0 {
+        let Work::Pose(pose) = inbox.next() else { panic!("a pose was taken") };
+        return Ok(pose.place);
+    }
+    let words = words.0.lock().unwrap();
+    Err(words.split_once(": measured_").unwrap().1.split_once(": ").unwrap().1.to_owned())
+}
+
+/// What a replay or a calibration makes of the same message, recorded.
+fn recorded(message: &Message) -> Result<Where, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bag = BagWriter::create(folder.path().join("bag"), WriterOptions::default()).unwrap();
+    let qos = rosbag2_mcap::Qos::reliable(10);
+    match message {
+        Message::Joint(m) => {
+            let topic = bag.add_topic::<JointState>("/measured_js", &qos).unwrap();
+            bag.write(topic, 1, 1, m).unwrap();
+        }
+        Message::Pose(m) => {
+            let topic = bag.add_topic::<PoseStamped>("/measured_cp", &qos).unwrap();
+            bag.write(topic, 1, 1, m).unwrap();
+        }
+    }
+    bag.finish().unwrap();
+    let recording = Recording::load(folder.path().join("bag"), &TopicNames::default()).map_err(|e| e.to_string());
+    match recording {
+        Ok(r) => Ok(r.depths.first().map_or_else(|| Where::Pose(r.poses[0].pose()), |d| Where::Depth(d.depth_m))),
+        Err(text) => Err(text.split_once("left out: ").unwrap().1.to_owned()),
+    }
+}
+
+enum Message {
+    Joint(JointState),
+    Pose(PoseStamped),
+}
+
+/// What is said, line by line.
+#[derive(Clone, Default)]
+struct Words(std::sync::Arc<std::sync::Mutex<String>>);
+
+impl<S: tracing::Subscriber> tracing_subscriber::Layer<S> for Words {
+    fn on_event(&self, event: &tracing::Event<'_>, _: tracing_subscriber::layer::Context<'_, S>) {
+        struct Text<'a>(&'a mut String);
+        impl tracing::field::Visit for Text<'_> {
+            fn record_debug(&mut self, _: &tracing::field::Field, value: &dyn std::fmt::Debug) {
+                self.0.push_str(&format!("{value:?}"));
+            }
+        }
+        event.record(&mut Text(&mut self.0.lock().unwrap()));
+    }
+}
+
+#[test]
+fn live_and_recorded_messages_are_taken_and_refused_alike_in_the_same_words() {
+    let pose = |frame: &str, x: f64, orientation: [f64; 4]| {
+        let [x_, y, z, w] = orientation;
+        Message::Pose(PoseStamped {
+            header: Header { stamp: Time { sec: 10, nanosec: 0 }, frame_id: frame.to_owned() },
+            pose: Pose { position: Point { x, y: 0.0, z: 0.02 }, orientation: Quaternion { x: x_, y, z, w } },
+        })
+    };
+    let joint = |names: &[&str], positions: &[f64]| Message::Joint(joint(10, 0, names, positions));
+    let down = [1.0, 0.0, 0.0, 0.0];
+    let taken = [
+        joint(&["insertion"], &[0.001]),
+        joint(&["yaw", "insertion"], &[9.0, 0.002]),
+        joint(&[], &[0.003]),
+        pose("sample", 0.0, down),
+        pose("/sample", 0.001, [0.95, 0.1, 0.0, 0.2]),
+    ];
+    for message in &taken {
+        let (live, recorded) = (live(message).unwrap(), recorded(message).unwrap());
+        assert_eq!(live, recorded);
+    }
+    let refused = [
+        (joint(&["slide"], &[0.001]), "no joint `insertion` but slide"),
+        (joint(&["yaw", "slide"], &[0.001, 0.2]), "but yaw, slide"),
+        (joint(&[], &[0.001, 0.2]), "joints without names"),
+        (joint(&["insertion"], &[]), "no position"),
+        (joint(&["insertion"], &[f64::NAN]), "NaN"),
+        (pose("world", 0.0, down), "in frame `world`, the twin needs `sample`"),
+        (pose("", 0.0, down), "in frame ``"),
+        (pose("sample", f64::INFINITY, down), "inf"),
+        (pose("sample", 0.0, [0.8, 0.0, 0.0, 0.0]), "norm 0.8"),
+        (pose("sample", 0.0, [0.0, 0.0, 0.0, 1.2]), "norm 1.2"),
+        (pose("sample", 0.0, [0.0; 4]), "norm 0"),
+    ];
+    for (message, word) in &refused {
+        let (live, recorded) = (live(message).unwrap_err(), recorded(message).unwrap_err());
+        assert_eq!(live, recorded);
+        assert!(live.contains(word), "{live}");
+    }
 }
