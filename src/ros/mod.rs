@@ -13,6 +13,7 @@ mod lifecycle_services;
 pub mod logging;
 pub mod names;
 pub mod observer;
+pub mod parameter;
 pub mod parameter_file;
 mod parameter_services;
 pub mod parameters;

@@ -108,7 +108,7 @@ impl ParameterServices {
 }
 
 fn raw_value(parameters: &Parameters, name: &str) -> raw::ParameterValue {
-    parameters.get(name).unwrap_or(ParameterValue::NotSet).into()
+    parameters.by_name(name).unwrap_or(ParameterValue::NotSet).into()
 }
 
 /// Semantics of rclcpp: with no prefixes, names of fewer than `depth` dots (0: all); else names at or below a prefix.

@@ -9,6 +9,7 @@ use ros2_client::parameters::{NumericRange, ParameterDescriptor, ParameterType};
 
 use super::arguments::ParameterOverride;
 use super::names;
+use super::parameter::{Parameter, Typed};
 
 /// Why the parameters given at start can't be used. Always fatal: a misspelt parameter is a wrong experiment.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -246,40 +247,16 @@ impl Parameters {
         self.values.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Value of a parameter.
+    /// The value of a parameter; its default for a node that does not declare it.
     #[must_use]
-    pub fn get(&self, name: &str) -> Option<ParameterValue> {
+    pub fn get<T: Typed>(&self, parameter: Parameter<T>) -> T {
+        self.lock().get(parameter.name()).and_then(T::of).unwrap_or_else(|| parameter.default())
+    }
+
+    /// The value of a parameter by the name that a peer gives.
+    #[must_use]
+    pub fn by_name(&self, name: &str) -> Option<ParameterValue> {
         self.lock().get(name).cloned()
-    }
-
-    /// A double; NaN if there is none of that name.
-    #[must_use]
-    pub fn double(&self, name: &str) -> f64 {
-        if let Some(ParameterValue::Double(v)) = self.lock().get(name) { *v } else { f64::NAN }
-    }
-
-    /// An integer; 0 if there is none of that name.
-    #[must_use]
-    pub fn integer(&self, name: &str) -> i64 {
-        if let Some(ParameterValue::Integer(v)) = self.lock().get(name) { *v } else { 0 }
-    }
-
-    /// A boolean; false if there is none of that name.
-    #[must_use]
-    pub fn boolean(&self, name: &str) -> bool {
-        matches!(self.lock().get(name), Some(ParameterValue::Boolean(true)))
-    }
-
-    /// A string; empty if there is none of that name.
-    #[must_use]
-    pub fn string(&self, name: &str) -> String {
-        if let Some(ParameterValue::String(v)) = self.lock().get(name) { v.clone() } else { String::new() }
-    }
-
-    /// A list of strings; empty if there is none of that name.
-    #[must_use]
-    pub fn strings(&self, name: &str) -> Vec<String> {
-        if let Some(ParameterValue::StringArray(v)) = self.lock().get(name) { v.clone() } else { Vec::new() }
     }
 
     /// All names, sorted.
@@ -327,12 +304,13 @@ mod tests {
     use super::*;
     use crate::ros::arguments;
 
+    const RATE_HZ: Parameter<f64> = Parameter::real("rate_hz", 10.0, [0.0, 1000.0], "Rate, Hz.");
+    const THREADS: Parameter<i64> = Parameter::integer("threads", 0, [0, 64], "Threads.").fixed();
+    const SCENE: Parameter<String> = Parameter::new("scene", "a", "Scene.").fixed();
+    const ENTRY_M: Parameter<[f64; 3]> = Parameter::new("entry_m", [0.0, 0.0, 1.0], "Entry, m.");
+
     fn declared() -> Vec<Declaration> {
-        vec![
-            Declaration::new("rate_hz", ParameterValue::Double(10.0), Range::Double(0.0, 1000.0), "Rate, Hz."),
-            Declaration::new("threads", ParameterValue::Integer(0), Range::Integer(0, 64), "Threads.").fixed(),
-            Declaration::new("scene", ParameterValue::String("a".into()), Range::Any, "Scene.").fixed(),
-        ]
+        vec![RATE_HZ.declaration(), THREADS.declaration(), SCENE.declaration(), ENTRY_M.declaration()]
     }
 
     fn declare(line: &str) -> Result<(Parameters, Vec<String>), ParameterError> {
@@ -343,8 +321,9 @@ mod tests {
     #[test]
     fn integers_are_taken_for_doubles_and_later_wins() {
         let (p, _) = declare("--ros-args -p rate_hz:=5 -p rate_hz:=6 -p other:rate_hz:=7 -p twin:threads:=2").unwrap();
-        assert_eq!(p.double("rate_hz"), 6.0);
-        assert_eq!(p.integer("threads"), 2);
+        assert_eq!(p.get(RATE_HZ), 6.0);
+        assert_eq!(p.get(THREADS), 2);
+        assert_eq!((p.get(SCENE), p.get(ENTRY_M)), ("a".to_owned(), [0.0, 0.0, 1.0]));
     }
 
     #[test]
@@ -356,6 +335,7 @@ mod tests {
             ("--ros-args -p rate_hz:=.nan", "NaN"),
             ("--ros-args -p threads:=2.5", "integer"),
             ("--ros-args -p threads:=65", "[0, 64]"),
+            ("--ros-args -p entry_m:=[1.0,2.0]", "three"),
         ] {
             let message = declare(line).unwrap_err().to_string();
             assert!(message.contains(word), "{line}: {message}");
@@ -367,9 +347,9 @@ mod tests {
         let (p, _) = declare("").unwrap();
         let double = |v| ParameterValue::Double(v);
         assert!(p.set(&[("rate_hz".into(), double(20.0)), ("threads".into(), ParameterValue::Integer(1))]).is_err());
-        assert_eq!(p.double("rate_hz"), 10.0);
+        assert_eq!(p.get(RATE_HZ), 10.0);
         p.set(&[("rate_hz".into(), ParameterValue::Integer(30))]).unwrap();
-        assert_eq!(p.double("rate_hz"), 30.0);
+        assert_eq!(p.get(RATE_HZ), 30.0);
         assert!(p.describe("threads").unwrap().read_only);
     }
 }

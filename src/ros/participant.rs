@@ -14,7 +14,7 @@ use std::thread::JoinHandle;
 use ros2_client::log::Log;
 use ros2_client::parameters::raw::ParameterEvent;
 use ros2_client::qos::{Durability, History};
-use ros2_client::{MessageTypeName, ParameterValue, QosProfile, ServiceMapping};
+use ros2_client::{MessageTypeName, QosProfile, ServiceMapping};
 
 use super::arguments::{ParameterOverride, RosArguments};
 pub use super::endpoint::{Input, Output, Wish};
@@ -22,7 +22,8 @@ use super::environment::{Environment, Reach};
 use super::logging::Severity;
 use super::messages::RosMessage;
 use super::names::{self, Endpoint, NameError, Names};
-use super::parameters::{Declaration, Parameters, Range};
+use super::parameter::{Parameter, parameters};
+use super::parameters::{Declaration, Parameters};
 use super::qos::{self, Side};
 use super::recorder::{Recorder, Recording, Tap};
 use super::service::{Client, Mapping, Service};
@@ -31,10 +32,6 @@ use ros2_guarded::Bell;
 use ros2_guarded::{Health, Inlets, Link, Mailbox, Middleware, Plan, Quality, Role};
 use ros2_messages::schema::{Schema, schema};
 
-/// Name of the parameter that limits the middleware process.
-const MEMORY: &str = "middleware_memory_mib";
-/// What it may take if nobody says anything else, MiB.
-const MEMORY_MIB: i64 = 512;
 /// Messages that wait where the QoS keeps all.
 const KEEP_ALL: usize = 4096;
 
@@ -70,16 +67,18 @@ fn refuse(what: impl Into<String>) -> impl FnOnce(String) -> ParticipantError {
     move |reason| ParticipantError::Middleware { what, reason }
 }
 
-/// The parameter of every node that is on the network.
-#[must_use]
-pub fn declaration() -> Declaration {
-    Declaration::new(
-        MEMORY,
-        ParameterValue::Integer(MEMORY_MIB),
-        Range::Integer(64, 65_536),
+parameters! {
+    /// What every node on the network declares.
+    declarations:
+
+    /// What the middleware process may take.
+    MIDDLEWARE_MEMORY_MIB: i64 = Parameter::integer(
+        "middleware_memory_mib",
+        512,
+        [64, 65_536],
         "Memory that the middleware process may take, MiB; one that needs more is replaced.",
     )
-    .fixed()
+    .fixed();
 }
 
 /// A node on the network.
@@ -116,7 +115,7 @@ impl Participant {
             localhost: environment.reach == Reach::Localhost,
             namespace: names.namespace().to_owned(),
             node: names.node().to_owned(),
-            memory_bytes: mebibytes(MEMORY_MIB),
+            memory_bytes: mebibytes(MIDDLEWARE_MEMORY_MIB.default()),
             verbosity: verbosity(arguments),
             hears: false,
             endpoints: Vec::new(),
@@ -166,7 +165,7 @@ impl Participant {
         let declarations = std::mem::take(&mut self.declarations);
         if let Some(parameters) = parameters {
             parameters.declare_more(declarations);
-            self.plan.memory_bytes = mebibytes(parameters.integer(MEMORY));
+            self.plan.memory_bytes = mebibytes(parameters.get(MIDDLEWARE_MEMORY_MIB));
         }
         let inlets = std::mem::take(&mut self.inlets);
         let program = self.program.take();

@@ -16,9 +16,9 @@ use serde::Serialize;
 
 use super::clock::wall_nanos;
 use super::messages::to_cdr;
-use super::parameters::{Declaration, Parameters, Range};
+use super::parameter::{Parameter, parameters};
+use super::parameters::Parameters;
 use super::start::NodeError;
-use ros2_client::ParameterValue;
 use ros2_guarded::threads::spawn;
 use ros2_messages::schema::Schema;
 use rosbag2_mcap::{BagWriter, Qos, TopicId, WriterOptions, Written};
@@ -32,26 +32,25 @@ const FLUSH: Duration = Duration::from_secs(1);
 /// For viewers, large, and computable from `tissue_model` and `tissue_state`.
 const NOT_UNASKED: [&str; 2] = ["tissue_points", "tissue_surface"];
 
-/// The parameters of a node that records.
-#[must_use]
-pub fn declarations() -> Vec<Declaration> {
-    vec![
-        Declaration::new(
-            "record",
-            ParameterValue::String(String::new()),
-            Range::Any,
-            "Folder (new or empty) for a rosbag2 recording of what the node hears and says; empty: no recording.",
-        )
-        .fixed(),
-        Declaration::new(
-            "record_topics",
-            ParameterValue::StringArray(Vec::new()),
-            Range::Any,
-            "Topics to record, by their names here or on the network; empty: all but tissue_points and \
-             tissue_surface, which follow from tissue_model and tissue_state.",
-        )
-        .fixed(),
-    ]
+parameters! {
+    /// What a node that can record declares.
+    declarations:
+
+    /// Where the recording goes.
+    RECORD: String = Parameter::new(
+        "record",
+        "",
+        "Folder (new or empty) for a rosbag2 recording of what the node hears and says; empty: no recording.",
+    )
+    .fixed();
+    /// What is recorded.
+    RECORD_TOPICS: Vec<String> = Parameter::new(
+        "record_topics",
+        [],
+        "Topics to record, by their names here or on the network; empty: all but tissue_points and tissue_surface, which \
+         follow from tissue_model and tissue_state.",
+    )
+    .fixed();
 }
 
 enum Entry {
@@ -119,7 +118,7 @@ impl Recorder {
     /// # Errors
     /// [`NodeError::Other`] if it exists and is not empty, or can't be written.
     pub fn create(parameters: &Parameters) -> Result<Option<Self>, NodeError> {
-        let folder = parameters.string("record");
+        let folder = parameters.get(RECORD);
         if folder.is_empty() {
             return Ok(None);
         }
@@ -127,7 +126,7 @@ impl Recorder {
         let writer = BagWriter::create(Path::new(&folder), options)
             .map_err(|e| NodeError::Other(format!("parameter `record`: {e}")))?;
         let (sender, entries) = crossbeam_channel::bounded(WAITING_MESSAGES);
-        let topics = parameters.strings("record_topics");
+        let topics = parameters.get(RECORD_TOPICS);
         Ok(Some(Self { writer, topics, sender, entries, backlog: Arc::default() }))
     }
 

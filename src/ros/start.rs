@@ -8,7 +8,8 @@ use super::arguments::{self, ArgumentError, ParameterOverride, RosArguments};
 use super::environment::{Environment, EnvironmentError, Reach};
 use super::logging;
 use super::names::{NameError, Names};
-use super::parameters::{Declaration, ParameterError, Range};
+use super::parameter::{Parameter, Typed, parameters};
+use super::parameters::{Declaration, ParameterError, Parameters};
 use super::participant::{Participant, ParticipantError};
 use super::rosout::Rosout;
 use super::service::Mapping;
@@ -135,44 +136,48 @@ impl Start {
     }
 }
 
+parameters! {
+    /// What every node declares, but for what belongs to the network.
+    own_declarations:
+
+    /// Which clock.
+    USE_SIM_TIME: bool = Parameter::new("use_sim_time", false, "Take the time from /clock instead of the wall clock.");
+    /// Which services.
+    SERVICE_MAPPING: String = Parameter::new(
+        "service_mapping",
+        "auto",
+        "How services are mapped to DDS: auto answers each caller in its own manner, enhanced is rmw_fastrtps_cpp's for all, \
+         cyclone rmw_cyclonedds_cpp's.",
+    )
+    .checked("one of auto, enhanced, cyclone", |value| match value {
+        ParameterValue::String(v) if ["auto", "enhanced", "cyclone"].contains(&v.as_str()) => Ok(()),
+        _ => Err("is one of auto, enhanced, cyclone".to_owned()),
+    })
+    .fixed();
+}
+
 /// Parameters that every node has.
 #[must_use]
 pub fn common_declarations() -> Vec<Declaration> {
-    vec![
-        Declaration::new(
-            "use_sim_time",
-            ParameterValue::Boolean(false),
-            Range::Any,
-            "Take the time from /clock instead of the wall clock.",
-        ),
-        Declaration::new(
-            "service_mapping",
-            ParameterValue::String("auto".to_owned()),
-            Range::Any,
-            "How services are mapped to DDS: auto answers each caller in its own manner, enhanced is \
-             rmw_fastrtps_cpp's for all, cyclone rmw_cyclonedds_cpp's.",
-        )
-        .checked("one of auto, enhanced, cyclone", |value| match value {
-            ParameterValue::String(v) if ["auto", "enhanced", "cyclone"].contains(&v.as_str()) => Ok(()),
-            _ => Err("is one of auto, enhanced, cyclone".to_owned()),
-        })
-        .fixed(),
-        super::participant::declaration(),
-    ]
+    let mut all = own_declarations();
+    all.extend(super::participant::declarations());
+    all
 }
 
 /// The mapping that the parameter asks for.
 #[must_use]
-pub fn mapping(word: &str, environment: &Environment) -> Mapping {
-    match word {
+pub fn mapping(parameters: &Parameters, environment: &Environment) -> Mapping {
+    match parameters.get(SERVICE_MAPPING).as_str() {
         "enhanced" => Mapping::Fixed(ServiceMapping::Enhanced),
         "cyclone" => Mapping::Fixed(ServiceMapping::Cyclone),
         _ => Mapping::OfCaller(environment.mapping),
     }
 }
 
-/// The last value that the command line gives a parameter of this node.
+/// The last value of its type that the command line gives a parameter of this node.
 #[must_use]
-pub fn last_override<'a>(overrides: &'a [ParameterOverride], node: &str, name: &str) -> Option<&'a ParameterOverride> {
-    overrides.iter().rev().find(|o| o.name == name && super::names::pattern_matches(&o.node_pattern, node))
+pub fn last_override<T: Typed>(overrides: &[ParameterOverride], node: &str, parameter: Parameter<T>) -> Option<T> {
+    let of_node =
+        |o: &&ParameterOverride| o.name == parameter.name() && super::names::pattern_matches(&o.node_pattern, node);
+    overrides.iter().rfind(of_node).and_then(|o| T::of(&o.value))
 }

@@ -4,7 +4,8 @@ use std::ffi::OsString;
 
 use needle_twin::ros::arguments::{self, RosArguments};
 use needle_twin::ros::names::{Endpoint, Names, check_name, check_namespace, check_token};
-use needle_twin::ros::parameters::{Declaration, Parameters, Range};
+use needle_twin::ros::parameter::Parameter;
+use needle_twin::ros::parameters::Parameters;
 use needle_twin::ros::{parameter_file, qos};
 use ros2_client::ParameterValue;
 
@@ -41,13 +42,12 @@ fn declare(given: &[arguments::ParameterOverride]) {
             let _ = qos::apply(&mut qos::sensor(1), policy, &one.value);
         }
     }
-    let declared = vec![
-        Declaration::new("rate", ParameterValue::Double(1.0), Range::Double(0.0, 10.0), "A rate."),
-        Declaration::new("scene", ParameterValue::String("a".into()), Range::Any, "A name."),
-        Declaration::new("topics", ParameterValue::StringArray(Vec::new()), Range::Any, "Names."),
-    ];
+    const RATE: Parameter<f64> = Parameter::real("rate", 1.0, [0.0, 10.0], "A rate.");
+    const SCENE: Parameter<String> = Parameter::new("scene", "a", "A name.");
+    const TOPICS: Parameter<Vec<String>> = Parameter::new("topics", [], "Names.");
+    let declared = vec![RATE.declaration(), SCENE.declaration(), TOPICS.declaration()];
     if let Ok((parameters, _)) = Parameters::declare(declared, given, "/or1/twin") {
-        assert!((0.0..=10.0).contains(&parameters.double("rate")));
-        assert!(matches!(parameters.get("topics"), Some(ParameterValue::StringArray(_))));
+        assert!((0.0..=10.0).contains(&parameters.get(RATE)));
+        assert!(matches!(parameters.by_name(TOPICS.name()), Some(ParameterValue::StringArray(_))));
     }
 }

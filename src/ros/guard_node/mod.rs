@@ -70,7 +70,7 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     for warning in warnings {
         tracing::warn!("{warning}");
     }
-    if parameters.boolean("use_sim_time") {
+    if parameters.get(start::USE_SIM_TIME) {
         tracing::warn!("use_sim_time has no effect on the guard: it minds the wall clock");
     }
     let parameters = Arc::new(parameters);
@@ -79,9 +79,9 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
         guard: Guard::new(orders),
         goal: declared::goal(&parameters),
         line: declared::line(&parameters).map_err(NodeError::Usage)?,
-        joint: parameters.string("joint_name"),
+        joint: parameters.get(declared::JOINT_NAME),
         period: Duration::from_secs_f64(orders.step_s),
-        exit_when_done: parameters.boolean("exit_when_done"),
+        exit_when_done: parameters.get(declared::EXIT_WHEN_DONE),
     };
     tracing::info!(
         "brakes from {:.4} m/s in {:.1} ms, {:.1} ms after the last word of what it needs",
@@ -94,7 +94,7 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
 
 fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signals) -> Result<u8, NodeError> {
     let mut participant = start.participant()?;
-    let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
+    let mapping = start::mapping(&parameters, &start.environment);
     participant.set_mapping(mapping);
     participant.set_recorder(Recorder::create(parameters)?);
     let endpoints = Endpoints::new(&mut participant)?;

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
+use super::declared::TISSUE_STIFFNESS;
 use crate::rig::make::Curve;
 use crate::rig::sensors::{DisplacementSensor, LoadCell};
 use crate::rig::{Delay, Driver};
@@ -91,7 +92,7 @@ pub(super) fn run(
             tracing::warn!("servo_jp has ceased: the driver brakes (command_timeout_s)");
         }
         let Some(stamp) = clock.now_nanos() else { continue };
-        let stiffness = parameters.double("tissue_stiffness");
+        let stiffness = parameters.get(TISSUE_STIFFNESS);
         let readings = rig.read(Time::from_nanos(stamp), (now - begun).as_secs_f64(), stiffness);
         if let Some(Readings { joint, force }) = line.pass(readings) {
             endpoints.measured.send(joint);

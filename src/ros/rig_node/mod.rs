@@ -82,7 +82,7 @@ fn rig(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     if let Some(bag) = cli.bag {
         start.ros.parameters.push(ParameterOverride {
             node_pattern: "/**".to_owned(),
-            name: "bag".to_owned(),
+            name: declared::BAG.name().to_owned(),
             value: ParameterValue::String(bag),
             origin: "argument BAG".to_owned(),
         });
@@ -93,10 +93,10 @@ fn rig(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
         tracing::warn!("{warning}");
     }
     let parameters = Arc::new(parameters);
-    if parameters.boolean("use_sim_time") {
+    if parameters.get(start::USE_SIM_TIME) {
         tracing::warn!("use_sim_time has no effect on the rig: it makes the time");
     }
-    if parameters.string("mode") == "driver" {
+    if parameters.get(declared::MODE) == "driver" {
         drive(start, &parameters, signals)
     } else {
         let player = open(&parameters)?;
@@ -106,7 +106,7 @@ fn rig(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
 
 /// Opens the bag and says what is odd about it.
 fn open(parameters: &Parameters) -> Result<Player, NodeError> {
-    let path = parameters.string("bag");
+    let path = parameters.get(declared::BAG);
     if path.is_empty() {
         return Err(NodeError::Usage(
             "there is no bag to play: give its path (rig_node BAG, or --ros-args -p bag:=BAG), or -p mode:=driver"
@@ -154,7 +154,7 @@ fn common(
         tracing::warn!("`{unused}` names no topic of this node");
     }
     participant.start(Some(parameters))?;
-    start.announce(start::mapping(&parameters.string("service_mapping"), &start.environment));
+    start.announce(start::mapping(&parameters, &start.environment));
     let recording = participant.start_recording()?;
     let clock = Arc::new(NodeClock::new(false));
     let (stop, stopped) = crossbeam_channel::bounded(0);
@@ -166,7 +166,7 @@ fn common(
 
 fn participant(start: &mut Start, parameters: &Parameters) -> Result<Participant, NodeError> {
     let mut participant = start.participant()?;
-    participant.set_mapping(start::mapping(&parameters.string("service_mapping"), &start.environment));
+    participant.set_mapping(start::mapping(&parameters, &start.environment));
     participant.set_recorder(Recorder::create(parameters)?);
     Ok(participant)
 }
@@ -174,8 +174,8 @@ fn participant(start: &mut Start, parameters: &Parameters) -> Result<Participant
 fn play(mut start: Start, parameters: &Arc<Parameters>, player: Player, signals: &Signals) -> Result<u8, NodeError> {
     let mut participant = participant(&mut start, parameters)?;
     let wishes = Wishes {
-        clock_hz: parameters.double("clock_hz"),
-        relative_names: parameters.boolean("relative_names"),
+        clock_hz: parameters.get(declared::CLOCK_HZ),
+        relative_names: parameters.get(declared::RELATIVE_NAMES),
         position: declared::position_source(parameters),
         force: declared::force_source(parameters),
     };
@@ -190,8 +190,8 @@ fn play(mut start: Start, parameters: &Arc<Parameters>, player: Player, signals:
         Duration::from_nanos(u64::try_from(to - from).unwrap_or(0)).as_secs_f64(),
         if player.clock().is_paused() { ", paused until ~/resume" } else { "" }
     );
-    let delay = Duration::try_from_secs_f64(parameters.double("delay")).unwrap_or_default();
-    let stay = !parameters.boolean("exit_at_end");
+    let delay = Duration::try_from_secs_f64(parameters.get(declared::DELAY)).unwrap_or_default();
+    let stay = !parameters.get(declared::EXIT_AT_END);
     let (done, finished) = crossbeam_channel::bounded(1);
     let thread = {
         let outputs = Arc::clone(&outputs);

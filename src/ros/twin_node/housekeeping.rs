@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, Sender};
 
-use super::declared::Settings;
+use super::declared::{self, Settings};
 use super::force::ForceOutputs;
 use super::inbox::Inbox;
 use super::judgement::{Around, judge};
@@ -27,6 +27,7 @@ use crate::ros::participant::{Output, Participant, ParticipantError, Wish};
 use crate::ros::qos;
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
+use crate::ros::start::USE_SIM_TIME;
 use ros2_guarded::Bell;
 use ros2_guarded::Health;
 
@@ -107,7 +108,7 @@ impl Housekeeping {
         let begun = Instant::now();
         let (mut status_due, mut diagnostics_due, mut waiting_due) = (begun, begun, begun + WAITING);
         let mut model: Option<Arc<Model>> = None;
-        if self.parameters.boolean("autostart") {
+        if self.parameters.get(declared::AUTOSTART) {
             self.manage(context, Some("configure"));
         }
         loop {
@@ -178,7 +179,7 @@ impl Housekeeping {
         self.shared.set_state(self.lifecycle.state());
         let Some(built) = built.filter(|_| !self.started) else { return };
         self.started = true;
-        if self.parameters.boolean("autostart") {
+        if self.parameters.get(declared::AUTOSTART) {
             self.manage(context, Some("activate"));
         }
         self.model.send(built.message(self.shared.clock.stamp(), &context.frame_id));
@@ -239,7 +240,7 @@ impl Housekeeping {
         });
         if changed {
             self.shared.set_settings(Settings::of(&self.parameters));
-            self.shared.clock.set_simulated(self.parameters.boolean("use_sim_time"));
+            self.shared.clock.set_simulated(self.parameters.get(USE_SIM_TIME));
         }
         self.reset.answer(|_| {
             context.inbox.reset("~/reset");

@@ -111,7 +111,7 @@ fn twin(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     if let Some(scene) = cli.scene {
         start.ros.parameters.push(ParameterOverride {
             node_pattern: "/**".to_owned(),
-            name: "scene".to_owned(),
+            name: declared::SCENE.name().to_owned(),
             value: ParameterValue::String(scene),
             origin: "--scene".to_owned(),
         });
@@ -125,14 +125,9 @@ fn twin(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
 fn configure(start: &Start) -> Result<(Scene, Arc<Parameters>), NodeError> {
     let node = start.names.fully_qualified();
     let given = &start.ros.parameters;
-    let name = match start::last_override(given, &node, "scene").map(|o| &o.value) {
-        Some(ParameterValue::String(name)) => name.clone(),
-        _ => "needle_insertion".to_owned(),
-    };
+    let name = start::last_override(given, &node, declared::SCENE).unwrap_or_else(|| declared::SCENE.default());
     let mut scene = scene_parameters::apply(&scene_parameters::load(&name)?, given, &node)?;
-    if let Some(ParameterValue::Double(tolerance)) = start::last_override(given, &node, "tolerance").map(|o| &o.value)
-        && *tolerance > 0.0
-    {
+    if let Some(tolerance) = start::last_override(given, &node, declared::TOLERANCE).filter(|t| *t > 0.0) {
         scene.set("stepping.tolerance", &tolerance.to_string())?;
     }
     let mut declarations = declared::declarations();
@@ -159,11 +154,11 @@ impl Node {
     /// Makes every endpoint and joins the network.
     fn new(start: &mut Start, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
         let mut participant = start.participant()?;
-        let mapping = start::mapping(&parameters.string("service_mapping"), &start.environment);
+        let mapping = start::mapping(&parameters, &start.environment);
         participant.set_mapping(mapping);
         let rivals = Rivals::new(&mut participant)?;
         participant.set_recorder(Recorder::create(parameters)?);
-        let clock = NodeClock::new(parameters.boolean("use_sim_time"));
+        let clock = NodeClock::new(parameters.get(start::USE_SIM_TIME));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
         let inputs = Inputs::new(&mut participant)?;
         let force = ForceOutputs::new(&mut participant)?;
@@ -182,11 +177,11 @@ impl Node {
     // One thread after the other is wired up, started and, in the order that a clean leave needs, joined: cut into
     // pieces, that order would be hard to see.
     fn run(self, start: Start, scene: Scene, parameters: Arc<Parameters>, signals: &Signals) -> Result<u8, NodeError> {
-        let frame_id = parameters.string("frame_id");
-        set_threads(parameters.integer("threads"))?;
-        let identification = Identification::new(&scene, &parameters.strings("identify"))?;
+        let frame_id = parameters.get(declared::FRAME_ID);
+        set_threads(parameters.get(declared::THREADS))?;
+        let identification = Identification::new(&scene, &parameters.get(declared::IDENTIFY))?;
         let Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared } = self;
-        let doubles = parameters.boolean("look_ahead");
+        let doubles = parameters.get(declared::LOOK_AHEAD);
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
         let (event_sender, events) = crossbeam_channel::bounded(EVENTS);
         let (snapshot_sender, snapshots) = crossbeam_channel::bounded(2);
@@ -209,7 +204,7 @@ impl Node {
         };
         let mut supervisor = Supervisor {
             frame_id: frame_id.clone(),
-            autostart: parameters.boolean("autostart"),
+            autostart: parameters.get(declared::AUTOSTART),
             shared: Arc::clone(&shared),
             inbox: Arc::clone(&inbox),
             tissue,
