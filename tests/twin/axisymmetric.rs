@@ -11,8 +11,7 @@ use mtled::cloud::meridian::meridian;
 use mtled::cloud::{Axis, BASE, CloudError, Domain, Feature, Meridian, Spacing};
 use mtled::material::Law;
 use mtled::solver::VolumeRatio;
-use mtled::solver::kernel::Kernel;
-use mtled::solver::pool::{Pool, Team};
+use mtled::solver::{Kernel, Pool};
 use needle_twin::scene::{Dimension, Override, Scene, Target};
 use needle_twin::twin::{Halt, Phase, StampedPose, Twin};
 use rand_chacha::ChaCha8Rng;
@@ -202,10 +201,7 @@ fn kernel(plane: &Meridian, table: &ShapeTable, ratio: VolumeRatio) -> Kernel<f6
 }
 
 fn evaluate(kernel: &mut Kernel<f64>, u: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let parts = kernel.parts();
-    Pool::new(1).run(&|team: &Team| parts.force(team, u));
-    // SAFETY: the only evaluation is over.
-    (0..u.len()).map(|n| unsafe { parts.node_force(n) }).collect()
+    kernel.internal_force(&mut Pool::new(1), u)
 }
 
 #[test]

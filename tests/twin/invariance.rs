@@ -7,9 +7,8 @@ use crate::coarse::{press, scene};
 use mtled::approximation::table::Approximation;
 use mtled::cloud::Cloud;
 use mtled::material::Law;
-use mtled::solver::kernel::Kernel;
-use mtled::solver::pool::{Pool, Team};
 use mtled::solver::{Advance, Role, Solver, SolverSettings};
+use mtled::solver::{Kernel, Pool};
 use mtled::solver::{Precision, VolumeRatio};
 use needle_twin::twin::Twin;
 use rand_chacha::ChaCha8Rng;
@@ -27,10 +26,7 @@ fn internal_force(
 ) -> Vec<[f64; 3]> {
     let table = Approximation::new(points, cells, interpolating.to_vec(), settings(basis, 1)).table().unwrap();
     let mut kernel = Kernel::<f64>::new(&table, cells, points, &Law::neo_hookean(MU, KAPPA), ratio);
-    let parts = kernel.parts();
-    Pool::new(1).run(&|team: &Team| parts.force(team, u));
-    // SAFETY: the only evaluation is over.
-    (0..points.len()).map(|n| unsafe { parts.node_force(n) }).collect()
+    kernel.internal_force(&mut Pool::new(1), u)
 }
 
 /// A displacement that turns, stretches and bends the body, and shakes every node.

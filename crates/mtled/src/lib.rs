@@ -9,12 +9,10 @@
 //! Everything is in metres, pascals, newtons; a step has no unit of time, since the motion is quasi-static and masses are
 //! scaled until one step is stable.
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
-#![deny(unsafe_code)]
+#![deny(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::multiple_unsafe_ops_per_block)]
 
 pub mod approximation;
 pub mod cloud;
 pub mod material;
-#[allow(unsafe_code)] // vector instructions
 pub mod number;
-#[allow(unsafe_code)] // threads that share the solver's arrays, and vector instructions
 pub mod solver;

@@ -9,8 +9,7 @@ use mtled::approximation::table::Approximation;
 use mtled::material::neo_hookean::{cofactor, determinant, first_piola};
 use mtled::material::{Distortional, Law, Ogden, Volumetric, ogden};
 use mtled::solver::VolumeRatio;
-use mtled::solver::kernel::Kernel;
-use mtled::solver::pool::{Pool, Team};
+use mtled::solver::{Kernel, Pool};
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
@@ -280,10 +279,7 @@ fn the_logarithmic_energy_grows_without_bound_and_goes_back() {
 }
 
 fn evaluate(kernel: &mut Kernel<f64>, pool: &mut Pool, u: &[[f64; 3]]) -> (f64, Vec<f64>) {
-    let parts = kernel.parts();
-    pool.run(&|team: &Team| parts.force(team, u));
-    // SAFETY: the only evaluation is over.
-    let force = (0..u.len()).flat_map(|n| unsafe { parts.node_force(n) }).collect();
+    let force = kernel.internal_force(pool, u).into_iter().flatten().collect();
     (kernel.energy(), force)
 }
 

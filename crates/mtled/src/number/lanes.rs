@@ -208,12 +208,12 @@ pub(super) fn sum_and_clear_avx2(lanes: &mut [[Lanes<f32>; 3]], sums: &mut [[f32
         _mm_add_ps, _mm_storeu_ps, _mm256_castps256_ps128, _mm256_extractf128_ps, _mm256_hadd_ps, _mm256_loadu_ps,
     };
     for (lanes, sums) in lanes.iter_mut().zip(sums) {
-        // SAFETY: eight numbers each.
+        // SAFETY: a component has eight numbers, and need not be aligned.
         let [x, y, z] = [0, 1, 2].map(|k| unsafe { _mm256_loadu_ps(lanes[k].0.as_ptr()) });
         let quarters = _mm256_hadd_ps(_mm256_hadd_ps(x, y), _mm256_hadd_ps(z, z));
         let sum = _mm_add_ps(_mm256_castps256_ps128(quarters), _mm256_extractf128_ps::<1>(quarters));
         let mut four = [0.0; 4];
-        // SAFETY: four numbers.
+        // SAFETY: room for four numbers, which need not be aligned.
         unsafe { _mm_storeu_ps(four.as_mut_ptr(), sum) };
         sums.copy_from_slice(&four[..3]);
         *lanes = [Lanes::default(); 3];

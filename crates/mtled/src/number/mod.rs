@@ -1,6 +1,8 @@
 //! Numbers: the kernel's scalar type, and eight of them side by side in one vector register.
 
+#[allow(unsafe_code)] // vector instructions
 pub mod lanes;
+#[allow(unsafe_code)] // the same
 pub mod real;
 
 pub use lanes::{LANES, Lanes};

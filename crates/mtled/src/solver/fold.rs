@@ -30,8 +30,8 @@ const LARGEST_STIFFNESS: f64 = 1.0;
 const FINE: f64 = 0.0177;
 /// Power of h_1 / h_c.
 const POWER: i32 = 6;
-/// Cells per share of an evaluation.
-pub const CELLS_PER_DEAL: usize = 128;
+/// Cells per part of an evaluation.
+pub const CELLS_PER_CHUNK: usize = 128;
 
 /// A guarded cell.
 #[derive(Clone, Debug)]
@@ -52,6 +52,13 @@ pub struct Resistance {
     pub force: [[f64; 3]; 4],
     /// W of the cell, J.
     pub energy: f64,
+}
+
+/// Fills in what the cells of one part of the list resist with.
+pub fn fill(part: &mut [Resistance], index: usize, of: impl Fn(usize) -> Resistance) {
+    for (out, cell) in part.iter_mut().zip(index * CELLS_PER_CHUNK..) {
+        *out = of(cell);
+    }
 }
 
 /// The guarded cells of a model.
@@ -81,11 +88,6 @@ impl Guard {
             Shares::of(guarded.iter().map(|&c| cells[c as usize].as_slice()), points.len())
         };
         Self { cells: guarded.iter().map(cell).collect(), of_node }
-    }
-
-    /// Number of cells.
-    pub fn len(&self) -> usize {
-        self.cells.len()
     }
 
     /// Four times the cell plus the corner, for each cell that has node n.

@@ -15,18 +15,19 @@ use crate::material::{Law, Volumetric};
 
 use super::block::{Block, ForceOfLane, Shares};
 use super::dilatation::{Dilatation, POINTWISE_BULK};
+use super::disjoint::{Chunks, Each, Either, Offsets, Runs, Then};
 use super::fold::{self, Guard, Resistance};
 use super::memory::Memory;
 use super::points::{Constants, Relaxing};
-use super::pool::{Dealt, Team};
+use super::pool::Pool;
 use super::strip::Strip;
 use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
 
-/// Nodes per share of the sums over nodes.
-pub const NODES_PER_DEAL: usize = 256;
-/// Coarse nodes per share of the sums over them.
-const COARSE_PER_DEAL: usize = 64;
+/// Nodes per part of a phase over nodes. Under Miri, here and below, so few that a tiny model has several parts.
+pub const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
+/// Coarse nodes per part of a phase over them.
+const COARSE_PER_CHUNK: usize = if cfg!(miri) { 4 } else { 64 };
 
 /// Internal-force kernel of one model.
 #[derive(Clone, Debug)]
@@ -36,9 +37,13 @@ pub struct Kernel<T: Real> {
     slot: Vec<(u32, u32)>,
     /// Internal force of each block on each of its nodes, block after block, N.
     force: Vec<[T; 3]>,
+    /// Where each block's begin.
+    force_runs: Offsets,
     force_shares: Shares,
     /// V (J - 1) of each block at each of its vertices, block after block, m^3.
     dilation: Vec<T>,
+    /// Where each block's begin.
+    dilation_runs: Offsets,
     dilation_shares: Shares,
     projection: Projection<T>,
     guard: Guard,
@@ -53,12 +58,12 @@ pub struct Kernel<T: Real> {
 /// The projection of the dilation and its last values.
 #[derive(Clone, Debug)]
 struct Projection<T> {
-    /// N_aP, [`NODES_PER_DEAL`] nodes each; none with the pointwise volume ratio.
+    /// N_aP, [`NODES_PER_CHUNK`] nodes each; none with the pointwise volume ratio.
     strips: Vec<Strip<T>>,
     /// Sums of the strips to each of their coarse nodes, strip after strip, m^3.
     sums: Vec<T>,
-    /// Where the sums of each strip begin, one more than strips.
-    start: Vec<usize>,
+    /// Where the sums of each strip begin.
+    runs: Offsets,
     shares: Shares,
     /// V_P, m^3.
     volume: Vec<f64>,
@@ -66,28 +71,6 @@ struct Projection<T> {
     coarse: Vec<T>,
     /// The same at the nodes, Pa; whole groups of lanes.
     nodal: Vec<T>,
-}
-
-/// The kernel's memory during a job, dealt to the team's threads.
-pub struct Parts<'a, T: Real> {
-    pub(super) blocks: Dealt<'a, Block<T>>,
-    force: Dealt<'a, [T; 3]>,
-    dilation: Dealt<'a, T>,
-    strips: Dealt<'a, Strip<T>>,
-    sums: Dealt<'a, T>,
-    coarse: Dealt<'a, T>,
-    nodal: Dealt<'a, T>,
-    resistance: Dealt<'a, Resistance>,
-    pub(super) scratch: Dealt<'a, ForceOfLane<T>>,
-    pub(super) guard: &'a Guard,
-    force_shares: &'a Shares,
-    dilation_shares: &'a Shares,
-    /// Where the sums of each strip begin.
-    start: &'a [usize],
-    shares: &'a Shares,
-    /// V_P, m^3.
-    volume: &'a [f64],
-    pub(super) constants: Constants,
 }
 
 impl<T: Real> Kernel<T> {
@@ -117,10 +100,14 @@ impl<T: Real> Kernel<T> {
         }
         let most = blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
         let projection = Projection::new(&dilatation, table, cells, nodes);
+        let force_runs = Offsets::of(blocks.iter().map(|b| b.nodes.len()));
+        let dilation_runs = Offsets::of(blocks.iter().map(|b| b.vertices.len()));
         Self {
-            force: vec![[T::default(); 3]; blocks.iter().map(|b| b.nodes.len()).sum()],
+            force: vec![[T::default(); 3]; force_runs.total()],
+            force_runs,
             force_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
-            dilation: vec![T::default(); blocks.iter().map(|b| b.vertices.len()).sum()],
+            dilation: vec![T::default(); dilation_runs.total()],
+            dilation_runs,
             dilation_shares: Shares::of(blocks.iter().map(|b| b.vertices.as_slice()), nodes),
             projection,
             scratch: vec![vec![Default::default(); most]],
@@ -143,28 +130,6 @@ impl<T: Real> Kernel<T> {
     pub fn for_threads(mut self, threads: usize) -> Self {
         self.scratch.resize(threads.max(1), self.scratch[0].clone());
         self
-    }
-
-    /// Lends the kernel's memory to a job.
-    pub fn parts(&mut self) -> Parts<'_, T> {
-        Parts {
-            blocks: Dealt::new(&mut self.blocks),
-            force: Dealt::new(&mut self.force),
-            dilation: Dealt::new(&mut self.dilation),
-            strips: Dealt::new(&mut self.projection.strips),
-            sums: Dealt::new(&mut self.projection.sums),
-            coarse: Dealt::new(&mut self.projection.coarse),
-            nodal: Dealt::new(&mut self.projection.nodal),
-            resistance: Dealt::new(&mut self.resistance),
-            scratch: Dealt::new(&mut self.scratch),
-            guard: &self.guard,
-            force_shares: &self.force_shares,
-            dilation_shares: &self.dilation_shares,
-            start: &self.projection.start,
-            shares: &self.projection.shares,
-            volume: &self.projection.volume,
-            constants: self.constants,
-        }
     }
 
     /// Number of nodes.
@@ -240,157 +205,127 @@ impl<T: Real> Projection<T> {
             }
         }
         let strips: Vec<Strip<T>> = if dilatation.count > 0 {
-            let range = |first: usize| first..(first + NODES_PER_DEAL).min(nodes);
-            (0..nodes).step_by(NODES_PER_DEAL).map(|first| Strip::new(range(first), entries)).collect()
+            let range = |first: usize| first..(first + NODES_PER_CHUNK).min(nodes);
+            (0..nodes).step_by(NODES_PER_CHUNK).map(|first| Strip::new(range(first), entries)).collect()
         } else {
             Vec::new()
         };
-        let mut start = vec![0];
-        start.extend(strips.iter().scan(0, |sum, strip| {
-            *sum += strip.coarse().len();
-            Some(*sum)
-        }));
+        let runs = Offsets::of(strips.iter().map(|s| s.coarse().len()));
         Self {
-            sums: vec![T::default(); strips.iter().map(|s| s.coarse().len()).sum()],
-            start,
+            sums: vec![T::default(); runs.total()],
+            runs,
             shares: Shares::of(strips.iter().map(Strip::coarse), dilatation.count),
             volume,
             coarse: vec![T::default(); dilatation.count],
-            nodal: vec![T::default(); strips.len() * NODES_PER_DEAL],
+            nodal: vec![T::default(); strips.len() * NODES_PER_CHUNK],
             strips,
         }
     }
 }
 
-impl<T: Real> Parts<'_, T> {
-    /// Internal force for nodal parameters `u`. The caller must have passed a barrier since `u` was written; on return
-    /// the blocks hold their forces and the team has passed a barrier.
-    pub fn force(&self, team: &Team, u: &[[f64; 3]]) {
-        let count = self.blocks.len();
-        // SAFETY (all blocks below): each block, strip or range of nodes is claimed by one thread between barriers, a
-        // thread's scratch memory is its own, and what a phase reads no thread writes in it.
-        team.claim(count, |b| {
-            let block = unsafe { self.blocks.get(b) };
-            let range = block.first.vertex..block.first.vertex + block.vertices.len();
-            block.deform(u, unsafe { self.dilation.part(range) });
-        });
-        team.barrier();
-        let pressures: &[T] = if self.constants.projected > 0.0 {
-            team.claim(self.strips.len(), |strip| run(ToCoarse(self, strip)));
-            team.barrier();
-            team.claim(self.coarse.len().div_ceil(COARSE_PER_DEAL), |deal| self.press(deal));
-            team.barrier();
-            team.claim(self.strips.len(), |strip| run(ToNodes(self, strip)));
-            team.barrier();
-            unsafe { self.nodal.read() }
+impl<T: Real> Kernel<T> {
+    /// Internal force for nodal parameters `u`, m: the blocks hold their forces afterwards.
+    pub(super) fn force(&mut self, pool: &mut Pool, u: &[[f64; 3]]) {
+        let deform = (Each::new(&mut self.blocks), Runs::new(&mut self.dilation, &self.dilation_runs));
+        pool.each(deform, |_, (block, dilation)| block.deform(u, dilation));
+        let pressure: &[T] = if self.constants.projected > 0.0 {
+            let (dilation, shares) = (&self.dilation, &self.dilation_shares);
+            self.projection.project(pool, &self.constants, |n| {
+                // V_a (J_a - 1), m^3
+                T::of(shares.of_index(n).iter().map(|&at| dilation[at as usize].get()).sum())
+            })
         } else {
             &[]
         };
-        team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
-            None => {
-                let block = unsafe { self.blocks.get(i) };
-                let (scratch, force) = unsafe { (self.scratch.get(team.rank), self.force_of(block)) };
-                block.stress(pressures, &self.constants, scratch, force);
-            }
-            Some(deal) => self.resist(deal, |cell| self.guard.resistance(cell, u)),
+        let (constants, guard) = (&self.constants, &self.guard);
+        let blocks = (Each::new(&mut self.blocks), Runs::new(&mut self.force, &self.force_runs));
+        let count = self.force_runs.len();
+        let work = Then(blocks, Chunks::new(&mut self.resistance, fold::CELLS_PER_CHUNK));
+        pool.each_with(&mut self.scratch, work, |scratch, i, part| match part {
+            Either::First((block, force)) => block.stress(pressure, constants, scratch, force),
+            Either::Second(cells) => fold::fill(cells, i - count, |cell| guard.resistance(cell, u)),
         });
-        team.barrier();
     }
 
-    /// Forces of a block.
-    ///
-    /// # Safety
-    /// The caller must have claimed the block, and no thread may read forces.
-    #[expect(clippy::mut_from_ref, reason = "exclusive by the contract above")]
-    pub(super) unsafe fn force_of(&self, block: &Block<T>) -> &mut [[T; 3]] {
-        // SAFETY: blocks don't overlap.
-        unsafe { self.force.part(block.first.node..block.first.node + block.nodes.len()) }
+    /// Shares of the masses, over s (see [`super::mass`]), in the first component of the forces.
+    pub(super) fn bound(&mut self, pool: &mut Pool, u: &[[f64; 3]]) {
+        let (constants, guard) = (&self.constants, &self.guard);
+        let blocks = (Each::new(&mut self.blocks), Runs::new(&mut self.force, &self.force_runs));
+        let count = self.force_runs.len();
+        let work = Then(blocks, Chunks::new(&mut self.resistance, fold::CELLS_PER_CHUNK));
+        pool.each_with(&mut self.scratch, work, |scratch, i, part| match part {
+            Either::First((block, force)) => block.bound(constants, scratch, force),
+            Either::Second(cells) => fold::fill(cells, i - count, |cell| guard.bound(cell, u)),
+        });
     }
 
-    /// Shares of a pass over the guarded cells.
-    pub(super) fn guard_deals(&self) -> usize {
-        self.guard.len().div_ceil(fold::CELLS_PER_DEAL)
-    }
-
-    /// Keeps what the guarded cells of one deal resist with.
-    pub(super) fn resist(&self, deal: usize, of: impl Fn(usize) -> Resistance) {
-        let first = deal * fold::CELLS_PER_DEAL;
-        for cell in first..(first + fold::CELLS_PER_DEAL).min(self.guard.len()) {
-            // SAFETY: as in `force`.
-            unsafe { *self.resistance.get(cell) = of(cell) };
-        }
-    }
-
-    /// V_a (J_a - 1), m^3.
-    #[inline(always)]
-    fn dilation(&self, n: usize) -> T {
-        // SAFETY: as in `force`.
-        let dilation = unsafe { self.dilation.read() };
-        T::of(self.dilation_shares.of_index(n).iter().map(|&at| dilation[at as usize].get()).sum())
-    }
-
-    /// Pressures of one deal of coarse nodes.
-    fn press(&self, deal: usize) {
-        let range = deal * COARSE_PER_DEAL..((deal + 1) * COARSE_PER_DEAL).min(self.coarse.len());
-        let kappa = self.constants.projected;
-        // SAFETY: as in `force`.
-        let (sums, out) = unsafe { (self.sums.read(), self.coarse.part(range.clone())) };
-        for (out, coarse) in out.iter_mut().zip(range) {
-            let sum: f64 = self.shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum();
-            let dilation = sum / self.volume[coarse];
-            *out = T::of(match self.constants.law.volumetric {
-                _ if self.volume[coarse] <= 0.0 => 0.0,
-                Volumetric::Quadratic => kappa * dilation,
-                other => kappa * other.slope(dilation),
-            });
-        }
-    }
-
-    /// Internal force on one node, N, after [`Parts::force`].
-    ///
-    /// # Safety
-    /// Since the barrier that ends [`Parts::force`] no thread may have begun another evaluation.
+    /// Internal force on one node, N, after [`Kernel::force`].
     #[inline]
-    pub unsafe fn node_force(&self, n: usize) -> [f64; 3] {
-        // SAFETY: forces are only read now, by the caller's promise.
-        let (force, resistance) = unsafe { (self.force.read(), self.resistance.read()) };
+    pub(super) fn node_force(&self, n: usize) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for &at in self.force_shares.of_index(n) {
-            let share = force[at as usize];
+            let share = self.force[at as usize];
             (0..3).for_each(|k| sum[k] += share[k].get());
         }
         for &at in self.guard.of_node(n) {
-            let share = resistance[at as usize / 4].force[at as usize % 4];
+            let share = self.resistance[at as usize / 4].force[at as usize % 4];
             (0..3).for_each(|k| sum[k] += share[k]);
         }
         sum
     }
+
+    /// Internal force on every node, N, for nodal parameters `u`, m: for tests and studies, since it allocates.
+    pub fn internal_force(&mut self, pool: &mut Pool, u: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        self.force(pool, u);
+        (0..self.nodes).map(|n| self.node_force(n)).collect()
+    }
+}
+
+impl<T: Real> Projection<T> {
+    /// Pressure at the nodes, Pa, from V_a (J_a - 1) of each, m^3.
+    fn project(&mut self, pool: &mut Pool, constants: &Constants, dilation: impl Fn(usize) -> T + Sync) -> &[T] {
+        let sums = (Each::new(&mut self.strips), Runs::new(&mut self.sums, &self.runs));
+        pool.each(sums, |_, (strip, out)| run(ToCoarse(strip, &dilation, out)));
+        let (sums, shares, volume) = (&self.sums, &self.shares, &self.volume);
+        pool.each(Chunks::new(&mut self.coarse, COARSE_PER_CHUNK), |i, out| {
+            for (out, coarse) in out.iter_mut().zip(i * COARSE_PER_CHUNK..) {
+                let sum: f64 = shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum();
+                *out = pressure(constants, sum, volume[coarse]);
+            }
+        });
+        let coarse = &self.coarse;
+        let nodal = (Each::new(&mut self.strips), Chunks::new(&mut self.nodal, NODES_PER_CHUNK));
+        pool.each(nodal, |_, (strip, out)| run(ToNodes(strip, coarse, out)));
+        &self.nodal
+    }
+}
+
+/// (kappa - kappa_s) u'(J_P), Pa, from the sum of V_a N_aP (J_a - 1) and V_P, m^3.
+fn pressure<T: Real>(constants: &Constants, sum: f64, volume: f64) -> T {
+    let (kappa, dilation) = (constants.projected, sum / volume);
+    T::of(match constants.law.volumetric {
+        _ if volume <= 0.0 => 0.0,
+        Volumetric::Quadratic => kappa * dilation,
+        other => kappa * other.slope(dilation),
+    })
 }
 
 /// The dilations of one strip's nodes, to its coarse nodes.
-struct ToCoarse<'a, T: Real>(&'a Parts<'a, T>, usize);
+struct ToCoarse<'a, T: Real, D>(&'a mut Strip<T>, &'a D, &'a mut [T]);
 
-impl<T: Real> Loop for ToCoarse<'_, T> {
+impl<T: Real, D: Fn(usize) -> T> Loop for ToCoarse<'_, T, D> {
     #[inline(always)]
     fn go(self) {
-        let Self(parts, strip) = self;
-        // SAFETY: as in `Parts::force`.
-        let (own, out) =
-            unsafe { (parts.strips.get(strip), parts.sums.part(parts.start[strip]..parts.start[strip + 1])) };
-        own.sum_to_coarse(|n| parts.dilation(n), out);
+        self.0.sum_to_coarse(self.1, self.2);
     }
 }
 
 /// The coarse pressures to one strip's nodes.
-struct ToNodes<'a, T: Real>(&'a Parts<'a, T>, usize);
+struct ToNodes<'a, T: Real>(&'a mut Strip<T>, &'a [T], &'a mut [T]);
 
 impl<T: Real> Loop for ToNodes<'_, T> {
     #[inline(always)]
     fn go(self) {
-        let Self(parts, strip) = self;
-        let range = strip * NODES_PER_DEAL..(strip + 1) * NODES_PER_DEAL;
-        // SAFETY: as in `Parts::force`.
-        let (coarse, out) = unsafe { (parts.coarse.read(), parts.nodal.part(range)) };
-        unsafe { parts.strips.get(strip) }.hand_to_nodes(coarse, out);
+        self.0.hand_to_nodes(self.1, self.2);
     }
 }

@@ -12,9 +12,9 @@
 //! once, at rest, from the true largest eigenvalue.
 
 use super::block::{Block, ForceOfLane};
-use super::kernel::{NODES_PER_DEAL, Parts};
-use super::points::{PointLaw, Relaxing};
-use super::pool::{Dealt, Team};
+use super::disjoint::Chunks;
+use super::kernel::NODES_PER_CHUNK;
+use super::points::{Constants, PointLaw, Relaxing};
 use super::state::{Solver, with_kernel};
 use crate::number::lanes::{Loop, run};
 use crate::number::{Number, Real};
@@ -26,51 +26,30 @@ impl Solver {
     /// Brings the masses up to date with the last evaluation of the internal force, and the slowest frequency with the
     /// masses. Costs less than a third of a step.
     pub(super) fn refresh_masses(&mut self) {
-        let count = self.mass.len();
-        let scale = self.mass_scale;
-        let mass = Dealt::new(&mut self.mass);
+        let (pool, u, scale) = (&mut self.pool, &self.state.u, self.mass_scale);
+        let mass = Chunks::new(&mut self.mass, NODES_PER_CHUNK);
         with_kernel!(&mut self.kernel, k => {
-            let parts = k.parts();
-            let u = &self.state.u;
-            // SAFETY: each block, then each deal of nodes, is claimed by one thread.
-            self.pool.run(&|team: &Team| {
-                parts.bound(team, u);
-                team.claim(count.div_ceil(NODES_PER_DEAL), |deal| {
-                    for n in deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(count) {
-                        let (m, needed) = unsafe { (mass.get(n), scale * parts.node_force(n)[0]) };
-                        if needed.is_finite() {
-                            *m = needed.max(FADE * *m);
-                        }
+            k.bound(pool, u);
+            pool.each(mass, |i, mass| {
+                for (m, n) in mass.iter_mut().zip(i * NODES_PER_CHUNK..) {
+                    let needed = scale * k.node_force(n)[0];
+                    if needed.is_finite() {
+                        *m = needed.max(FADE * *m);
                     }
-                });
+                }
             });
         });
         self.slowest = self.sway.frequency(&self.mass);
     }
 }
 
-impl<T: Real> Parts<'_, T> {
-    /// Leaves each block's shares of the masses, over s, in the first component of its forces.
-    fn bound(&self, team: &Team, u: &[[f64; 3]]) {
-        let count = self.blocks.len();
-        // SAFETY: each block is claimed by one thread.
-        team.claim(count + self.guard_deals(), |i| match i.checked_sub(count) {
-            None => {
-                let block = unsafe { self.blocks.get(i) };
-                let (scratch, force) = unsafe { (self.scratch.get(team.rank), self.force_of(block)) };
-                match self.constants.plain() {
-                    Some(plain) => run(Bound(block, &plain, scratch, force)),
-                    None => run(Bound(
-                        block,
-                        &Relaxing { constants: &self.constants, memory: &block.memory },
-                        scratch,
-                        force,
-                    )),
-                }
-            }
-            Some(deal) => self.resist(deal, |cell| self.guard.bound(cell, u)),
-        });
-        team.barrier();
+impl<T: Real> Block<T> {
+    /// Leaves the block's shares of the masses, over s, in the first component of its forces.
+    pub(super) fn bound(&self, constants: &Constants, scratch: &mut ForceOfLane<T>, force: &mut [[T; 3]]) {
+        match constants.plain() {
+            Some(plain) => run(Bound(self, &plain, scratch, force)),
+            None => run(Bound(self, &Relaxing { constants, memory: &self.memory }, scratch, force)),
+        }
     }
 }
 

@@ -1,24 +1,32 @@
 //! The explicit step: internal-force kernel, stable step, damping, essential boundary conditions, reactions.
 
-pub mod block;
-pub mod dilatation;
+mod block;
+mod dilatation;
+#[allow(unsafe_code)] // parts of a slice for several threads
+mod disjoint;
 mod double;
 mod fold;
+#[allow(unsafe_code)] // what the owner of a phase tells its helpers
+mod gate;
 mod group;
 mod inertia;
-pub mod kernel;
+mod kernel;
 mod mass;
 mod memory;
 mod passes;
 mod points;
-pub mod pool;
+#[allow(unsafe_code)] // threads that run a borrowed closure
+mod pool;
 mod relax;
 mod settings;
 mod state;
 mod step;
 mod strip;
+mod sync;
 mod work;
 
+pub use kernel::Kernel;
+pub use pool::Pool;
 pub use settings::{Precision, SolverSettings, VolumeRatio};
 pub use state::{Role, Solver};
 pub use step::{Advance, Balance};

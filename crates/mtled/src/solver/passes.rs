@@ -9,7 +9,7 @@ use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
 
 /// How far ahead gradients are asked for: 2 kB in single precision.
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(target_arch = "x86_64", not(miri)))]
 const VISITS_AHEAD: usize = 40;
 
 impl<T: Real> Block<T> {
@@ -219,14 +219,15 @@ fn scatter<T: Real, const AXISYMMETRIC: bool>(
 /// Asks for the gradients of a later visit: the processor's own prefetching ends at the next page, and waits of a
 /// seventh of the step were measured without.
 #[inline(always)]
+#[allow(unsafe_code)] // an instruction of the processor
 fn prefetch<S>(g: &[[S; LANES]; 3]) {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(miri)))]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let later = std::ptr::from_ref(g).wrapping_add(VISITS_AHEAD);
         // SAFETY: a hint; the address need not be valid.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(later.cast()) };
     }
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(not(all(target_arch = "x86_64", not(miri))))]
     let _ = g;
 }

@@ -1,45 +1,58 @@
-//! A persistent team of threads for the explicit step: no fork and join per step, no lock, no allocation.
+//! A persistent team of threads for the explicit step: no lock, no allocation, no thread started per step.
 //!
-//! [`Pool::run`] hands one closure to every thread; inside it, [`Team::barrier`] separates the phases of a step and
-//! [`Team::claim`] deals out blocks. Which thread computes a block never matters to the result, so any number of
-//! threads gives the same bits.
+//! A step is a sequence of phases. [`Pool::each`] is one phase: it hands every part of some work to one thread and returns
+//! when all are done. Which thread computes a part never matters to the result, so any number of threads gives the
+//! same bits. The work is borrowed exclusively for the phase, and the pool too, so neither a second pool on the same
+//! memory nor a phase within a phase compiles.
+//!
+//! A phase that panics poisons the pool: the panic goes on in the caller, the helpers wait, and every later phase panics.
 
-use std::cell::UnsafeCell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicUsize, Ordering};
-use std::thread::{self, JoinHandle, Thread};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
 
-/// Spins before a waiting thread gives its time slice away.
-const SPINS: u32 = 4_000;
+use super::disjoint::{Disjoint, Each};
+use super::gate::Gate;
+use super::sync::relax;
 
-type Job<'a> = &'a (dyn Fn(&Team) + Sync);
+/// Turns of a helper's waiting loop, spins included, after which it sleeps until the next phase.
+const PATIENCE: u32 = 5_000;
 
-struct Shared {
-    threads: AtomicUsize,
-    /// Address of the job's fat reference, on the caller's stack while `run` is inside.
-    job: AtomicPtr<()>,
-    epoch: AtomicUsize,
-    running: AtomicUsize,
-    stop: AtomicBool,
-    panicked: AtomicBool,
-    arrived: AtomicUsize,
-    phase: AtomicUsize,
-    next: AtomicUsize,
+/// A phase's closure by its address.
+#[derive(Clone, Copy)]
+struct Job {
+    closure: *const (),
+    /// Calls the closure with the gate and the thread's rank.
+    call: unsafe fn(*const (), &Gate<Job>, usize),
 }
 
-/// The threads of a pool, seen from inside a job.
-pub struct Team {
-    shared: Arc<Shared>,
-    /// 0 for the caller's own thread.
-    pub rank: usize,
-    claimed: UnsafeCell<usize>,
+// SAFETY: `Job::new` takes closures that may be called from several threads.
+unsafe impl Send for Job {}
+
+impl Job {
+    fn new<F: Fn(&Gate<Self>, usize) + Sync>(closure: &F) -> Self {
+        /// # Safety
+        /// `closure` is the address of a live `F`.
+        unsafe fn call<F: Fn(&Gate<Job>, usize)>(closure: *const (), gate: &Gate<Job>, rank: usize) {
+            // SAFETY: by the caller's promise.
+            let closure = unsafe { &*closure.cast::<F>() };
+            closure(gate, rank);
+        }
+        Self { closure: std::ptr::from_ref(closure).cast(), call: call::<F> }
+    }
+}
+
+struct Shared {
+    gate: Gate<Job>,
+    stop: AtomicBool,
 }
 
 /// Persistent threads; the caller takes part as rank 0.
 pub struct Pool {
     shared: Arc<Shared>,
-    handles: Vec<JoinHandle<()>>,
-    wake: Vec<Thread>,
+    helpers: Vec<JoinHandle<()>>,
+    poisoned: bool,
 }
 
 impl std::fmt::Debug for Pool {
@@ -52,242 +65,176 @@ impl Pool {
     /// Starts `threads - 1` helpers (at least none). A thread that can't be started is done without.
     #[must_use]
     pub fn new(threads: usize) -> Self {
-        let shared = Arc::new(Shared {
-            threads: AtomicUsize::new(1),
-            job: AtomicPtr::new(std::ptr::null_mut()),
-            epoch: AtomicUsize::new(0),
-            running: AtomicUsize::new(0),
-            stop: AtomicBool::new(false),
-            panicked: AtomicBool::new(false),
-            arrived: AtomicUsize::new(0),
-            phase: AtomicUsize::new(0),
-            next: AtomicUsize::new(0),
-        });
-        let handles: Vec<_> = (1..threads)
-            .map_while(|rank| {
-                let team = Team { shared: Arc::clone(&shared), rank, claimed: UnsafeCell::new(0) };
-                thread::Builder::new().name(format!("solver-{rank}")).spawn(move || work(&team)).ok()
-            })
-            .collect();
-        shared.threads.store(handles.len() + 1, Ordering::Release);
-        let wake = handles.iter().map(|h| h.thread().clone()).collect();
-        Self { shared, handles, wake }
+        let shared = Arc::new(Shared { gate: Gate::new(), stop: AtomicBool::new(false) });
+        let start = |rank: usize| {
+            let shared = Arc::clone(&shared);
+            thread::Builder::new().name(format!("solver-{rank}")).spawn(move || help(&shared, rank)).ok()
+        };
+        let helpers = (1..threads).map_while(start).collect();
+        Self { shared, helpers, poisoned: false }
     }
 
     /// Number of threads, the caller's included.
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.shared.threads.load(Ordering::Relaxed)
+        self.helpers.len() + 1
     }
 
-    /// Runs `job` once on every thread and returns when all are done.
+    /// Calls `f(i, part)` for every part of some work, each on one thread, and returns when all are done.
     ///
     /// # Panics
-    /// If the job panicked on a helper.
-    pub fn run(&mut self, job: Job<'_>) {
-        let s = &self.shared;
-        s.arrived.store(0, Ordering::Relaxed);
-        s.phase.store(0, Ordering::Relaxed);
-        s.next.store(0, Ordering::Relaxed);
-        s.running.store(self.handles.len(), Ordering::Relaxed);
-        s.job.store((&raw const job).cast_mut().cast(), Ordering::Relaxed);
-        s.epoch.fetch_add(1, Ordering::Release);
-        for t in &self.wake {
-            t.unpark();
-        }
-        let unwinding = Abort;
-        job(&Team { shared: Arc::clone(s), rank: 0, claimed: UnsafeCell::new(0) });
-        std::mem::forget(unwinding);
-        let mut spins = 0;
-        while s.running.load(Ordering::Acquire) != 0 {
-            relax(&mut spins);
-        }
-        assert!(!s.panicked.load(Ordering::Relaxed), "a solver thread panicked");
+    /// If `f` panicked on any thread, now or in an earlier phase.
+    pub(crate) fn each<D: Disjoint>(&mut self, work: D, f: impl Fn(usize, D::Part) + Sync) {
+        let count = work.len();
+        self.phase(&|gate, _| {
+            while let Some(i) = gate.claim(count) {
+                // SAFETY: `i` is below `count`, and the gate gives it to one thread of this phase; `work` is used up.
+                f(i, unsafe { work.part(i) });
+            }
+        });
     }
-}
 
-/// Helpers hold a reference into the caller's frame: it must not unwind while they run.
-struct Abort;
+    /// [`Pool::each`] with memory of each thread's own, `f(memory, i, part)`.
+    ///
+    /// # Panics
+    /// As [`Pool::each`], and with less memory than threads.
+    pub(crate) fn each_with<M: Send, D: Disjoint>(
+        &mut self,
+        memory: &mut [M],
+        work: D,
+        f: impl Fn(&mut M, usize, D::Part) + Sync,
+    ) {
+        assert!(memory.len() >= self.threads(), "memory for {} of {} threads", memory.len(), self.threads());
+        let (count, memory) = (work.len(), Each::new(memory));
+        self.phase(&|gate, rank| {
+            // SAFETY: there is memory for every rank (checked above), and each is one thread's, once per phase.
+            let own = unsafe { memory.part(rank) };
+            while let Some(i) = gate.claim(count) {
+                // SAFETY: as in `each`.
+                f(own, i, unsafe { work.part(i) });
+            }
+        });
+    }
 
-impl Drop for Abort {
-    fn drop(&mut self) {
-        std::process::abort();
+    /// Runs `job` on this thread, and on every helper that comes before it is done.
+    fn phase<F: Fn(&Gate<Job>, usize) + Sync>(&mut self, job: &F) {
+        assert!(!self.poisoned, "a solver thread panicked before: this solver's state is lost, build a new one");
+        // stays if `job` unwinds
+        self.poisoned = true;
+        let gate = &self.shared.gate;
+        for helper in &self.helpers {
+            helper.thread().unpark();
+        }
+        // SAFETY: `&mut self` keeps other threads out, and `f` of `each` has no pool to call. The job outlives the call.
+        let panicked = unsafe { gate.phase(Job::new(job), || job(gate, 0)) };
+        assert!(!panicked, "a solver thread panicked");
+        self.poisoned = false;
     }
 }
 
 impl Drop for Pool {
     fn drop(&mut self) {
-        stop(&self.shared, std::mem::take(&mut self.handles));
+        self.shared.stop.store(true, Ordering::Release);
+        for helper in self.helpers.drain(..) {
+            helper.thread().unpark();
+            // a panic was reported by the phase
+            drop(helper.join());
+        }
     }
 }
 
-fn stop(shared: &Shared, handles: Vec<JoinHandle<()>>) {
-    shared.stop.store(true, Ordering::Release);
-    shared.epoch.fetch_add(1, Ordering::Release);
-    for h in handles {
-        h.thread().unpark();
-        // a panic was reported by `run`
-        drop(h.join());
+fn help(shared: &Shared, rank: usize) {
+    let (mut seen, mut turns) = (0, 0);
+    while !shared.stop.load(Ordering::Acquire) {
+        let Some(job) = shared.gate.enter(&mut seen) else {
+            wait(&mut turns);
+            continue;
+        };
+        turns = 0;
+        // SAFETY: inside the gate, so the owner waits in `Pool::phase`, whose job is alive.
+        let call = AssertUnwindSafe(|| unsafe { (job.call)(job.closure, &shared.gate, rank) });
+        shared.gate.leave(catch_unwind(call).is_err());
     }
 }
 
-fn work(team: &Team) {
-    let s = &team.shared;
-    let mut seen = 0;
-    loop {
-        let mut spins = 0;
-        while s.epoch.load(Ordering::Acquire) == seen {
-            // waking up took a tenth of a step: the next job often comes at once
-            if spins < SPINS {
-                spins += 1;
-                std::hint::spin_loop();
-            } else {
-                thread::park();
-            }
-        }
-        seen = s.epoch.load(Ordering::Acquire);
-        if s.stop.load(Ordering::Acquire) {
-            return;
-        }
-        // SAFETY: `run` stored the address of a live `Job` before it raised the epoch (release, acquired above) and
-        // does not return, so keeps it alive, until `running` is zero, which this thread lowers after its last use.
-        let job: Job<'_> = unsafe { *s.job.load(Ordering::Relaxed).cast::<Job<'_>>() };
-        // SAFETY: only this thread touches its own `claimed`.
-        unsafe { *team.claimed.get() = 0 };
-        if std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| job(team))).is_err() {
-            s.panicked.store(true, Ordering::Relaxed);
-        }
-        s.running.fetch_sub(1, Ordering::Release);
-    }
-}
-
-fn relax(spins: &mut u32) {
-    *spins += 1;
-    if *spins < SPINS {
-        std::hint::spin_loop();
+/// Phases of a step follow each other at once, so a helper stays awake for a while.
+fn wait(turns: &mut u32) {
+    if *turns < PATIENCE {
+        relax(turns);
     } else {
-        // more runnable threads than processors: let the one we wait for run
-        thread::yield_now();
+        thread::park();
+        *turns = 0;
     }
 }
 
-impl Team {
-    /// Waits until every thread of the team is here. Everything written before is seen after.
-    pub fn barrier(&self) {
-        let s = &self.shared;
-        let threads = s.threads.load(Ordering::Relaxed);
-        if threads == 1 {
-            return;
-        }
-        let phase = s.phase.load(Ordering::Acquire);
-        if s.arrived.fetch_add(1, Ordering::AcqRel) + 1 == threads {
-            s.arrived.store(0, Ordering::Relaxed);
-            s.phase.store(phase + 1, Ordering::Release);
-        } else {
-            let mut spins = 0;
-            while s.phase.load(Ordering::Acquire) == phase && !s.panicked.load(Ordering::Relaxed) {
-                relax(&mut spins);
-            }
-        }
-    }
-
-    /// Calls `f` for blocks 0..count, each on one thread. Every thread of the team must call it, in the same order,
-    /// with a barrier between one deal and the next.
-    pub fn claim(&self, count: usize, mut f: impl FnMut(usize)) {
-        // SAFETY: only this thread touches its own `claimed`.
-        let base = unsafe { &mut *self.claimed.get() };
-        loop {
-            let i = self.shared.next.fetch_add(1, Ordering::Relaxed) - *base;
-            if i >= count {
-                break;
-            }
-            f(i);
-        }
-        // every thread overshoots exactly once per deal, so the next deal starts at a known number
-        *base += count + self.shared.threads.load(Ordering::Relaxed);
-    }
-}
-
-/// A slice whose elements are written by whichever thread claimed their index.
-pub struct Dealt<'a, T> {
-    at: *mut T,
-    len: usize,
-    life: std::marker::PhantomData<&'a mut [T]>,
-}
-
-// SAFETY: access goes through `Dealt::get`, whose contract forbids two threads on one element.
-unsafe impl<T: Send> Sync for Dealt<'_, T> {}
-
-impl<'a, T> Dealt<'a, T> {
-    /// Borrows a slice for the length of a job.
-    pub fn new(slice: &'a mut [T]) -> Self {
-        Self { at: slice.as_mut_ptr(), len: slice.len(), life: std::marker::PhantomData }
-    }
-
-    /// Number of elements.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.len
-    }
-
-    /// Whether there is none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
-    /// Element `i`, exclusively.
-    ///
-    /// # Safety
-    /// Between two barriers no other thread may hold element `i`, neither by `get` nor by `read`.
-    #[expect(clippy::mut_from_ref, reason = "exclusive by the contract above")]
-    pub unsafe fn get(&self, i: usize) -> &mut T {
-        assert!(i < self.len);
-        // SAFETY: in bounds; exclusive by the caller's promise.
-        unsafe { &mut *self.at.add(i) }
-    }
-
-    /// All elements, shared.
-    ///
-    /// # Safety
-    /// Between two barriers no thread may hold an element by `get`.
-    pub unsafe fn read(&self) -> &[T] {
-        // SAFETY: valid for `len` elements; nobody writes by the caller's promise.
-        unsafe { std::slice::from_raw_parts(self.at, self.len) }
-    }
-
-    /// Elements `range`, exclusively.
-    ///
-    /// # Safety
-    /// As [`Dealt::get`], for every element of the range.
-    #[expect(clippy::mut_from_ref, reason = "exclusive by the contract above")]
-    pub unsafe fn part(&self, range: std::ops::Range<usize>) -> &mut [T] {
-        assert!(range.start <= range.end && range.end <= self.len);
-        // SAFETY: in bounds; exclusive by the caller's promise.
-        unsafe { std::slice::from_raw_parts_mut(self.at.add(range.start), range.len()) }
-    }
-}
-
-#[cfg(test)]
+#[cfg(all(test, not(loom)))]
+#[allow(clippy::panic)]
 mod tests {
+    use std::panic::catch_unwind;
+    use std::sync::atomic::AtomicUsize;
+
     use super::*;
 
     #[test]
-    fn every_block_is_dealt_once_in_every_phase() {
+    fn every_part_is_handed_out_once_in_every_phase() {
+        let rounds = if cfg!(miri) { 3 } else { 500 };
         for threads in [1, 2, 3] {
             let mut pool = Pool::new(threads);
-            let counts: Vec<AtomicUsize> = (0..57).map(|_| AtomicUsize::new(0)).collect();
-            for round in 1..50 {
-                pool.run(&|team: &Team| {
-                    for _ in 0..10 {
-                        team.claim(counts.len(), |i| {
-                            counts[i].fetch_add(1, Ordering::Relaxed);
-                        });
-                        team.barrier();
-                    }
+            let mut counts = [0_usize; 57];
+            let mut calls = vec![0; threads];
+            for round in 1..=rounds {
+                pool.each(Each::new(&mut counts), |i, count| *count += i);
+                pool.each_with(&mut calls, Each::new(&mut counts), |calls, _, count| {
+                    *count += 1;
+                    *calls += 1;
                 });
-                assert!(counts.iter().all(|c| c.load(Ordering::Relaxed) == 10 * round), "{threads} threads");
+                assert!(counts.iter().enumerate().all(|(i, c)| *c == round * (i + 1)), "{threads} threads");
             }
+            assert_eq!(calls.iter().sum::<usize>(), rounds * counts.len(), "{threads} threads");
         }
+    }
+
+    /// Panics in the caller's own share and in a helper's.
+    #[test]
+    fn a_panic_poisons_the_pool_and_no_later_phase_begins() {
+        for in_helper in [false, true] {
+            let mut pool = Pool::new(3);
+            let arrived = AtomicUsize::new(0);
+            let mut parts = [0; 64];
+            let panicked = catch_unwind(AssertUnwindSafe(|| {
+                pool.each(Each::new(&mut parts), |_, part| {
+                    let helper = thread::current().name().is_some_and(|name| name.starts_with("solver-"));
+                    if helper == in_helper {
+                        arrived.fetch_add(1, Ordering::Relaxed);
+                        panic!("the panic that is wanted");
+                    }
+                    // the other threads hold their first part until the one that panics is there
+                    while arrived.load(Ordering::Relaxed) == 0 {
+                        thread::yield_now();
+                    }
+                    *part += 1;
+                });
+            }));
+            assert!(panicked.is_err(), "in a helper: {in_helper}");
+            let begun = AtomicUsize::new(0);
+            for _ in 0..2 {
+                let later = catch_unwind(AssertUnwindSafe(|| {
+                    pool.each(Each::new(&mut parts), |_, _| {
+                        begun.fetch_add(1, Ordering::Relaxed);
+                    });
+                }));
+                let message = later.err().and_then(|p| p.downcast_ref::<&str>().map(ToString::to_string));
+                assert!(message.is_some_and(|m| m.contains("panicked before")), "in a helper: {in_helper}");
+            }
+            assert_eq!(begun.load(Ordering::Relaxed), 0, "in a helper: {in_helper}");
+            // helpers end: this returns
+            drop(pool);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "memory for 1 of 2 threads")]
+    fn memory_for_too_few_threads_is_refused() {
+        Pool::new(2).each_with(&mut [0], Each::new(&mut [0; 3]), |_, _, _| {});
     }
 }

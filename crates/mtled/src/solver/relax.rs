@@ -1,8 +1,9 @@
 //! The memory of a relaxing material in step with the poses' time.
 
-use super::kernel::{Kernel, NODES_PER_DEAL, Parts};
+use super::disjoint::{Chunks, Each};
+use super::kernel::{Kernel, NODES_PER_CHUNK};
 use super::memory::Sums;
-use super::pool::{Dealt, Team};
+use super::pool::Pool;
 use super::state::{Solver, with_kernel};
 use crate::number::Real;
 
@@ -38,17 +39,15 @@ impl<T: Real> Kernel<T> {
     }
 }
 
-impl<T: Real> Parts<'_, T> {
-    fn begin(&self, team: &Team, dt: f64) {
+impl<T: Real> Kernel<T> {
+    fn begin(&mut self, pool: &mut Pool, dt: f64) {
         let prony = &self.constants.law.prony;
-        // SAFETY: each block is claimed by one thread; nothing else runs.
-        team.claim(self.blocks.len(), |b| unsafe { self.blocks.get(b) }.begin(prony, dt));
+        pool.each(Each::new(&mut self.blocks), |_, block| block.begin(prony, dt));
     }
 
-    fn commit(&self, team: &Team, dt: f64) {
+    fn commit(&mut self, pool: &mut Pool, dt: f64) {
         let law = &self.constants.law;
-        // SAFETY: as above.
-        team.claim(self.blocks.len(), |b| unsafe { self.blocks.get(b) }.commit(law, dt));
+        pool.each(Each::new(&mut self.blocks), |_, block| block.commit(law, dt));
     }
 }
 
@@ -76,10 +75,7 @@ impl Solver {
         if self.state.time.is_none() {
             (self.state.time, self.saved.time) = (Some(time_s), Some(time_s));
         }
-        with_kernel!(&mut self.kernel, k => if k.relaxes() {
-            let parts = k.parts();
-            self.pool.run(&|team: &Team| parts.begin(team, dt));
-        });
+        with_kernel!(&mut self.kernel, k => if k.relaxes() { k.begin(&mut self.pool, dt) });
     }
 
     /// The same after [`Solver::restore`], with the internal force of the moment, which a step estimate needs.
@@ -88,18 +84,14 @@ impl Solver {
             return;
         }
         self.relax_until(time_s);
-        let count = self.mass.len();
-        let (u, f) = (Dealt::new(&mut self.state.u), Dealt::new(&mut self.state.f));
+        let (pool, u) = (&mut self.pool, &self.state.u);
+        let f = Chunks::new(&mut self.state.f, NODES_PER_CHUNK);
         with_kernel!(&mut self.kernel, k => {
-            let parts = k.parts();
-            // SAFETY: `u` is only read; forces are written after the evaluation's closing barrier, each by one thread.
-            self.pool.run(&|team: &Team| {
-                parts.force(team, unsafe { u.read() });
-                team.claim(count.div_ceil(NODES_PER_DEAL), |deal| {
-                    for n in deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(count) {
-                        unsafe { *f.get(n) = parts.node_force(n) };
-                    }
-                });
+            k.force(pool, u);
+            pool.each(f, |i, f| {
+                for (f, n) in f.iter_mut().zip(i * NODES_PER_CHUNK..) {
+                    *f = k.node_force(n);
+                }
             });
         });
     }
@@ -108,10 +100,7 @@ impl Solver {
     pub fn commit(&mut self, time_s: f64) {
         let dt = self.since_commit(time_s);
         self.state.time = Some(time_s);
-        with_kernel!(&mut self.kernel, k => if k.relaxes() {
-            let parts = k.parts();
-            self.pool.run(&|team: &Team| parts.commit(team, dt));
-        });
+        with_kernel!(&mut self.kernel, k => if k.relaxes() { k.commit(&mut self.pool, dt) });
     }
 
     /// Takes no step until `time_s`: what relaxes is remembered, and the present state kept to come back to, since

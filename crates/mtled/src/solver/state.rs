@@ -7,7 +7,7 @@
 use crate::approximation::{Form, ShapeTable};
 
 use super::inertia::{Motion, Sums};
-use super::kernel::{Kernel, NODES_PER_DEAL};
+use super::kernel::{Kernel, NODES_PER_CHUNK};
 use super::mass::Sway;
 use super::pool::Pool;
 use super::settings::{Precision, SolverSettings};
@@ -187,7 +187,7 @@ impl Solver {
             steps_since_refresh: 0,
             usual_travel: 0.0,
             motion: Motion::default(),
-            sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_DEAL)],
+            sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],
             role,
         };
         step::evaluate(&mut solver);

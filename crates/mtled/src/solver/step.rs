@@ -12,11 +12,10 @@
 
 use crate::approximation::Form;
 
+use super::disjoint::{Chunks, Each};
 use super::inertia::{Sums, dot};
-use super::kernel::{NODES_PER_DEAL, Parts};
-use super::pool::{Dealt, Team};
-use super::state::{Path, Role, Solver, energy, with_kernel};
-use crate::number::Real;
+use super::kernel::NODES_PER_CHUNK;
+use super::state::{Path, Role, Solver, State, energy, with_kernel};
 
 /// Damping per step over the slowest frequency: critical.
 const DAMPING: f64 = 2.0;
@@ -95,20 +94,29 @@ impl Solver {
         }
     }
 
+    /// Takes the steps from `rule.first` to `rule.last`.
     fn march(&mut self, rule: &Rule) {
-        let nodes = Nodes {
-            u: Dealt::new(&mut self.state.u),
-            q: Dealt::new(&mut self.state.q),
-            tangent: Dealt::new(&mut self.state.tangent),
-            f: Dealt::new(&mut self.state.f),
-            sums: Dealt::new(&mut self.sums),
-            mass: &self.mass,
-            role: &self.role,
-            path: &self.path,
-        };
-        with_kernel!(&mut self.kernel, k => {
-            let parts = k.parts();
-            self.pool.run(&|team: &Team| march(team, &parts, &nodes, rule));
+        let (pool, state, sums) = (&mut self.pool, &mut self.state, &mut self.sums);
+        let held = Held { mass: &self.mass, role: &self.role, path: &self.path };
+        pool.each(nodes(state), |i, part| {
+            let mut part = Nodes::new(i, part);
+            (0..part.u.len()).for_each(|l| part.integrate(l, &held, rule.first, rule));
+        });
+        with_kernel!(&mut self.kernel, k => for step in rule.first..=rule.last {
+            k.force(pool, &state.u);
+            let k = &*k;
+            pool.each((nodes(state), Each::new(sums)), |i, (part, sums)| {
+                let mut part = Nodes::new(i, part);
+                for l in 0..part.u.len() {
+                    part.f[l] = k.node_force(part.first + l);
+                    if step < rule.last {
+                        part.integrate(l, &held, step + 1, rule);
+                    }
+                }
+                if step == rule.steps {
+                    *sums = part.sums(&held, rule.mass_factor);
+                }
+            });
         });
     }
 
@@ -197,57 +205,53 @@ struct Rule {
     mass_factor: f64,
 }
 
-struct Nodes<'a> {
-    u: Dealt<'a, [f64; 3]>,
-    q: Dealt<'a, [f64; 3]>,
-    tangent: Dealt<'a, [f64; 3]>,
-    f: Dealt<'a, [f64; 3]>,
-    sums: Dealt<'a, Sums>,
+/// What holds all nodes, and their masses.
+struct Held<'a> {
     mass: &'a [f64],
     role: &'a [Role],
     path: &'a [Path],
 }
 
-fn march<T: Real>(team: &Team, parts: &Parts<'_, T>, nodes: &Nodes<'_>, rule: &Rule) {
-    let deals = nodes.mass.len().div_ceil(NODES_PER_DEAL);
-    let range = |deal: usize| deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(nodes.mass.len());
-    // SAFETY (all blocks below): each deal of nodes is claimed by one thread between barriers; `u` is only read while
-    // the internal force is evaluated, the blocks only while node forces are summed.
-    team.claim(deals, |deal| range(deal).for_each(|n| unsafe { nodes.integrate(n, rule.first, rule) }));
-    team.barrier();
-    for step in rule.first..=rule.last {
-        parts.force(team, unsafe { nodes.u.read() });
-        team.claim(deals, |deal| {
-            for n in range(deal) {
-                unsafe { *nodes.f.get(n) = parts.node_force(n) };
-                if step < rule.last {
-                    unsafe { nodes.integrate(n, step + 1, rule) };
-                }
-            }
-            if step == rule.steps {
-                unsafe { *nodes.sums.get(deal) = nodes.sums(range(deal), rule.mass_factor) };
-            }
-        });
-        team.barrier();
-    }
+type Vectors<'a> = &'a mut [[f64; 3]];
+type OfNodes<'a> = Chunks<'a, [f64; 3]>;
+
+/// The state's nodes, cut up for the team: u, q, tangent, f.
+fn nodes(state: &mut State) -> (OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, OfNodes<'_>) {
+    (
+        Chunks::new(&mut state.u, NODES_PER_CHUNK),
+        Chunks::new(&mut state.q, NODES_PER_CHUNK),
+        Chunks::new(&mut state.tangent, NODES_PER_CHUNK),
+        Chunks::new(&mut state.f, NODES_PER_CHUNK),
+    )
 }
 
-impl Nodes<'_> {
-    /// What some nodes contribute to the balance.
-    ///
-    /// # Safety
-    /// No other thread may touch these nodes.
-    unsafe fn sums(&self, range: std::ops::Range<usize>, mass_factor: f64) -> Sums {
+/// Consecutive nodes of the state.
+struct Nodes<'a> {
+    /// Index of the first.
+    first: usize,
+    u: Vectors<'a>,
+    q: Vectors<'a>,
+    tangent: Vectors<'a>,
+    f: Vectors<'a>,
+}
+
+impl<'a> Nodes<'a> {
+    /// Part `i` of [`nodes`].
+    fn new(i: usize, (u, q, tangent, f): (Vectors<'a>, Vectors<'a>, Vectors<'a>, Vectors<'a>)) -> Self {
+        Self { first: i * NODES_PER_CHUNK, u, q, tangent, f }
+    }
+
+    /// What these nodes contribute to the balance.
+    fn sums(&self, held: &Held<'_>, mass_factor: f64) -> Sums {
         let mut sums = Sums::default();
-        for n in range {
-            // SAFETY: by the caller's promise.
-            let (q, tangent, f) = unsafe { (&*self.q.get(n), &*self.tangent.get(n), &*self.f.get(n)) };
-            match self.role[n] {
+        for l in 0..self.u.len() {
+            let (q, tangent, f, n) = (&self.q[l], &self.tangent[l], &self.f[l], self.first + l);
+            match held.role[n] {
                 // The internal force on a held node is what its holder exerts on the tissue.
                 Role::Instrument => (0..3).for_each(|k| sums.instrument[k] -= f[k]),
                 Role::Base => (0..3).for_each(|k| sums.base[k] -= f[k]),
                 Role::Free => {
-                    sums.kinetic += 0.5 * self.mass[n] * mass_factor * dot(q, q);
+                    sums.kinetic += 0.5 * held.mass[n] * mass_factor * dot(q, q);
                     sums.learnt += dot(tangent, f);
                     sums.present += dot(q, f);
                 }
@@ -256,18 +260,15 @@ impl Nodes<'_> {
         sums
     }
 
-    /// Moves node n through one step, from the force at its start.
-    ///
-    /// # Safety
-    /// No other thread may touch node n.
+    /// Moves the node at `l` of these through one step, from the force at its start.
     #[inline]
-    unsafe fn integrate(&self, n: usize, step: u32, rule: &Rule) {
-        // SAFETY: by the caller's promise.
-        let (u, q, tangent, f) = unsafe { (self.u.get(n), self.q.get(n), self.tangent.get(n), self.f.get(n)) };
-        match self.role[n] {
+    fn integrate(&mut self, l: usize, held: &Held<'_>, step: u32, rule: &Rule) {
+        let n = self.first + l;
+        let (u, q, tangent, f) = (&mut self.u[l], &mut self.q[l], &mut self.tangent[l], &self.f[l]);
+        match held.role[n] {
             Role::Base => {}
             Role::Instrument => {
-                let (path, s) = (&self.path[n], f64::from(step) / f64::from(rule.steps));
+                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
                 for k in 0..3 {
                     let next = path.start[k] + s * (path.end[k] - path.start[k]);
                     tangent[k] = (next - u[k]) * rule.gain;
@@ -276,7 +277,7 @@ impl Nodes<'_> {
                 *q = [0.0; 3];
             }
             Role::Free => {
-                let inverse = 1.0 / (self.mass[n] * rule.mass_factor);
+                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
                 for k in 0..3 {
                     let drift = tangent[k] * rule.travel;
                     let deviation = rule.keep * q[k] - f[k] * inverse;
@@ -293,12 +294,7 @@ impl Nodes<'_> {
 /// Evaluates the internal force at the present nodal parameters, so that deformation, energy and smallest volume ratio
 /// are those of the state and not of a probe.
 pub(super) fn evaluate(solver: &mut Solver) {
-    let u = Dealt::new(&mut solver.state.u);
-    with_kernel!(&mut solver.kernel, k => {
-        let parts = k.parts();
-        // SAFETY: `u` is only read.
-        solver.pool.run(&|team: &Team| parts.force(team, unsafe { u.read() }));
-    });
+    with_kernel!(&mut solver.kernel, k => k.force(&mut solver.pool, &solver.state.u));
 }
 
 /// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
@@ -314,20 +310,17 @@ pub(super) fn probe(solver: &mut Solver) {
             s[k] = u[k] + e[k];
         }
     }
-    let scratch = Dealt::new(&mut solver.scratch);
-    let count = solver.mass.len();
+    let (pool, scratch) = (&mut solver.pool, &mut solver.scratch);
     with_kernel!(&mut solver.kernel, k => {
-        let parts = k.parts();
-        // SAFETY: `scratch` is read during the evaluation and written after its closing barrier, each deal by one thread.
-        solver.pool.run(&|team: &Team| {
-            parts.force(team, unsafe { scratch.read() });
-            team.claim(count.div_ceil(NODES_PER_DEAL), |deal| {
-                for n in deal * NODES_PER_DEAL..((deal + 1) * NODES_PER_DEAL).min(count) {
-                    unsafe { *scratch.get(n) = parts.node_force(n) };
-                }
-            });
+        k.force(pool, scratch);
+        let k = &*k;
+        pool.each(Chunks::new(scratch, NODES_PER_CHUNK), |i, image| {
+            for (image, n) in image.iter_mut().zip(i * NODES_PER_CHUNK..) {
+                *image = k.node_force(n);
+            }
         });
     });
+    let count = solver.mass.len();
     let (mut up, mut down) = (0.0, 0.0);
     for n in 0..count {
         for k in 0..3 {

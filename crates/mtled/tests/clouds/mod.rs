@@ -6,8 +6,7 @@ use mtled::approximation::{Basis, Settings, ShapeTable};
 use mtled::cloud::{self, Axis, BASE, Cloud, Domain, Feature, Spacing};
 use mtled::material::Law;
 use mtled::solver::VolumeRatio;
-use mtled::solver::kernel::Kernel;
-use mtled::solver::pool::{Pool, Team};
+use mtled::solver::{Kernel, Pool};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -67,10 +66,7 @@ pub fn inside(cloud: &Cloud, random: &mut ChaCha8Rng) -> [f64; 3] {
 /// Internal force on every node, N, in double precision and with the presets' volume ratio.
 pub fn internal_force(points: &[[f64; 3]], cells: &[[u32; 4]], table: &ShapeTable, u: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let mut kernel = Kernel::<f64>::new(table, cells, points, &Law::neo_hookean(MU, KAPPA), VolumeRatio::Projected);
-    let parts = kernel.parts();
-    Pool::new(1).run(&|team: &Team| parts.force(team, u));
-    // SAFETY: the only evaluation is over.
-    (0..points.len()).map(|n| unsafe { parts.node_force(n) }).collect()
+    kernel.internal_force(&mut Pool::new(1), u)
 }
 
 /// Euclidean length.

@@ -1,0 +1,52 @@
+//! The primitives under [`super::gate`]: the standard library's, or loom's, which tries every order of events.
+
+#[cfg(not(all(test, loom)))]
+pub use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+
+#[cfg(all(test, loom))]
+pub use loom::cell::UnsafeCell;
+#[cfg(all(test, loom))]
+pub use loom::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+
+/// The standard cell behind loom's interface.
+#[cfg(not(all(test, loom)))]
+pub struct UnsafeCell<T>(std::cell::UnsafeCell<T>);
+
+#[cfg(not(all(test, loom)))]
+impl<T> UnsafeCell<T> {
+    pub fn new(x: T) -> Self {
+        Self(std::cell::UnsafeCell::new(x))
+    }
+
+    #[inline(always)]
+    pub fn with<R>(&self, f: impl FnOnce(*const T) -> R) -> R {
+        f(self.0.get())
+    }
+
+    #[inline(always)]
+    pub fn with_mut<R>(&self, f: impl FnOnce(*mut T) -> R) -> R {
+        f(self.0.get())
+    }
+}
+
+/// Spins before a waiting thread gives its time slice away: waking one up took a tenth of a step.
+#[cfg(not(all(test, loom)))]
+pub const SPINS: u32 = 4_000;
+
+/// One turn of a loop that waits for another thread.
+#[cfg(not(all(test, loom)))]
+pub fn relax(spins: &mut u32) {
+    *spins = spins.saturating_add(1);
+    if *spins < SPINS {
+        std::hint::spin_loop();
+    } else {
+        // more runnable threads than processors: let the one we wait for run
+        std::thread::yield_now();
+    }
+}
+
+/// As above: loom only has to know that another thread must run.
+#[cfg(all(test, loom))]
+pub fn relax(_: &mut u32) {
+    loom::thread::yield_now();
+}
