@@ -6,14 +6,23 @@
 //! ```
 //!
 //! The volumetric pressure p is an argument of its own, because the cure for volumetric locking computes it from
-//! an averaged volume ratio, and because there are other energies of volume ([`super::volumetric`]). Valid for J > 0; the kernel flags points at which J falls below [`MIN_JACOBIAN`].
+//! an averaged volume ratio, and because there are other energies of volume ([`super::volumetric`]).
+//!
+//! Below J_m = [`MIN_JACOBIAN`] the energy goes on along its tangent in J, with J^-2/3 replaced by
+//!
+//! ```text
+//! phi(J) = J_m^-2/3 (1 + 2/3 (J_m - J) / J_m)        P = mu phi(J) F + (p - mu J_m^-5/3 I1/3) cof F
+//! ```
+//!
+//! so that energy and stress stay finite for every J, even below zero, and P stays the derivative of W. The other laws do
+//! the same.
 
 use crate::number::Number;
 
 /// Deformation gradient, row-major: F[3 i + k] = d x_i / d X_k.
 pub type Gradient<T> = [T; 9];
 
-/// Volume ratio below which the deviatoric part is evaluated as if J were this large: keeps the arithmetic finite
+/// J_m: volume ratio below which distortional energies go on along their tangent in J, which keeps the arithmetic finite
 /// until the health check sees the point.
 pub const MIN_JACOBIAN: f64 = 0.02;
 
@@ -42,20 +51,35 @@ pub fn determinant<T: Number>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
 /// First Piola-Kirchhoff stress for the pressure p = dU/dJ, Pa.
 #[inline(always)]
 pub fn first_piola<T: Number>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p: T) -> Gradient<T> {
-    let j = j.max(T::of(MIN_JACOBIAN));
+    let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
     let a = mu * r * r;
     let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
     let b = p - a * i1 / (T::of(3.0) * j);
+    let a = a * excess(r, lack);
     std::array::from_fn(|i| a * f[i] + b * cof[i])
+}
+
+/// The larger of J and J_m, and by how much J falls short of J_m.
+#[inline(always)]
+pub(crate) fn clamped<T: Number>(j: T) -> (T, T) {
+    let larger = j.max(T::of(MIN_JACOBIAN));
+    (larger, larger - j)
+}
+
+/// phi(J) over J^-2/3 of the clamped J, whose inverse cube root is `r`: 1 above J_m.
+#[inline(always)]
+pub(crate) fn excess<T: Number>(r: T, lack: T) -> T {
+    T::of(1.0) + T::of(2.0 / 3.0) * (r * r * r) * lack
 }
 
 /// Deviatoric (distortional) energy density mu/2 (J^-2/3 I1 - 3), Pa.
 #[inline(always)]
 pub fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
-    let r = j.max(T::of(MIN_JACOBIAN)).inverse_cube_root();
+    let (j, lack) = clamped(j);
+    let r = j.inverse_cube_root();
     let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
-    T::of(0.5) * mu * (r * r * i1 - T::of(3.0))
+    T::of(0.5) * mu * (r * r * excess(r, lack) * i1 - T::of(3.0))
 }
 
 #[cfg(test)]

@@ -9,11 +9,16 @@
 //! The sum of mu_k is the initial shear modulus; one term with exponent 2 is the neo-Hookean law. Where a source writes
 //! W = sum mu_k/a_k (...), its mu_k are these times 2/a_k.
 //!
+//! Below J_m ([`MIN_JACOBIAN`]) W goes on along its tangent in J: mu_k becomes mu_k (1 + a_k (J_m - J) / (3 J_m)) in
+//! G F, and W gains tr(G b) (J_m - J) / (3 J_m), all with J_m for J.
+//!
 //! P needs no eigenvectors: the matrix function G is Newton's interpolation polynomial of g at the eigenvalues of b.
 //! Where eigenvalues meet, the divided differences go over into derivatives, and since each one is multiplied by the
 //! differences that it was divided by, neither their round-off nor that of the eigenvalues is amplified.
 
-use super::neo_hookean::{Gradient, MIN_JACOBIAN};
+#[cfg(doc)]
+use super::neo_hookean::MIN_JACOBIAN;
+use super::neo_hookean::{Gradient, clamped};
 use crate::number::Number;
 
 /// Most terms of a law.
@@ -83,7 +88,8 @@ impl Ogden {
     /// Distortional energy density and first Piola-Kirchhoff stress without pressure, Pa.
     #[must_use]
     pub fn evaluate(&self, f: &Gradient<f64>, cof: &Gradient<f64>, j: f64) -> (f64, Gradient<f64>) {
-        let j = j.max(MIN_JACOBIAN);
+        let (j, lack) = clamped(j);
+        let lack = lack / (3.0 * j);
         let r = j.inverse_cube_root();
         let b = left_cauchy_green(f);
         let c = eigenvalues(&b).map(|c| c.max(LEAST));
@@ -97,13 +103,14 @@ impl Ogden {
             for i in 0..3 {
                 let part = factor * (1.0 + excess[i]);
                 trace += part;
-                g[i] += part / c[i];
+                g[i] += part * (1.0 + t.exponent * lack) / c[i];
             }
         }
-        let first = [self.divided(&g, &c, 0, r), self.divided(&g, &c, 1, r)];
+        energy += trace * lack;
+        let first = [self.divided(&g, &c, 0, r, lack), self.divided(&g, &c, 1, r, lack)];
         let gap = c[0] - c[2];
         let second =
-            if gap > ALL_CLOSE * c[0] { (first[0] - first[1]) / gap } else { 0.5 * self.derivatives(c[1], r)[1] };
+            if gap > ALL_CLOSE * c[0] { (first[0] - first[1]) / gap } else { 0.5 * self.derivatives(c[1], r, lack)[1] };
         let big = polynomial(&b, &c, [g[0], first[0], second]);
         let pressure = trace / (3.0 * j);
         let stress = std::array::from_fn(|n| {
@@ -115,17 +122,18 @@ impl Ogden {
     }
 
     /// Divided difference of g over the eigenvalues i and i + 1.
-    fn divided(&self, g: &[f64; 3], c: &[f64; 3], i: usize, r: f64) -> f64 {
+    fn divided(&self, g: &[f64; 3], c: &[f64; 3], i: usize, r: f64, lack: f64) -> f64 {
         let gap = c[i] - c[i + 1];
-        if gap > CLOSE * c[0] { (g[i] - g[i + 1]) / gap } else { self.derivatives(0.5 * (c[i] + c[i + 1]), r)[0] }
+        if gap > CLOSE * c[0] { (g[i] - g[i + 1]) / gap } else { self.derivatives(0.5 * (c[i] + c[i + 1]), r, lack)[0] }
     }
 
     /// g' and g''.
-    fn derivatives(&self, c: f64, r: f64) -> [f64; 2] {
+    fn derivatives(&self, c: f64, r: f64, lack: f64) -> [f64; 2] {
         let log = (r * r * c).ln();
         self.terms().iter().fold([0.0; 2], |[d1, d2], t| {
             let power = 0.5 * t.exponent;
-            let first = 2.0 * t.shear_modulus / t.exponent * (power * log).exp() * (power - 1.0) / (c * c);
+            let first = 2.0 * t.shear_modulus / t.exponent * (power * log).exp() * (power - 1.0) / (c * c)
+                * (1.0 + t.exponent * lack);
             [d1 + first, d2 + first * (power - 2.0) / c]
         })
     }

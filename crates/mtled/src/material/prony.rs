@@ -19,7 +19,7 @@
 //!
 //! and its internal force is conservative for as long as the increment lasts, however many steps find its balance.
 
-use super::neo_hookean::{Gradient, MIN_JACOBIAN};
+use super::neo_hookean::{Gradient, MIN_JACOBIAN, clamped, excess};
 use super::ogden::Symmetric;
 use crate::number::Number;
 
@@ -104,10 +104,10 @@ impl Prony {
     }
 }
 
-/// J^-2/3 H : C / 2 and its derivative with respect to F.
+/// J^-2/3 H : C / 2 and its derivative with respect to F; below J_m with phi(J) for J^-2/3 (see [`super::neo_hookean`]).
 #[must_use]
 pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f64, Gradient<f64>) {
-    let j = j.max(MIN_JACOBIAN);
+    let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
     let scale = r * r;
     let [a, b, c, d, e, g] = *h;
@@ -120,15 +120,18 @@ pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f
         }
     });
     let product: f64 = fh.iter().zip(f).map(|(x, y)| x * y).sum();
-    let stress = std::array::from_fn(|n| scale * (fh[n] - product / (3.0 * j) * cof[n]));
-    (0.5 * scale * product, stress)
+    let excess = excess(r, lack);
+    let stress = std::array::from_fn(|n| scale * (excess * fh[n] - product / (3.0 * j) * cof[n]));
+    (0.5 * scale * excess * product, stress)
 }
 
-/// J^-2/3 C.
+/// J^-2/3 C; below J_m with phi(J) for J^-2/3.
 #[must_use]
 pub fn unimodular(f: &Gradient<f64>, j: f64) -> Symmetric {
-    let r = j.max(MIN_JACOBIAN).inverse_cube_root();
-    let dot = |a: usize, b: usize| r * r * (f[a] * f[b] + f[3 + a] * f[3 + b] + f[6 + a] * f[6 + b]);
+    let (j, lack) = clamped(j);
+    let r = j.inverse_cube_root();
+    let scale = r * r * excess(r, lack);
+    let dot = |a: usize, b: usize| scale * (f[a] * f[b] + f[3 + a] * f[3 + b] + f[6 + a] * f[6 + b]);
     [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)]
 }
 

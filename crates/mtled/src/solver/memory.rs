@@ -49,6 +49,12 @@ pub struct Sums {
 }
 
 impl Memory {
+    /// One point within an increment.
+    #[cfg(test)]
+    pub fn holding(held: Symmetric, elastic: f64) -> Self {
+        Self { held: vec![held], elastic, ..Self::default() }
+    }
+
     /// Memory of so many slots; none for an elastic material.
     #[must_use]
     pub fn new(prony: &Prony, slots: usize) -> Self {

@@ -1,6 +1,8 @@
 //! The law at one integration point, as the loop of pass 2 sees it.
 
-use crate::material::neo_hookean::{Gradient, MIN_JACOBIAN, cofactor, determinant, distortional_energy, first_piola};
+use crate::material::neo_hookean::{
+    Gradient, clamped, cofactor, determinant, distortional_energy, excess, first_piola,
+};
 use crate::material::{Distortional, Law, Volumetric};
 
 use super::memory::Memory;
@@ -49,7 +51,7 @@ impl Constants {
     #[must_use]
     pub fn stiffness(&self, f: &Gradient<f64>, pressure: f64) -> f64 {
         let cof = cofactor(f);
-        let j = determinant(f, &cof).max(MIN_JACOBIAN);
+        let (j, lack) = clamped(determinant(f, &cof));
         let c2 = largest_square(&cof);
         let root = j.inverse_cube_root();
         let cube = root * root;
@@ -63,11 +65,12 @@ impl Constants {
             kappa if kappa > 0.0 => self.law.volumetric.curvature(self.law.volumetric.dilation(pressure / kappa)),
             _ => 0.0,
         };
-        plane_wave(f, c2, j, cube, mu, self.projected * projected + self.pointwise * pointwise)
+        plane_wave(f, c2, j, cube * excess(root, lack), mu, self.projected * projected + self.pointwise * pointwise)
     }
 }
 
-/// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3.
+/// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3. A bound below J_m as well, where `cube` is phi(J) and
+/// the last term, with J_m for J, has no cause any more.
 #[inline(always)]
 fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) -> T {
     let mut i1 = T::default();
@@ -128,11 +131,11 @@ impl<T: Real> NeoHookean<T> {
     #[inline(always)]
     fn stiffness_of_lane(&self, f: &Gradient<T>) -> T {
         let cof = cofactor(f);
-        let j = determinant(f, &cof).max(T::of(MIN_JACOBIAN));
+        let (j, lack) = clamped(determinant(f, &cof));
         let root = j.inverse_cube_root();
         let curvature = if self.resists_collapse { collapse_curvature(j) } else { T::of(1.0) };
         let bulk = self.projected + self.pointwise * curvature;
-        plane_wave(f, largest_square(&cof), j, root * root, self.mu, bulk)
+        plane_wave(f, largest_square(&cof), j, root * root * excess(root, lack), self.mu, bulk)
     }
 
     #[inline(always)]
@@ -229,20 +232,26 @@ impl Relaxing<'_> {
 const CRUSHED: f64 = 0.4;
 
 /// Energy and pressure of the pointwise part that resists collapse:
-/// kappa_s/2 (J - 1)^2 (1 + q), kappa_s ((J - 1)(1 + q) - 2 (J - 1)^2 q / J), with q = (J_0/J)^4.
+/// kappa_s/2 (J - 1)^2 (1 + q), kappa_s ((J - 1)(1 + q) - 2 (J - 1)^2 q / J), with q = (J_0/J)^4. Below J_m the pressure
+/// goes on as that polynomial in J - 1, with J_m for J in q and in q / J, and the energy as its integral.
 #[inline(always)]
 fn collapse<T: Number>(j: T, kappa: T) -> (T, T) {
     let (one, two) = (T::of(1.0), T::of(2.0));
-    let inverse = one / j.max(T::of(MIN_JACOBIAN));
+    let (larger, lack) = clamped(j);
+    let inverse = one / larger;
     let ratio = T::of(CRUSHED) * inverse;
     let square = ratio * ratio;
     let q = square * square;
     let dilation = j - one;
     let slope = kappa * dilation;
-    (slope * dilation * (one + q) / two, slope * (one + q - two * dilation * q * inverse))
+    // the integral of -2 (J - 1)^2 q / J from J_m to J: (x^3 - y^3) = (x - y)(x^2 + x y + y^2), zero above J_m
+    let least = larger - one;
+    let beyond = T::of(2.0 / 3.0) * q * inverse * lack * (dilation * dilation + dilation * least + least * least);
+    (slope * dilation * (one + q) / two + kappa * beyond, slope * (one + q - two * dilation * q * inverse))
 }
 
-/// Second derivative of that energy, over kappa_s: 1 + q (1 - 8 (J - 1)/J + 10 (J - 1)^2 / J^2).
+/// Second derivative of that energy, over kappa_s: 1 + q (1 - 8 (J - 1)/J + 10 (J - 1)^2 / J^2). Below J_m, with J_m for J,
+/// more than it is.
 #[inline(always)]
 fn collapse_curvature<T: Number>(j: T) -> T {
     let one = T::of(1.0);
@@ -256,17 +265,67 @@ fn collapse_curvature<T: Number>(j: T) -> T {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::material::Ogden;
+    use crate::material::neo_hookean::MIN_JACOBIAN;
 
     #[test]
     fn pressure_and_curvature_are_derivatives_of_the_energy() {
         let h = 1e-6;
-        for j in [0.03_f64, 0.1, 0.25, 0.6, 1.0, 1.4] {
+        for j in [-0.5, 0.001_f64, 0.01, 0.019, 0.021, 0.03, 0.1, 0.25, 0.6, 1.0, 1.4, 5.0] {
+            let h = h * f64::min(1.0, 20.0 * j.abs());
             let (kappa, energy, pressure) = (3.0, |j: f64| collapse(j, 3.0).0, |j: f64| collapse(j, 3.0).1);
             let slope = (energy(j + h) - energy(j - h)) / (2.0 * h);
             assert!((slope - pressure(j)).abs() < 1e-5 * (1.0 + slope.abs()), "{j}: {slope} {}", pressure(j));
+            if j < MIN_JACOBIAN {
+                assert!(
+                    collapse_curvature(MIN_JACOBIAN) > (pressure(j + h) - pressure(j - h)) / (2.0 * h * kappa),
+                    "{j}"
+                );
+                continue;
+            }
             let curvature = (pressure(j + h) - pressure(j - h)) / (2.0 * h);
             let stated = kappa * collapse_curvature(j);
             assert!((curvature / stated - 1.0).abs() < 1e-5, "{j}: {curvature} {stated}");
+        }
+    }
+
+    /// What the kernel adds up: every law with every sharing of the bulk modulus, and a projected pressure, whose energy
+    /// is linear in the point's J.
+    #[test]
+    fn stress_is_the_derivative_of_the_energy_over_all_volume_ratios() {
+        let ogden = Distortional::Ogden(Ogden::new(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0]).unwrap());
+        let neo = Law::neo_hookean(1678.0, 83_340.0);
+        let memories = [Memory::default(), Memory::holding([-310.0, 150.0, 90.0, 420.0, -75.0, 205.0], 0.8)];
+        let laws = [Distortional::NeoHookean { shear_modulus: 1678.0 }, ogden].into_iter().flat_map(|distortional| {
+            [Volumetric::Quadratic, Volumetric::Logarithmic].map(|volumetric| Law { distortional, volumetric, ..neo })
+        });
+        let shape = [1.3, 0.2, -0.1, 0.05, 0.8, 0.3, 0.0, -0.2, 1.05];
+        let unit = determinant(&shape, &cofactor::<f64>(&shape));
+        for (law, memory) in laws.flat_map(|law| memories.iter().map(move |m| (law, m))) {
+            for (projected, resists_collapse) in [(78_306.0, true), (83_340.0, false), (0.0, false)] {
+                let constants = Constants { law, projected, pointwise: 83_340.0 - projected, resists_collapse };
+                let point = Relaxing { constants: &constants, memory };
+                for step in 0..200 {
+                    // from 0.001 to 5, past the kink in the second derivative at 0.02
+                    let j = 0.001 * 5000.0_f64.powf((f64::from(step) + 0.5) / 200.0);
+                    let f = shape.map(|x| x * (j / unit).cbrt());
+                    let pressure = 0.3 * projected;
+                    let energy =
+                        |f: &Gradient<f64>| point.evaluate(0, f, pressure).0 + pressure * determinant(f, &cofactor(f));
+                    let stress = point.evaluate(0, &f, pressure).1;
+                    let scale = stress.iter().fold(83_340.0_f64, |a, p| a.max(p.abs())) + energy(&f).abs() / j.cbrt();
+                    for i in 0..9 {
+                        let moved = |h: f64| {
+                            let mut g = f;
+                            g[i] += h;
+                            energy(&g)
+                        };
+                        let h = 5e-4 * j.cbrt();
+                        let slope = (8.0 * (moved(h) - moved(-h)) - (moved(2.0 * h) - moved(-2.0 * h))) / (12.0 * h);
+                        assert!((slope - stress[i]).abs() < 1e-7 * scale, "{law:?} {j} {i}: {slope} {}", stress[i]);
+                    }
+                }
+            }
         }
     }
 
