@@ -12,7 +12,7 @@ use mtled::solver::{Role, Solver, SolverSettings};
 use super::pace::Pace;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Body, BuildError, Phase, Twin, axisymmetric, edge};
+use super::{Body, BuildError, Fixed, Progress, Twin, axisymmetric, edge};
 
 /// Distance from the edge of contact within which cells are guarded against folding, over the height of the body.
 const GUARDED: f64 = 0.03;
@@ -46,25 +46,14 @@ impl Twin {
                 Dimension::Full | Dimension::Auto => full(scene)?,
             };
         warnings.extend(scene.advice());
+        let pace = Pace::new(scene, height);
+        let scene = scene.clone();
+        let fixed = Fixed { scene, dimension, tissue, top, height, reach, warnings, repaired_supports };
         Ok(Self {
-            scene: scene.clone(),
-            dimension,
-            tissue: Arc::new(tissue),
+            fixed: Arc::new(fixed),
             solver,
             contact,
-            top,
-            height,
-            reach,
-            warnings,
-            repaired_supports,
-            pace: Pace::new(scene, height),
-            steps_since_save: 0,
-            constraint_error_m: 0.0,
-            steps: 0,
-            recoveries: 0,
-            tip: [0.0; 3],
-            shaft: [0.0; 2],
-            phase: Phase::Approach,
+            progress: Progress::new(pace),
             counters: Counters::default(),
         })
     }

@@ -33,7 +33,7 @@ impl Twin {
         // after the estimate, which takes the force of the last step for that of the present state
         self.solver.relax_until(time_s);
         self.solver.advance(&Advance { steps, travel });
-        self.steps_since_save += steps;
+        self.progress.steps_since_save += steps;
         let mut balance = self.solver.balance();
         let mut finer = steps.max(SAVE);
         for _ in 0..TRIES {
@@ -41,13 +41,13 @@ impl Twin {
                 self.keep(time_s);
                 return Ok(balance);
             }
-            self.recoveries += 1;
+            self.progress.recoveries += 1;
             finer = finer.saturating_mul(2);
             self.solver.restore(2.0);
             self.solver.relax_again(time_s);
             self.solver.refresh_step();
             self.solver.advance(&Advance { steps: finer, travel: 0.0 });
-            self.steps += u64::from(finer);
+            self.progress.steps += u64::from(finer);
             balance = self.solver.balance();
         }
         match self.trouble(&balance) {
@@ -55,16 +55,16 @@ impl Twin {
                 self.keep(time_s);
                 Ok(balance)
             }
-            Some(trouble) => Err(Halt::Diverged { trouble, tries: TRIES, step: self.steps, depth_m }),
+            Some(trouble) => Err(Halt::Diverged { trouble, tries: TRIES, step: self.progress.steps, depth_m }),
         }
     }
 
     /// The present state is good.
     fn keep(&mut self, time_s: f64) {
         self.solver.commit(time_s);
-        if self.steps_since_save >= SAVE {
+        if self.progress.steps_since_save >= SAVE {
             self.solver.save();
-            self.steps_since_save = 0;
+            self.progress.steps_since_save = 0;
         }
     }
 
@@ -89,12 +89,12 @@ impl Twin {
         };
         let least = (0..self.integration_points()).map(|p| (p, ratio(p))).min_by(|a, b| a.1.total_cmp(&b.1));
         let (point, volume_ratio) = least.unwrap_or((0, f64::NAN));
-        Trouble::Inverted { point, place: self.tissue.place(point), volume_ratio }
+        Trouble::Inverted { point, place: self.fixed.tissue.place(point), volume_ratio }
     }
 
     /// Strain energy below which the kinetic energy is not compared with it, J.
     pub(super) fn energy_floor(&self) -> f64 {
-        ENERGY_FLOOR * self.scene.material.shear_modulus() * self.height.powi(3)
+        ENERGY_FLOOR * self.fixed.scene.material.shear_modulus() * self.fixed.height.powi(3)
     }
 }
 
@@ -128,12 +128,12 @@ mod tests {
         let held: Vec<usize> =
             (0..twin.solver.roles().len()).filter(|&n| twin.solver.roles()[n] == Role::Instrument).collect();
         assert!(!held.is_empty());
-        let through = -1.2 * twin.height;
+        let through = -1.2 * twin.fixed.height;
         held.iter().for_each(|&n| twin.solver.prescribe(n, [0.0, 0.0, through]));
         twin.solver.advance(&Advance { steps: 1, travel: -through });
         let Some(Trouble::Inverted { volume_ratio, place, .. }) = twin.trouble(&good) else {
             panic!("{:?}", twin.trouble(&good));
         };
-        assert!(volume_ratio < INVERTED && (0.0..=twin.height).contains(&place[2]), "{volume_ratio} {place:?}");
+        assert!(volume_ratio < INVERTED && (0.0..=twin.fixed.height).contains(&place[2]), "{volume_ratio} {place:?}");
     }
 }

@@ -53,29 +53,14 @@ impl Motion {
 }
 
 impl Twin {
-    /// A second twin of the same model and state, which steps on one thread. It shares the immutable displayed body and
-    /// has a kernel of its own.
+    /// A second twin of the same model, which it shares, with a copy of the state; it steps on one thread.
     #[must_use]
     pub fn double(&self) -> Self {
         Self {
-            scene: self.scene.clone(),
-            dimension: self.dimension.clone(),
-            tissue: Arc::clone(&self.tissue),
-            solver: self.solver.double(),
+            fixed: Arc::clone(&self.fixed),
+            solver: self.solver.branch(),
             contact: self.contact.clone(),
-            top: self.top,
-            height: self.height,
-            reach: self.reach,
-            warnings: self.warnings.clone(),
-            repaired_supports: self.repaired_supports,
-            pace: self.pace.clone(),
-            steps_since_save: self.steps_since_save,
-            constraint_error_m: self.constraint_error_m,
-            steps: self.steps,
-            recoveries: self.recoveries,
-            tip: self.tip,
-            shaft: self.shaft,
-            phase: self.phase,
+            progress: self.progress.clone(),
             counters: super::Counters::default(),
         }
     }
@@ -87,14 +72,8 @@ impl Twin {
         if let (Some(own), Some(live)) = (&mut self.contact, &live.contact) {
             own.take_over(live);
         }
-        self.pace.clone_from(&live.pace);
-        self.steps_since_save = 0;
-        self.constraint_error_m = live.constraint_error_m;
-        self.steps = live.steps;
-        self.recoveries = live.recoveries;
-        self.tip = live.tip;
-        self.shaft = live.shaft;
-        self.phase = live.phase;
+        self.progress.clone_from(&live.progress);
+        self.progress.steps_since_save = 0;
     }
 
     /// Makes a further motion from the pose at which the state was taken over, and says what every pose of it would

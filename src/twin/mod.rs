@@ -172,14 +172,23 @@ pub enum BuildError {
     Approximation(String),
 }
 
-/// The digital twin: model, state and scratch memory of one scene.
+/// The digital twin: what never changes of one scene, a state of it, and scratch memory.
 #[derive(Debug)]
 pub struct Twin {
-    scene: Scene,
-    dimension: Resolved,
-    tissue: Arc<Tissue>,
+    fixed: Arc<Fixed>,
     solver: Solver,
     contact: Option<Contact>,
+    progress: Progress,
+    /// What was computed beside the force.
+    counters: Counters,
+}
+
+/// What never changes of a twin; shared with its branches.
+#[derive(Debug)]
+struct Fixed {
+    scene: Scene,
+    dimension: Resolved,
+    tissue: Tissue,
     /// z of the undeformed surface where the instrument meets it, m.
     top: f64,
     /// Height of the body under that, m.
@@ -189,6 +198,11 @@ pub struct Twin {
     warnings: Vec<String>,
     /// Nodes whose support was enlarged.
     repaired_supports: usize,
+}
+
+/// What changes from pose to pose beside tissue and instrument.
+#[derive(Clone, Debug)]
+struct Progress {
     pace: Pace,
     steps_since_save: u32,
     /// See [`Health`].
@@ -201,64 +215,78 @@ pub struct Twin {
     /// Where the instrument's axis met the undeformed top at the last pose, relative to the entry point, m.
     shaft: [f64; 2],
     phase: Phase,
-    /// What was computed beside the force.
-    counters: Counters,
+}
+
+impl Progress {
+    /// Before the first pose.
+    fn new(pace: Pace) -> Self {
+        Self {
+            pace,
+            steps_since_save: 0,
+            constraint_error_m: 0.0,
+            steps: 0,
+            recoveries: 0,
+            tip: [0.0; 3],
+            shaft: [0.0; 2],
+            phase: Phase::Approach,
+        }
+    }
 }
 
 impl Twin {
     /// The scene that this twin was built from.
     #[must_use]
     pub fn scene(&self) -> &Scene {
-        &self.scene
+        &self.fixed.scene
     }
 
     /// Times that the twin went back to the last good state and tried again with smaller steps, since the last reset.
     #[must_use]
     pub fn recoveries(&self) -> u64 {
-        self.recoveries
+        self.progress.recoveries
     }
 
     /// Number of nodes whose support was enlarged, since it did not determine the fit, or only just.
     #[must_use]
     pub fn repaired_supports(&self) -> usize {
-        self.repaired_supports
+        self.fixed.repaired_supports
     }
 
     /// What is worth knowing about the scene and its mesh and is no error.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
-        &self.warnings
+        &self.fixed.warnings
     }
 
     /// The dimension that the model has: [`Dimension::Full`] or [`Dimension::Axisymmetric`].
     #[must_use]
     pub fn dimension(&self) -> Dimension {
-        self.dimension.dimension
+        self.fixed.dimension.dimension
     }
 
     /// Why it has that dimension, in one clause.
     #[must_use]
     pub fn dimension_because(&self) -> &str {
-        &self.dimension.because
+        &self.fixed.dimension.because
     }
 
     /// Number of the model's nodes: those of a half plane if it is axisymmetric, each of which is shown as a ring of
     /// [`Twin::reference_points`].
     #[must_use]
     pub fn nodes(&self) -> usize {
-        self.tissue.model.nodes
+        self.fixed.tissue.model.nodes
     }
 
     /// Number of integration points.
     #[must_use]
     pub fn integration_points(&self) -> usize {
-        self.tissue.model.of_point.len()
+        self.fixed.tissue.model.of_point.len()
     }
 
     /// Explicit steps taken since the last reset.
     #[must_use]
     pub fn steps(&self) -> u64 {
-        self.steps
+        self.progress.steps
     }
 
     /// What one evaluation of the internal force has to move and to compute.
@@ -279,36 +307,36 @@ impl Twin {
         let path = self.path();
         let (cosine, [sx, sy]) = (1.0 / path.secant(), path.slope);
         let [x, y] = path.at(depth_m * cosine);
-        Pose { tip: [x, y, self.top - depth_m * cosine], axis: [sx * cosine, sy * cosine, -cosine] }
+        Pose { tip: [x, y, self.fixed.top - depth_m * cosine], axis: [sx * cosine, sy * cosine, -cosine] }
     }
 
     /// Depth of a pose's tip below the undeformed top face along its own axis, m.
     #[must_use]
     pub fn depth_of(&self, pose: &Pose) -> f64 {
-        (self.top - pose.tip[2]) / -pose.axis[2]
+        (self.fixed.top - pose.tip[2]) / -pose.axis[2]
     }
 
     /// The line on which the scene's instrument moves.
     fn path(&self) -> Axis {
         let of = |i: &Instrument| Axis { entry: i.entry.map(|m| m.get()), slope: i.slope() };
-        self.scene.instrument.as_ref().map_or(Axis::vertical([0.0; 2]), of)
+        self.fixed.scene.instrument.as_ref().map_or(Axis::vertical([0.0; 2]), of)
     }
 
     /// Reference positions of the points that the tissue is shown by, m: the model's nodes in space, or rings of them.
     #[must_use]
     pub fn reference_points(&self) -> &[[f64; 3]] {
-        &self.tissue.points
+        &self.fixed.tissue.points
     }
 
     /// Triangles of the sample's surface, outward normals, indices into [`Twin::reference_points`].
     #[must_use]
     pub fn surface(&self) -> &[[u32; 3]] {
-        &self.tissue.surface
+        &self.fixed.tissue.surface
     }
 
     /// Background tetrahedra, indices into [`Twin::reference_points`].
     #[must_use]
     pub fn cells(&self) -> &[[u32; 4]] {
-        &self.tissue.cells
+        &self.fixed.tissue.cells
     }
 }

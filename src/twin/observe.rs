@@ -8,20 +8,20 @@ use super::{Phase, Twin, Work};
 impl Twin {
     /// Displacement of the field at every reference point, m. Overwrites `out`.
     pub fn displacements(&self, out: &mut Vec<[f64; 3]>) {
-        self.tissue.displacements(self.solver.parameters(), out);
+        self.fixed.tissue.displacements(self.solver.parameters(), out);
         self.counters.displacements.add(out.len());
     }
 
     /// Volume ratio J and von Mises (Cauchy) stress in Pa, averaged to the reference points. Overwrites both.
     pub fn jacobian_and_stress(&self, jacobian: &mut Vec<f64>, von_mises_pa: &mut Vec<f64>) {
-        self.tissue.jacobian_and_stress(&self.solver, jacobian, von_mises_pa);
+        self.fixed.tissue.jacobian_and_stress(&self.solver, jacobian, von_mises_pa);
         self.counters.volume_ratios.add(jacobian.len());
         self.counters.stresses.add(von_mises_pa.len());
     }
 
     /// Volume ratio J alone, averaged to the reference points. Overwrites `out`.
     pub fn jacobian(&self, out: &mut Vec<f64>) {
-        self.tissue.jacobian(&self.solver, out);
+        self.fixed.tissue.jacobian(&self.solver, out);
         self.counters.volume_ratios.add(out.len());
     }
 
@@ -33,14 +33,14 @@ impl Twin {
 
     /// Present positions of the scene's targets, m, in the scene's order. Overwrites `out`.
     pub fn target_positions(&self, out: &mut Vec<[f64; 3]>) {
-        self.tissue.target_positions(&self.scene.targets, self.solver.parameters(), out);
+        self.fixed.tissue.target_positions(&self.fixed.scene.targets, self.solver.parameters(), out);
         self.counters.targets.add(out.len());
     }
 
     /// Largest distance between the field and its prescribed value at a held node, m.
     #[must_use]
     pub fn constraint_error(&self) -> f64 {
-        self.tissue.constraint_error(&self.solver)
+        self.fixed.tissue.constraint_error(&self.solver)
     }
 
     /// Radius that the cloud gives a needle, m ([`crate::instrument::NeedlePath::effective_radius`]); `None` without a
@@ -55,19 +55,19 @@ impl Twin {
 
     /// Whether a needle is in the tissue.
     pub(super) fn inserted(&self) -> bool {
-        matches!(self.phase, Phase::Penetration | Phase::Retraction)
+        matches!(self.progress.phase, Phase::Penetration | Phase::Retraction)
     }
 
     /// How far beside its path the tip may be, m: a needle enters on its path, and may then be moved sideways by as much
     /// as it is deep.
     pub(super) fn side_reach(&self) -> f64 {
-        match self.scene.instrument.as_ref().map(|i| &i.kind) {
+        match self.fixed.scene.instrument.as_ref().map(|i| &i.kind) {
             Some(InstrumentKind::Needle(n)) => {
                 let entering = 0.5 * n.capture_radius.get();
-                if self.inserted() { entering.max(-self.tip[2]) } else { entering }
+                if self.inserted() { entering.max(-self.progress.tip[2]) } else { entering }
             }
             // a shear of one half: beyond that the bond is not realistic
-            _ => 0.5 * self.height,
+            _ => 0.5 * self.fixed.height,
         }
     }
 

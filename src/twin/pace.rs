@@ -70,10 +70,10 @@ impl Pace {
     }
 
     /// Steps for a pose that is `travel` metres from the last one, while relaxation has changed the stress by the
-    /// share `unrest`.
-    pub fn steps(&mut self, travel: f64, slowest: f64, unrest: f64) -> u32 {
+    /// share `relaxed`.
+    pub fn steps(&mut self, travel: f64, slowest: f64, relaxed: f64) -> u32 {
         let s = &self.stepping;
-        self.pending += unrest;
+        self.pending += relaxed;
         if travel > 0.0 {
             let wanted = (travel / (s.tolerance * slowest * self.length)).max(1.0);
             return ((self.boost * wanted).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
@@ -99,7 +99,7 @@ impl Pace {
         let unbalanced = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
         self.imbalance = if self.peak > 0.0 { unbalanced / self.peak } else { 0.0 };
         // at rest the gap is the only error estimate
-        let error = if moving { balance.doubt.max(balance.gap / LAG) } else { balance.gap };
+        let error = if moving { balance.error_estimate.max(balance.gap / LAG) } else { balance.gap };
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
         self.unsettled = self.gap.max(FADE * self.unsettled);
         self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);

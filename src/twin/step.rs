@@ -4,7 +4,7 @@ use crate::instrument::Tip;
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
-use super::{Halt, Health, Phase, Pose, Prediction, StampedPose, Twin};
+use super::{Halt, Health, Phase, Pose, Prediction, Progress, StampedPose, Twin};
 
 /// Power iterations after which the fastest mode is known to a per cent.
 const FASTEST_ITERATIONS: usize = 400;
@@ -45,7 +45,7 @@ impl Twin {
     /// solution is lost in half of the jumps of 1.0 mm. Only the part below the surface counts; the sample bounds it.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     fn way(&self, to: Tip) -> impl Iterator<Item = Tip> + use<> {
-        let (from, stride) = (self.tip, STRIDE * self.height);
+        let (from, stride) = (self.progress.tip, STRIDE * self.fixed.height);
         let (start, end) = (from[2], to.offset[2]);
         // shares of the line at which it crosses the surface
         let enters = if start > 0.0 { start / (start - end) } else { 0.0 };
@@ -63,7 +63,7 @@ impl Twin {
 
     /// Takes the tissue to a place at once.
     fn go(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
-        let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.tip[k]);
+        let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.progress.tip[k]);
         let (mut phase, mut event) = (Phase::Approach, None);
         let mut taken = 0;
         let mut advanced = None;
@@ -71,16 +71,16 @@ impl Twin {
             (phase, event) = contact.impose(&tip, &mut self.solver);
             // a needle that tilts moves the tissue even if its tip stays
             let shaft = tip.axis_at(0.0);
-            let tilted = (shaft[0] - self.shaft[0]).hypot(shaft[1] - self.shaft[1]);
+            let tilted = (shaft[0] - self.progress.shaft[0]).hypot(shaft[1] - self.progress.shaft[1]);
             let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt().max(tilted);
             // above the surface the instrument moves, but not the tissue
-            let apart = phase == Phase::Approach && self.phase == Phase::Approach;
+            let apart = phase == Phase::Approach && self.progress.phase == Phase::Approach;
             let (distance, travel) = if apart { (0.0, 0.0) } else { (distance, -moved[2]) };
-            let unrest = self.solver.unrest(pose.time_s);
-            let steps = self.pace.steps(distance, self.solver.slowest(), unrest);
+            let relaxed = self.solver.stress_relaxation(pose.time_s);
+            let steps = self.progress.pace.steps(distance, self.solver.slowest(), relaxed);
             if steps > 0 {
                 let balance = self.advance_safely(steps, travel, tip.depth, pose.time_s)?;
-                self.pace.judge(&balance, distance > 0.0);
+                self.progress.pace.judge(&balance, distance > 0.0);
                 advanced = Some(balance);
                 taken = steps;
             } else {
@@ -88,13 +88,13 @@ impl Twin {
             }
         }
         let balance = advanced.unwrap_or_else(|| self.solver.balance());
-        self.tip = tip.offset;
-        self.shaft = tip.axis_at(0.0);
-        self.phase = phase;
-        let looks = self.steps / LOOK;
-        self.steps += u64::from(taken);
-        if self.steps / LOOK > looks {
-            self.constraint_error_m = self.constraint_error();
+        self.progress.tip = tip.offset;
+        self.progress.shaft = tip.axis_at(0.0);
+        self.progress.phase = phase;
+        let looks = self.progress.steps / LOOK;
+        self.progress.steps += u64::from(taken);
+        if self.progress.steps / LOOK > looks {
+            self.progress.constraint_error_m = self.constraint_error();
         }
         Ok(Prediction {
             time_s: pose.time_s,
@@ -111,7 +111,7 @@ impl Twin {
     /// Limits the steps per pose to what there is time for: a live twin that can't keep up takes fewer, larger steps rather
     /// than fall behind. Offline only the scene's `stepping.max_steps_per_pose` applies.
     pub fn limit_steps(&mut self, most_per_pose: u32) {
-        self.pace.limit = most_per_pose;
+        self.progress.pace.limit = most_per_pose;
     }
 
     /// Angular frequency of the fundamental mode, rad per step.
@@ -133,14 +133,8 @@ impl Twin {
         if let Some(contact) = &mut self.contact {
             contact.reset(&mut self.solver);
         }
-        self.pace.reset();
-        self.steps = 0;
-        self.recoveries = 0;
-        self.steps_since_save = 0;
-        self.constraint_error_m = 0.0;
-        self.tip = [0.0; 3];
-        self.shaft = [0.0; 2];
-        self.phase = Phase::Approach;
+        self.progress.pace.reset();
+        self.progress = Progress::new(self.progress.pace.clone());
     }
 
     fn health(&self, balance: &Balance) -> Health {
@@ -148,8 +142,8 @@ impl Twin {
         Health {
             min_jacobian: self.solver.min_jacobian(),
             kinetic_to_strain_energy: balance.kinetic / strain,
-            force_imbalance: self.pace.imbalance,
-            constraint_error_m: self.constraint_error_m,
+            force_imbalance: self.progress.pace.imbalance,
+            constraint_error_m: self.progress.constraint_error_m,
         }
     }
 
@@ -179,13 +173,13 @@ impl Twin {
             ));
         }
         let path = self.path();
-        let offset = [tip[0] - path.entry[0], tip[1] - path.entry[1], tip[2] - self.top];
+        let offset = [tip[0] - path.entry[0], tip[1] - path.entry[1], tip[2] - self.fixed.top];
         let depth = self.depth_of(&pose.pose);
-        if depth >= self.reach {
+        if depth >= self.fixed.reach {
             return refuse(format!(
                 "depth {depth:.6} m is beyond {:.6} m, the deepest that this scene's cloud was made for \
                  (motion.depth_m, the sample's height)",
-                self.reach
+                self.fixed.reach
             ));
         }
         let side = (0..2).map(|k| (offset[k] + path.slope[k] * offset[2]).powi(2)).sum::<f64>().sqrt();
@@ -205,10 +199,10 @@ impl Twin {
     fn asymmetry(&self, pose: &Pose) -> Option<String> {
         let Pose { tip, axis } = pose;
         let (beside, tilt) = (tip[0].hypot(tip[1]), axis[0].hypot(axis[1]));
-        let most = SYMMETRIC * self.height;
+        let most = SYMMETRIC * self.fixed.height;
         let what = if tilt > SYMMETRIC {
             format!("its axis leans by {tilt:.4} (sine), and {SYMMETRIC} is taken")
-        } else if tip[2] < self.top && beside > most {
+        } else if tip[2] < self.fixed.top && beside > most {
             format!("its tip is {beside:.6} m beside the sample's axis, and {most:.6} m is taken")
         } else {
             return None;

@@ -25,8 +25,8 @@ fn internal_force(
     u: &[[f64; 3]],
 ) -> Vec<[f64; 3]> {
     let table = Approximation::new(points, cells, interpolating.to_vec(), settings(basis, 1)).table().unwrap();
-    let mut kernel = Kernel::<f64>::new(&table, cells, points, &Law::neo_hookean(MU, KAPPA), ratio);
-    kernel.internal_force(&mut Pool::new(1), u)
+    let kernel = Kernel::<f64>::new(&table, cells, points, &Law::neo_hookean(MU, KAPPA), ratio);
+    kernel.internal_force(&mut Pool::new(1), u).force
 }
 
 /// A displacement that turns, stretches and bends the body, and shakes every node.

@@ -311,9 +311,9 @@ fn the_logarithmic_energy_grows_without_bound_and_goes_back() {
     }
 }
 
-fn evaluate(kernel: &mut Kernel<f64>, pool: &mut Pool, u: &[[f64; 3]]) -> (f64, Vec<f64>) {
-    let force = kernel.internal_force(pool, u).into_iter().flatten().collect();
-    (kernel.energy(), force)
+fn evaluate(kernel: &Kernel<f64>, pool: &mut Pool, u: &[[f64; 3]]) -> (f64, Vec<f64>) {
+    let at = kernel.internal_force(pool, u);
+    (at.energy, at.force.into_iter().flatten().collect())
 }
 
 /// With every law and every volume ratio: the internal force along any direction is the slope of the energy, and the
@@ -332,11 +332,11 @@ fn the_internal_force_is_the_derivative_of_the_energy() {
     let mut pool = Pool::new(1);
     for point in points().iter().filter(|p| p.memory.is_none()) {
         for ratio in [VolumeRatio::Projected, VolumeRatio::Averaged, VolumeRatio::Pointwise] {
-            let mut kernel = Kernel::new(&table, &cloud.cells, &cloud.points, &point.law, ratio);
+            let kernel = Kernel::new(&table, &cloud.cells, &cloud.points, &point.law, ratio);
             let mut along = |d: &[[f64; 3]], h: f64| {
                 let moved: Vec<[f64; 3]> =
                     u.iter().zip(d).map(|(u, d)| std::array::from_fn(|k| u[k] + h * d[k])).collect();
-                evaluate(&mut kernel, &mut pool, &moved)
+                evaluate(&kernel, &mut pool, &moved)
             };
             let dot = |f: &[f64], d: &[[f64; 3]]| f.iter().zip(d.iter().flatten()).map(|(f, d)| f * d).sum::<f64>();
             let h = 1e-6;

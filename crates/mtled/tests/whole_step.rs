@@ -17,7 +17,8 @@ fn cube() -> Cloud {
 /// Presses the top of a relaxing cube, goes back to a kept state once, and rests.
 fn press(cloud: &Cloud, precision: Precision, threads: usize) -> (Balance, Vec<[f64; 3]>) {
     let settings = Settings {
-        basis: Some(Basis::Quadratic { penalty: 1e-2 }),
+        // four nodes to a point, so that Miri ends
+        basis: if cfg!(miri) { None } else { Some(Basis::Quadratic { penalty: 1e-2 }) },
         support_factor: 1.8,
         points_per_cell: 1,
         cells_per_point: 1,
@@ -60,7 +61,8 @@ fn press(cloud: &Cloud, precision: Precision, threads: usize) -> (Balance, Vec<[
 fn three_threads_give_the_bits_of_one() {
     let cloud = cube();
     println!("{} nodes, {} cells", cloud.points.len(), cloud.cells.len());
-    for precision in [Precision::F32, Precision::F64] {
+    let precisions: &[Precision] = if cfg!(miri) { &[Precision::F32] } else { &[Precision::F32, Precision::F64] };
+    for &precision in precisions {
         let (one, three) = (press(&cloud, precision, 1), press(&cloud, precision, 3));
         assert!(one.0.instrument[2] > 0.0, "{:?}", one.0);
         assert_eq!(one, three, "{precision:?}");

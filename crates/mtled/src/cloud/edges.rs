@@ -162,7 +162,7 @@ fn path(nodes: &mut Nodes, height: f64, axis: &Axis, radius: f64, length: f64, s
 
 fn too_close(domain: &Domain, spacing: &Spacing, nodes: &Nodes) -> Result<(), CloudError> {
     let (low, high) = domain.bounds();
-    let mut grid = super::grid::Grid::new(low, high, nodes.points.len());
+    let mut grid = crate::grid::Grid::new(low, high, nodes.points.len());
     for &p in &nodes.points {
         let h = spacing.at(domain, p);
         if grid.any(&nodes.points, p, 0.4 * h, |_, _| true) {

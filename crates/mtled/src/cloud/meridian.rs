@@ -10,12 +10,12 @@
 use super::domain::{BASE, Domain, SIDE, TOP};
 use super::edges::{equidistribute, path_shape};
 use super::error::CloudError;
-use super::grid::Grid;
 use super::order::hilbert_order;
 use super::packing::Packing;
 use super::spacing::{Feature, MAX_NODES, Spacing};
 use super::triangulate::{orient, triangulate};
 use super::vector::{Point, add, distance, hash01, scale, sub};
+use crate::grid::Grid;
 use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing.

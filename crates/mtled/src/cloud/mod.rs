@@ -22,7 +22,6 @@ mod delaunay;
 mod domain;
 mod edges;
 mod error;
-mod grid;
 mod improve;
 pub mod meridian;
 mod order;

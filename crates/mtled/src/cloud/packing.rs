@@ -4,9 +4,9 @@
 
 use super::domain::Domain;
 use super::edges::Nodes;
-use super::grid::Grid;
 use super::spacing::{Feature, Spacing};
 use super::vector::{Point, add, hash01, scale, sub};
+use crate::grid::Grid;
 use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing, on faces and inside.

@@ -13,9 +13,8 @@ use crate::approximation::{Form, ShapeTable};
 use crate::material::neo_hookean::Gradient;
 
 use super::group::groups;
-use super::memory::Memory;
+use crate::number::Real;
 use crate::number::{LANES, Lanes};
-use crate::number::{Number, Real};
 
 /// Blocks to share among threads: two for each of sixteen.
 const BLOCKS: usize = 32;
@@ -27,9 +26,9 @@ const VISITS: std::ops::RangeInclusive<usize> = if cfg!(miri) { 32..=64 } else {
 /// In [`Block::point`]: a lane that holds no point.
 const NO_POINT: u32 = u32::MAX;
 
-/// A run of groups of integration points with their local shape table and scratch memory. A visit is a group's use of
-/// a node; a slot is a lane of a group.
-#[derive(Clone, Debug)]
+/// A run of groups of integration points with their local shape table. A visit is a group's use of a node; a slot is a lane
+/// of a group.
+#[derive(Debug)]
 pub struct Block<T: Real> {
     /// Global index of each local node, ascending; then the nodes whose images beyond the axis the block uses.
     pub nodes: Vec<u32>,
@@ -51,16 +50,17 @@ pub struct Block<T: Real> {
     pub scale: Vec<Lanes<T>>,
     /// Volume of each point, m^3; zero where a lane holds none.
     pub volume: Vec<Lanes<T>>,
-    /// Share of each point that is tissue: 1, or less where a needle fills its cell.
-    pub active: Vec<Lanes<T>>,
     /// Global index of each corner of the points' cells, ascending: the nodes that share volume ratios.
     pub vertices: Vec<u32>,
-    /// Where the block's forces begin among those of all blocks, and its dilations among theirs.
-    pub first: First,
     /// Position in `vertices` of the corners of each point's cell. A triangle repeats its last.
     pub corners: Vec<[[u16; LANES]; 4]>,
     /// Index of each slot's point in the shape table.
     pub point: Vec<u32>,
+}
+
+/// A block's scratch memory, and what its last evaluation left there.
+#[derive(Debug)]
+pub struct BlockScratch<T> {
     /// Displacement of the local nodes relative to the block's first node, m.
     pub u: Vec<[T; 3]>,
     /// Deformation gradient of each point.
@@ -71,22 +71,29 @@ pub struct Block<T: Real> {
     pub min_jacobian: f64,
     /// Strain energy of the block's points less the projected volumetric part, at the last evaluation, J.
     pub energy: f64,
-    /// What the points of a relaxing material remember.
-    pub memory: Memory,
+}
+
+impl<T: Real> BlockScratch<T> {
+    /// Memory for one block.
+    pub fn new(block: &Block<T>) -> Self {
+        Self {
+            u: vec![[T::default(); 3]; block.nodes.len()],
+            deformation: vec![Default::default(); block.volume.len()],
+            pressure: vec![T::default(); block.vertices.len()],
+            min_jacobian: 1.0,
+            energy: 0.0,
+        }
+    }
+
+    /// Deformation gradient in one slot.
+    pub fn deformation_in(&self, slot: usize) -> Gradient<f64> {
+        self.deformation[slot / LANES].map(|f| f.0[slot % LANES].get())
+    }
 }
 
 /// A thread's own memory while it works on a block: internal force on each local node by the lane of the points that
 /// exert it, N; zero between blocks. It stays in the thread's first cache, where the blocks' own would not.
 pub type ForceOfLane<T> = Vec<[Lanes<T>; 3]>;
-
-/// Where a block's numbers begin among those of all blocks.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct First {
-    /// Of what it has for each node.
-    pub node: usize,
-    /// Of what it has for each vertex.
-    pub vertex: usize,
-}
 
 /// Where each global index's shares lie among those of all blocks (or strips, or cells), one after another.
 #[derive(Clone, Debug, Default)]
@@ -122,14 +129,7 @@ impl<T: Real> Block<T> {
             ranges.push(first..groups.len());
         }
         let block = |r: Range<usize>| Self::new(table, cells, points.len(), &groups[r.clone()], &visited[r]);
-        let mut blocks: Vec<Self> = ranges.into_par_iter().map(block).collect();
-        let mut first = First::default();
-        for block in &mut blocks {
-            block.first = first;
-            first.node += block.nodes.len();
-            first.vertex += block.vertices.len();
-        }
-        blocks
+        ranges.into_par_iter().map(block).collect()
     }
 
     fn new(table: &ShapeTable, cells: &[[u32; 4]], count: usize, groups: &[Vec<u32>], visited: &[Vec<u32>]) -> Self {
@@ -148,16 +148,8 @@ impl<T: Real> Block<T> {
             squares: vec![Lanes::default(); groups.len()],
             scale: vec![Lanes::default(); groups.len()],
             volume: vec![Lanes::default(); groups.len()],
-            active: vec![Lanes::of(1.0); groups.len()],
             corners: vec![[[0; LANES]; 4]; groups.len()],
             point: vec![NO_POINT; LANES * groups.len()],
-            u: vec![[T::default(); 3]; nodes.len()],
-            deformation: vec![Default::default(); groups.len()],
-            pressure: vec![T::default(); vertices.len()],
-            first: First::default(),
-            min_jacobian: 1.0,
-            energy: 0.0,
-            memory: Memory::default(),
             nodes: nodes.iter().map(|&n| n % count as u32).collect(),
             vertices: Vec::new(),
         };
@@ -194,22 +186,10 @@ impl<T: Real> Block<T> {
         held.map(|(slot, &point)| (slot, point as usize))
     }
 
-    /// Deformation gradient in one slot.
-    #[must_use]
-    pub fn deformation_in(&self, slot: usize) -> Gradient<f64> {
-        self.deformation[slot / LANES].map(|f| f.0[slot % LANES].get())
-    }
-
     /// Volume of the point in one slot, m^3.
     #[must_use]
     pub fn volume_in(&self, slot: usize) -> f64 {
         self.volume[slot / LANES].0[slot % LANES].get()
-    }
-
-    /// Share of the point in one slot that is tissue.
-    #[must_use]
-    pub fn active_in(&self, slot: usize) -> f64 {
-        self.active[slot / LANES].0[slot % LANES].get()
     }
 }
 

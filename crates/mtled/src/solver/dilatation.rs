@@ -24,6 +24,7 @@ use crate::approximation::Form;
 use crate::approximation::axisymmetric::MirroredSupports;
 use crate::approximation::mls::{Basis, Fit, Neighbour};
 use crate::approximation::support::{Supports, distance, radii};
+use crate::grid::Grid;
 
 /// Distance between coarse nodes over the spacing of the cloud there.
 pub const COARSENING: f64 = 1.5;
@@ -153,59 +154,23 @@ fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64]) -> Vec<u32> {
     let mut sorted = spacing.to_vec();
     sorted.sort_by(f64::total_cmp);
     let size = COARSENING * sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
-    let mut grid = Boxes::new(points, size);
-    let mut coarse = Vec::new();
+    let bound = |k: usize, pick: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0);
+    let (low, high) = ([0, 1, 2].map(|k| bound(k, f64::min)), [0, 1, 2].map(|k| bound(k, f64::max)));
+    let widest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+    let mut grid = Grid::of_cells(low, high, size.max(widest / 200.0).max(f64::MIN_POSITIVE));
+    let (mut coarse, mut at): (Vec<u32>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());
     for (i, &x) in points.iter().enumerate() {
         let reach = COARSENING * spacing[i];
-        if !grid.any(x, reach, |j| distance(x, points[j]) < reach.min(COARSENING * spacing[j])) {
-            grid.insert(x, i as u32);
+        let near = |j: u32, _| {
+            let own = COARSENING * spacing[coarse[j as usize] as usize];
+            distance(x, at[j as usize]) < reach.min(own)
+        };
+        // a little farther, so that `near` decides to the last bit
+        if !grid.any(&at, x, reach * (1.0 + 1e-9), near) {
+            grid.push(x);
             coarse.push(i as u32);
+            at.push(x);
         }
     }
     coarse
-}
-
-/// Points in uniform boxes.
-struct Boxes {
-    low: [f64; 3],
-    inv: f64,
-    count: [usize; 3],
-    held: Vec<Vec<u32>>,
-}
-
-impl Boxes {
-    fn new(points: &[[f64; 3]], size: f64) -> Self {
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        for p in points {
-            for k in 0..3 {
-                low[k] = low[k].min(p[k]);
-                high[k] = high[k].max(p[k]);
-            }
-        }
-        let widest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
-        let inv = 1.0 / size.max(widest / 200.0).max(f64::MIN_POSITIVE);
-        let count: [usize; 3] = std::array::from_fn(|k| ((high[k] - low[k]) * inv).max(0.0) as usize + 1);
-        Self { low, inv, count, held: vec![Vec::new(); count.iter().product()] }
-    }
-
-    fn along(&self, k: usize, x: f64) -> usize {
-        (((x - self.low[k]) * self.inv).max(0.0) as usize).min(self.count[k] - 1)
-    }
-
-    fn insert(&mut self, x: [f64; 3], i: u32) {
-        let [a, b, c] = std::array::from_fn(|k| self.along(k, x[k]));
-        self.held[(c * self.count[1] + b) * self.count[0] + a].push(i);
-    }
-
-    /// Whether `found` holds for a point within `reach` of x along each axis.
-    fn any(&self, x: [f64; 3], reach: f64, found: impl Fn(usize) -> bool) -> bool {
-        let range = |k: usize| self.along(k, x[k] - reach)..=self.along(k, x[k] + reach);
-        range(2).any(|c| {
-            range(1).any(|b| {
-                range(0)
-                    .any(|a| self.held[(c * self.count[1] + b) * self.count[0] + a].iter().any(|&i| found(i as usize)))
-            })
-        })
-    }
 }

@@ -11,13 +11,14 @@
 //!
 //! c: mean displacement of the instrument's nodes per metre of its travel; t: tissue's displacement per metre of travel, of
 //! which the solver knows two approximations. The tangent motion that it has learnt comes late, the present motion
-//! t + q/d runs ahead; F is taken with their mean, and half of the difference is the doubt that stays. Each t_j being between
+//! t + q/d runs ahead; F is taken with their mean, and half of the difference is the error estimate. Each t_j being between
 //! nothing and all of the instrument's own motion, F lies between the forces on instrument and base: it is never further off than
 //! those.
 
 use crate::approximation::Form;
 
-use super::state::{Role, Solver};
+use super::model::Model;
+use super::state::{Constraints, Role, State};
 use super::step::Balance;
 
 /// The last motion of the instrument.
@@ -61,14 +62,15 @@ pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-impl Solver {
+impl Model {
     /// Keeps c of an advance by `travel` metres; of a rest or of an advance without instrument nodes the one before stays.
-    pub(super) fn note_motion(&mut self, travel: f64) {
+    pub(super) fn note_motion(&self, state: &mut State, travel: f64) {
         if travel == 0.0 {
             return;
         }
+        let Constraints { role, path } = &state.constraints;
         let (mut sum, mut count) = ([0.0; 3], 0.0);
-        for (path, _) in self.path.iter().zip(&self.role).filter(|(_, role)| **role == Role::Instrument) {
+        for (path, _) in path.iter().zip(role).filter(|(_, role)| **role == Role::Instrument) {
             (0..3).for_each(|k| sum[k] += path.end[k] - path.start[k]);
             count += 1.0;
         }
@@ -77,24 +79,26 @@ impl Solver {
             sum[0] = 0.0;
         }
         if count > 0.0 {
-            self.motion.rate = sum.map(|s| s / (count * travel));
+            state.control.motion.rate = sum.map(|s| s / (count * travel));
         }
     }
+}
 
-    /// Takes inertia out of the force on the instrument; fills in gap and doubt.
-    pub(super) fn take_out_inertia(&self, b: &mut Balance, sums: &Sums) {
-        let Motion { rate, gain } = self.motion;
+impl Motion {
+    /// Takes inertia out of the force on the instrument; fills in gap and error estimate.
+    pub fn take_out_inertia(&self, b: &mut Balance, sums: &Sums) {
+        let Self { rate, gain } = self;
         let sum: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
         b.gap = dot(&sum, &sum).sqrt();
-        let square = dot(&rate, &rate);
+        let square = dot(rate, rate);
         if square <= 0.0 {
             return;
         }
         // along c, in newtons
-        let (half, most) = (0.5 * sums.present * gain / square.sqrt(), dot(&sum, &rate) / square.sqrt());
+        let (half, most) = (0.5 * sums.present * gain / square.sqrt(), dot(&sum, rate) / square.sqrt());
         let wanted = sums.learnt / square.sqrt() + half;
         let taken = wanted.clamp(most.min(0.0), most.max(0.0));
-        b.doubt = half.abs().min(most.abs());
+        b.error_estimate = half.abs().min(most.abs());
         (0..3).for_each(|k| b.instrument[k] -= taken * rate[k] / square.sqrt());
     }
 }

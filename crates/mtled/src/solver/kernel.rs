@@ -13,14 +13,14 @@ use crate::approximation::ShapeTable;
 use crate::material::neo_hookean::Gradient;
 use crate::material::{Law, Volumetric};
 
-use super::block::{Block, ForceOfLane, Shares};
+use super::block::{Block, BlockScratch, ForceOfLane, Shares};
 use super::dilatation::{Dilatation, POINTWISE_BULK};
 use super::disjoint::{Chunks, Each, Either, Offsets, Runs, Then};
 use super::fold::{self, Guard, Resistance};
 use super::memory::Memory;
 use super::points::{Constants, Relaxing};
 use super::pool::Pool;
-use super::strip::Strip;
+use super::strip::{Strip, StripScratch};
 use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
 
@@ -29,44 +29,85 @@ pub const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
 /// Coarse nodes per part of a phase over them.
 const COARSE_PER_CHUNK: usize = if cfg!(miri) { 4 } else { 64 };
 
-/// Internal-force kernel of one model.
-#[derive(Clone, Debug)]
+/// Internal-force kernel of one model: what never changes.
+#[derive(Debug)]
 pub struct Kernel<T: Real> {
     pub(super) blocks: Vec<Block<T>>,
     /// Block and slot of each integration point.
     slot: Vec<(u32, u32)>,
-    /// Internal force of each block on each of its nodes, block after block, N.
-    force: Vec<[T; 3]>,
-    /// Where each block's begin.
+    /// Where each block's forces begin among those of all, and which of them are a node's.
     force_runs: Offsets,
     force_shares: Shares,
-    /// V (J - 1) of each block at each of its vertices, block after block, m^3.
-    dilation: Vec<T>,
-    /// Where each block's begin.
+    /// The same of the dilations.
     dilation_runs: Offsets,
     dilation_shares: Shares,
     projection: Projection<T>,
     guard: Guard,
-    /// Of the guarded cells at the last evaluation.
-    resistance: Vec<Resistance>,
-    /// Of each thread.
-    scratch: Vec<ForceOfLane<T>>,
+    guarded: usize,
     nodes: usize,
     pub(super) constants: Constants,
 }
 
-/// The projection of the dilation and its last values.
+/// What a displacement field costs and exerts.
 #[derive(Clone, Debug)]
+pub struct InternalForce {
+    /// On each node, N.
+    pub force: Vec<[f64; 3]>,
+    /// Strain energy, J.
+    pub energy: f64,
+    /// Deformation gradient of each integration point.
+    pub deformation: Vec<Gradient<f64>>,
+}
+
+/// The projection of the dilation.
+#[derive(Debug)]
 struct Projection<T> {
     /// N_aP, [`NODES_PER_CHUNK`] nodes each; none with the pointwise volume ratio.
     strips: Vec<Strip<T>>,
-    /// Sums of the strips to each of their coarse nodes, strip after strip, m^3.
-    sums: Vec<T>,
     /// Where the sums of each strip begin.
     runs: Offsets,
     shares: Shares,
     /// V_P, m^3.
     volume: Vec<f64>,
+}
+
+/// What a state says of the integration points.
+#[derive(Debug)]
+pub struct Points<T> {
+    /// Share of each point that is tissue, by block and group: 1, or less where a needle fills its cell.
+    active: Vec<Vec<Lanes<T>>>,
+}
+
+impl<T: Clone> Clone for Points<T> {
+    fn clone(&self) -> Self {
+        Self { active: self.active.clone() }
+    }
+
+    fn clone_from(&mut self, other: &Self) {
+        self.active.clone_from(&other.active);
+    }
+}
+
+/// Scratch memory of an evaluation, and what the last one left there.
+#[derive(Debug)]
+pub struct Scratch<T: Real> {
+    blocks: Vec<BlockScratch<T>>,
+    /// Internal force of each block on each of its nodes, block after block, N.
+    force: Vec<[T; 3]>,
+    /// V (J - 1) of each block at each of its vertices, block after block, m^3.
+    dilation: Vec<T>,
+    projection: ProjectionScratch<T>,
+    /// Of the guarded cells.
+    resistance: Vec<Resistance>,
+    /// Of each thread.
+    lanes: Vec<ForceOfLane<T>>,
+}
+
+#[derive(Debug)]
+struct ProjectionScratch<T> {
+    strips: Vec<StripScratch<T>>,
+    /// Sums of the strips to each of their coarse nodes, strip after strip, m^3.
+    sums: Vec<T>,
     /// (kappa - kappa_s) u'(J_P), Pa.
     coarse: Vec<T>,
     /// The same at the nodes, Pa; whole groups of lanes.
@@ -92,27 +133,19 @@ impl<T: Real> Kernel<T> {
             VolumeRatio::Averaged => (Dilatation::nodal(nodes), 0.0),
             VolumeRatio::Pointwise => (Dilatation { start: vec![0; nodes + 1], ..Dilatation::default() }, kappa),
         };
-        let mut blocks = Block::partition(table, cells, points);
+        let blocks = Block::partition(table, cells, points);
         let mut slot = vec![(0, 0); table.volume.len()];
-        for (b, block) in blocks.iter_mut().enumerate() {
-            block.memory = Memory::new(&law.prony, block.point.len());
+        for (b, block) in blocks.iter().enumerate() {
             block.occupied().for_each(|(s, point)| slot[point] = (b as u32, s as u32));
         }
-        let most = blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
-        let projection = Projection::new(&dilatation, table, cells, nodes);
-        let force_runs = Offsets::of(blocks.iter().map(|b| b.nodes.len()));
-        let dilation_runs = Offsets::of(blocks.iter().map(|b| b.vertices.len()));
         Self {
-            force: vec![[T::default(); 3]; force_runs.total()],
-            force_runs,
+            force_runs: Offsets::of(blocks.iter().map(|b| b.nodes.len())),
             force_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
-            dilation: vec![T::default(); dilation_runs.total()],
-            dilation_runs,
+            dilation_runs: Offsets::of(blocks.iter().map(|b| b.vertices.len())),
             dilation_shares: Shares::of(blocks.iter().map(|b| b.vertices.as_slice()), nodes),
-            projection,
-            scratch: vec![vec![Default::default(); most]],
-            resistance: vec![Resistance::default(); table.guarded.len()],
+            projection: Projection::new(&dilatation, table, cells, nodes),
             guard: Guard::new(&table.guarded, cells, points, mu),
+            guarded: table.guarded.len(),
             nodes,
             constants: Constants {
                 law: *law,
@@ -125,67 +158,193 @@ impl<T: Real> Kernel<T> {
         }
     }
 
-    /// Makes memory for a team of so many threads; a new kernel has it for one.
-    #[must_use]
-    pub fn for_threads(mut self, threads: usize) -> Self {
-        self.scratch.resize(threads.max(1), self.scratch[0].clone());
-        self
+    /// All points tissue.
+    pub(super) fn points(&self) -> Points<T> {
+        Points { active: self.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect() }
     }
 
-    /// Number of nodes.
-    #[must_use]
-    pub fn nodes(&self) -> usize {
-        self.nodes
+    /// What a material that relaxes remembers at first, by block.
+    pub(super) fn memory(&self) -> Vec<Memory> {
+        self.blocks.iter().map(|b| Memory::new(&self.constants.law.prony, b.point.len())).collect()
     }
 
-    /// Smallest volume ratio of any integration point at the last evaluation.
-    #[must_use]
-    pub fn min_jacobian(&self) -> f64 {
-        self.blocks.iter().map(|b| b.min_jacobian).fold(f64::INFINITY, f64::min)
+    /// Scratch memory for a team of so many threads.
+    pub(super) fn scratch(&self, threads: usize) -> Scratch<T> {
+        let Projection { strips, runs, volume, .. } = &self.projection;
+        let most = self.blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
+        Scratch {
+            blocks: self.blocks.iter().map(BlockScratch::new).collect(),
+            force: vec![[T::default(); 3]; self.force_runs.total()],
+            dilation: vec![T::default(); self.dilation_runs.total()],
+            projection: ProjectionScratch {
+                strips: strips.iter().map(StripScratch::new).collect(),
+                sums: vec![T::default(); runs.total()],
+                coarse: vec![T::default(); volume.len()],
+                nodal: vec![T::default(); strips.len() * NODES_PER_CHUNK],
+            },
+            resistance: vec![Resistance::default(); self.guarded],
+            lanes: vec![vec![Default::default(); most]; threads.max(1)],
+        }
     }
 
     /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
-    pub fn set_active(&mut self, point: usize, share: f64) {
+    pub(super) fn set_active(&self, points: &mut Points<T>, point: usize, share: f64) {
         let (b, s) = self.slot[point];
-        self.blocks[b as usize].active[s as usize / LANES].0[s as usize % LANES] = T::of(share);
+        points.active[b as usize][s as usize / LANES].0[s as usize % LANES] = T::of(share);
     }
 
-    /// Makes every point tissue again.
-    pub fn activate_all(&mut self) {
-        self.blocks.iter_mut().for_each(|b| b.active.fill(Lanes::of(1.0)));
+    /// Smallest volume ratio of any integration point at the last evaluation.
+    pub(super) fn min_jacobian(&self, scratch: &Scratch<T>) -> f64 {
+        scratch.blocks.iter().map(|b| b.min_jacobian).fold(f64::INFINITY, f64::min)
     }
 
     /// Deformation gradient (row-major) of one integration point at the last evaluation.
-    #[must_use]
-    pub fn deformation(&self, point: usize) -> Gradient<f64> {
+    pub(super) fn deformation(&self, scratch: &Scratch<T>, point: usize) -> Gradient<f64> {
         let (b, s) = self.slot[point];
-        self.blocks[b as usize].deformation_in(s as usize)
+        scratch.blocks[b as usize].deformation_in(s as usize)
     }
 
     /// Strain energy at the last evaluation, J.
-    #[must_use]
-    pub fn energy(&self) -> f64 {
+    pub(super) fn energy(&self, scratch: &Scratch<T>) -> f64 {
         let projected: f64 = if self.constants.projected > 0.0 {
             let (kappa, volumetric) = (self.constants.projected, self.constants.law.volumetric);
             let density = |p: f64| kappa * volumetric.energy(volumetric.dilation(p / kappa));
-            self.projection.coarse.iter().zip(&self.projection.volume).map(|(p, v)| v * density(p.get())).sum()
+            scratch.projection.coarse.iter().zip(&self.projection.volume).map(|(p, v)| v * density(p.get())).sum()
         } else {
             0.0
         };
-        let resisting: f64 = self.resistance.iter().map(|r| r.energy).sum();
-        self.blocks.iter().map(|b| b.energy).sum::<f64>() + projected + resisting
+        let resisting: f64 = scratch.resistance.iter().map(|r| r.energy).sum();
+        scratch.blocks.iter().map(|b| b.energy).sum::<f64>() + projected + resisting
     }
 
     /// Calls `visit(point, F, P, V)` for every integration point of the last evaluation: deformation gradient and first
     /// Piola-Kirchhoff stress in Pa (row-major), volume in m^3.
-    pub fn for_points(&self, mut visit: impl FnMut(usize, Gradient<f64>, Gradient<f64>, f64)) {
-        for b in &self.blocks {
-            let law = Relaxing { constants: &self.constants, memory: &b.memory };
-            for (slot, point) in b.occupied() {
-                let f = b.deformation_in(slot);
-                let (_, stress) = law.evaluate(slot, &f, b.projected_pressure_in(slot));
-                visit(point, f, stress, b.volume_in(slot));
+    pub(super) fn for_points(
+        &self,
+        memory: &[Memory],
+        scratch: &Scratch<T>,
+        mut visit: impl FnMut(usize, Gradient<f64>, Gradient<f64>, f64),
+    ) {
+        for ((block, scratch), memory) in self.blocks.iter().zip(&scratch.blocks).zip(memory) {
+            let law = Relaxing { constants: &self.constants, memory };
+            for (slot, point) in block.occupied() {
+                let f = scratch.deformation_in(slot);
+                let (_, stress) = law.evaluate(slot, &f, block.projected_pressure_in(&scratch.pressure, slot));
+                visit(point, f, stress, block.volume_in(slot));
             }
+        }
+    }
+
+    /// Internal force for nodal parameters `u`, m: the scratch memory holds the blocks' forces afterwards.
+    pub(super) fn force(
+        &self,
+        points: &Points<T>,
+        memory: &[Memory],
+        scratch: &mut Scratch<T>,
+        pool: &mut Pool,
+        u: &[[f64; 3]],
+    ) {
+        let active = &points.active;
+        let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.dilation, &self.dilation_runs));
+        pool.each(deform, |b, (scratch, dilation)| self.blocks[b].deform(&active[b], u, scratch, dilation));
+        let pressure: &[T] = if self.constants.projected > 0.0 {
+            let (dilation, shares) = (&scratch.dilation, &self.dilation_shares);
+            self.projection.project(&mut scratch.projection, pool, &self.constants, |n| {
+                // V_a (J_a - 1), m^3
+                T::of(shares.of_index(n).iter().map(|&at| dilation[at as usize].get()).sum())
+            })
+        } else {
+            &[]
+        };
+        let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.force_runs));
+        let work = Then(blocks, Chunks::new(&mut scratch.resistance, fold::CELLS_PER_CHUNK));
+        pool.each_with(&mut scratch.lanes, work, |lanes, i, part| match part {
+            Either::First((scratch, force)) => {
+                self.blocks[i].stress(&active[i], &memory[i], pressure, &self.constants, scratch, lanes, force);
+            }
+            Either::Second(cells) => {
+                fold::fill(cells, i - self.blocks.len(), |cell| self.guard.resistance(cell, u));
+            }
+        });
+    }
+
+    /// Shares of the masses, over s (see [`super::mass`]), in the first component of the forces.
+    pub(super) fn bound(&self, memory: &[Memory], scratch: &mut Scratch<T>, pool: &mut Pool, u: &[[f64; 3]]) {
+        let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.force_runs));
+        let work = Then(blocks, Chunks::new(&mut scratch.resistance, fold::CELLS_PER_CHUNK));
+        pool.each_with(&mut scratch.lanes, work, |lanes, i, part| match part {
+            Either::First((scratch, force)) => {
+                self.blocks[i].bound(&memory[i], &self.constants, scratch, lanes, force);
+            }
+            Either::Second(cells) => fold::fill(cells, i - self.blocks.len(), |cell| self.guard.bound(cell, u)),
+        });
+    }
+
+    /// Internal force on one node, N, after [`Kernel::force`].
+    #[inline]
+    pub(super) fn node_force(&self, scratch: &Scratch<T>, n: usize) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for &at in self.force_shares.of_index(n) {
+            let share = scratch.force[at as usize];
+            (0..3).for_each(|k| sum[k] += share[k].get());
+        }
+        for &at in self.guard.of_node(n) {
+            let share = scratch.resistance[at as usize / 4].force[at as usize % 4];
+            (0..3).for_each(|k| sum[k] += share[k]);
+        }
+        sum
+    }
+
+    /// The same on every node.
+    pub(super) fn node_forces(&self, scratch: &Scratch<T>, pool: &mut Pool, out: &mut [[f64; 3]]) {
+        pool.each(Chunks::new(out, NODES_PER_CHUNK), |i, out| {
+            for (out, n) in out.iter_mut().zip(i * NODES_PER_CHUNK..) {
+                *out = self.node_force(scratch, n);
+            }
+        });
+    }
+
+    /// Fixes what every point remembers for an increment of `dt` seconds.
+    pub(super) fn begin(&self, memory: &mut [Memory], pool: &mut Pool, dt: f64) {
+        let prony = &self.constants.law.prony;
+        pool.each(Each::new(memory), |_, memory| memory.begin(prony, dt));
+    }
+
+    /// Takes the deformation of the last evaluation into what every point remembers.
+    pub(super) fn commit(
+        &self,
+        points: &Points<T>,
+        memory: &mut [Memory],
+        scratch: &Scratch<T>,
+        pool: &mut Pool,
+        dt: f64,
+    ) {
+        let law = &self.constants.law;
+        pool.each(Each::new(memory), |b, memory| {
+            memory.commit(&self.blocks[b], &points.active[b], &scratch.blocks[b], law, dt);
+        });
+    }
+
+    /// Evaluates one displacement field, nodal parameters `u` in m, without a solver. For tests and studies: allocates.
+    ///
+    /// Two evaluations at once need two pools: a pool is borrowed for as long as its threads work.
+    ///
+    /// ```compile_fail,E0499
+    /// # fn at_once(kernel: &mtled::solver::Kernel<f64>, pool: &mut mtled::solver::Pool, u: &[[f64; 3]]) {
+    /// std::thread::scope(|s| {
+    ///     s.spawn(|| kernel.internal_force(pool, u));
+    ///     s.spawn(|| kernel.internal_force(pool, u));
+    /// });
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn internal_force(&self, pool: &mut Pool, u: &[[f64; 3]]) -> InternalForce {
+        let mut scratch = self.scratch(pool.threads());
+        self.force(&self.points(), &self.memory(), &mut scratch, pool, u);
+        InternalForce {
+            force: (0..self.nodes).map(|n| self.node_force(&scratch, n)).collect(),
+            energy: self.energy(&scratch),
+            deformation: (0..self.slot.len()).map(|p| self.deformation(&scratch, p)).collect(),
         }
     }
 }
@@ -210,93 +369,35 @@ impl<T: Real> Projection<T> {
         } else {
             Vec::new()
         };
-        let runs = Offsets::of(strips.iter().map(|s| s.coarse().len()));
         Self {
-            sums: vec![T::default(); runs.total()],
-            runs,
+            runs: Offsets::of(strips.iter().map(|s| s.coarse().len())),
             shares: Shares::of(strips.iter().map(Strip::coarse), dilatation.count),
             volume,
-            coarse: vec![T::default(); dilatation.count],
-            nodal: vec![T::default(); strips.len() * NODES_PER_CHUNK],
             strips,
         }
     }
-}
 
-impl<T: Real> Kernel<T> {
-    /// Internal force for nodal parameters `u`, m: the blocks hold their forces afterwards.
-    pub(super) fn force(&mut self, pool: &mut Pool, u: &[[f64; 3]]) {
-        let deform = (Each::new(&mut self.blocks), Runs::new(&mut self.dilation, &self.dilation_runs));
-        pool.each(deform, |_, (block, dilation)| block.deform(u, dilation));
-        let pressure: &[T] = if self.constants.projected > 0.0 {
-            let (dilation, shares) = (&self.dilation, &self.dilation_shares);
-            self.projection.project(pool, &self.constants, |n| {
-                // V_a (J_a - 1), m^3
-                T::of(shares.of_index(n).iter().map(|&at| dilation[at as usize].get()).sum())
-            })
-        } else {
-            &[]
-        };
-        let (constants, guard) = (&self.constants, &self.guard);
-        let blocks = (Each::new(&mut self.blocks), Runs::new(&mut self.force, &self.force_runs));
-        let count = self.force_runs.len();
-        let work = Then(blocks, Chunks::new(&mut self.resistance, fold::CELLS_PER_CHUNK));
-        pool.each_with(&mut self.scratch, work, |scratch, i, part| match part {
-            Either::First((block, force)) => block.stress(pressure, constants, scratch, force),
-            Either::Second(cells) => fold::fill(cells, i - count, |cell| guard.resistance(cell, u)),
-        });
-    }
-
-    /// Shares of the masses, over s (see [`super::mass`]), in the first component of the forces.
-    pub(super) fn bound(&mut self, pool: &mut Pool, u: &[[f64; 3]]) {
-        let (constants, guard) = (&self.constants, &self.guard);
-        let blocks = (Each::new(&mut self.blocks), Runs::new(&mut self.force, &self.force_runs));
-        let count = self.force_runs.len();
-        let work = Then(blocks, Chunks::new(&mut self.resistance, fold::CELLS_PER_CHUNK));
-        pool.each_with(&mut self.scratch, work, |scratch, i, part| match part {
-            Either::First((block, force)) => block.bound(constants, scratch, force),
-            Either::Second(cells) => fold::fill(cells, i - count, |cell| guard.bound(cell, u)),
-        });
-    }
-
-    /// Internal force on one node, N, after [`Kernel::force`].
-    #[inline]
-    pub(super) fn node_force(&self, n: usize) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        for &at in self.force_shares.of_index(n) {
-            let share = self.force[at as usize];
-            (0..3).for_each(|k| sum[k] += share[k].get());
-        }
-        for &at in self.guard.of_node(n) {
-            let share = self.resistance[at as usize / 4].force[at as usize % 4];
-            (0..3).for_each(|k| sum[k] += share[k]);
-        }
-        sum
-    }
-
-    /// Internal force on every node, N, for nodal parameters `u`, m: for tests and studies, since it allocates.
-    pub fn internal_force(&mut self, pool: &mut Pool, u: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        self.force(pool, u);
-        (0..self.nodes).map(|n| self.node_force(n)).collect()
-    }
-}
-
-impl<T: Real> Projection<T> {
     /// Pressure at the nodes, Pa, from V_a (J_a - 1) of each, m^3.
-    fn project(&mut self, pool: &mut Pool, constants: &Constants, dilation: impl Fn(usize) -> T + Sync) -> &[T] {
-        let sums = (Each::new(&mut self.strips), Runs::new(&mut self.sums, &self.runs));
-        pool.each(sums, |_, (strip, out)| run(ToCoarse(strip, &dilation, out)));
-        let (sums, shares, volume) = (&self.sums, &self.shares, &self.volume);
-        pool.each(Chunks::new(&mut self.coarse, COARSE_PER_CHUNK), |i, out| {
+    fn project<'s>(
+        &self,
+        scratch: &'s mut ProjectionScratch<T>,
+        pool: &mut Pool,
+        constants: &Constants,
+        dilation: impl Fn(usize) -> T + Sync,
+    ) -> &'s [T] {
+        let sums = (Each::new(&mut scratch.strips), Runs::new(&mut scratch.sums, &self.runs));
+        pool.each(sums, |s, (scratch, out)| run(ToCoarse(&self.strips[s], scratch, &dilation, out)));
+        let sums = &scratch.sums;
+        pool.each(Chunks::new(&mut scratch.coarse, COARSE_PER_CHUNK), |i, out| {
             for (out, coarse) in out.iter_mut().zip(i * COARSE_PER_CHUNK..) {
-                let sum: f64 = shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum();
-                *out = pressure(constants, sum, volume[coarse]);
+                let sum: f64 = self.shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum();
+                *out = pressure(constants, sum, self.volume[coarse]);
             }
         });
-        let coarse = &self.coarse;
-        let nodal = (Each::new(&mut self.strips), Chunks::new(&mut self.nodal, NODES_PER_CHUNK));
-        pool.each(nodal, |_, (strip, out)| run(ToNodes(strip, coarse, out)));
-        &self.nodal
+        let coarse = &scratch.coarse;
+        let nodal = (Each::new(&mut scratch.strips), Chunks::new(&mut scratch.nodal, NODES_PER_CHUNK));
+        pool.each(nodal, |s, (scratch, out)| run(ToNodes(&self.strips[s], scratch, coarse, out)));
+        &scratch.nodal
     }
 }
 
@@ -311,21 +412,21 @@ fn pressure<T: Real>(constants: &Constants, sum: f64, volume: f64) -> T {
 }
 
 /// The dilations of one strip's nodes, to its coarse nodes.
-struct ToCoarse<'a, T: Real, D>(&'a mut Strip<T>, &'a D, &'a mut [T]);
+struct ToCoarse<'a, T: Real, D>(&'a Strip<T>, &'a mut StripScratch<T>, &'a D, &'a mut [T]);
 
 impl<T: Real, D: Fn(usize) -> T> Loop for ToCoarse<'_, T, D> {
     #[inline(always)]
     fn go(self) {
-        self.0.sum_to_coarse(self.1, self.2);
+        self.0.sum_to_coarse(self.1, self.2, self.3);
     }
 }
 
 /// The coarse pressures to one strip's nodes.
-struct ToNodes<'a, T: Real>(&'a mut Strip<T>, &'a [T], &'a mut [T]);
+struct ToNodes<'a, T: Real>(&'a Strip<T>, &'a mut StripScratch<T>, &'a [T], &'a mut [T]);
 
 impl<T: Real> Loop for ToNodes<'_, T> {
     #[inline(always)]
     fn go(self) {
-        self.0.hand_to_nodes(self.1, self.2);
+        self.0.hand_to_nodes(self.1, self.2, self.3);
     }
 }

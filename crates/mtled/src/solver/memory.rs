@@ -1,7 +1,7 @@
 //! What the integration points of a relaxing material remember (see [`crate::material::prony`]).
 //!
-//! Pseudo time of the explicit steps is numerical, so the memory moves in the poses' own time: [`Block::begin`] fixes
-//! H and gamma for the increment that ends at a pose, any number of steps finds the balance, [`Block::commit`] takes
+//! Pseudo time of the explicit steps is numerical, so the memory moves in the poses' own time: [`Memory::begin`] fixes
+//! H and gamma for the increment that ends at a pose, any number of steps finds the balance, [`Memory::commit`] takes
 //! the deformation that was found into the history.
 
 use crate::material::neo_hookean::{cofactor, determinant};
@@ -9,30 +9,27 @@ use crate::material::ogden::Symmetric;
 use crate::material::prony::{MOST_TERMS, contract, reference_stress, unimodular};
 use crate::material::{Law, Prony};
 
-use super::block::Block;
-use crate::number::Real;
+use super::block::{Block, BlockScratch};
+use super::cloned::cloned_field_by_field;
+use crate::number::{LANES, Lanes, Real};
 
 const ZERO: Symmetric = [0.0; 6];
 
-/// Memory of one block; empty for a material that does not relax.
-#[derive(Clone, Debug, Default)]
-pub struct Memory {
-    /// H of each slot, Pa.
-    pub held: Vec<Symmetric>,
-    /// gamma.
-    pub elastic: f64,
-    /// What makes the block's energy go on without a jump where H and gamma change, J: with it, the energy is the work
-    /// done on the points, stored or lost.
-    pub offset: f64,
-    now: History,
-    saved: History,
-}
-
-#[derive(Clone, Debug, Default)]
-struct History {
-    /// Pi, then h_i, of each point, Pa.
-    stress: Vec<Symmetric>,
-    sums: Sums,
+cloned_field_by_field! {
+    /// Memory of one block; empty for a material that does not relax.
+    #[derive(Debug, Default)]
+    pub struct Memory {
+        /// H of each slot, Pa.
+        pub held: Vec<Symmetric>,
+        /// gamma.
+        pub elastic: f64,
+        /// What makes the block's energy go on without a jump where H and gamma change, J: with it, the energy is the
+        /// work done on the points, stored or lost.
+        pub offset: f64,
+        /// Pi, then h_i, of each point at the last commit, Pa.
+        stress: Vec<Symmetric>,
+        sums: Sums,
+    }
 }
 
 /// Integrals over the block at the last commit.
@@ -61,53 +58,22 @@ impl Memory {
         if prony.is_empty() {
             return Self::default();
         }
-        let history = History { stress: vec![ZERO; (1 + prony.len()) * slots], sums: Sums::default() };
-        Self { held: vec![ZERO; slots], elastic: 1.0, offset: 0.0, saved: history.clone(), now: history }
-    }
-
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.held.fill(ZERO);
-        (self.elastic, self.offset) = (1.0, 0.0);
-        for history in [&mut self.now, &mut self.saved] {
-            history.stress.fill(ZERO);
-            history.sums = Sums::default();
-        }
-    }
-
-    /// Takes over the memory of another block of the same points, but for what that one has kept to go back to.
-    pub fn take_over(&mut self, other: &Self) {
-        self.held.copy_from_slice(&other.held);
-        (self.elastic, self.offset) = (other.elastic, other.offset);
-        self.now.stress.copy_from_slice(&other.now.stress);
-        self.now.sums = other.now.sums;
-    }
-
-    /// Keeps the history of the last commit.
-    pub fn save(&mut self) {
-        self.saved.stress.copy_from_slice(&self.now.stress);
-        self.saved.sums = self.now.sums;
-    }
-
-    /// Back to the kept history.
-    pub fn restore(&mut self) {
-        self.now.stress.copy_from_slice(&self.saved.stress);
-        self.now.sums = self.saved.sums;
+        let stress = vec![ZERO; (1 + prony.len()) * slots];
+        Self { held: vec![ZERO; slots], elastic: 1.0, offset: 0.0, stress, sums: Sums::default() }
     }
 
     /// Integrals at the last commit.
     #[must_use]
     pub fn sums(&self) -> &Sums {
-        &self.now.sums
+        &self.sums
     }
 }
 
-impl<T: Real> Block<T> {
+impl Memory {
     /// Fixes H and gamma for an increment of `dt` seconds from the last commit.
     pub(super) fn begin(&mut self, series: &Prony, dt: f64) {
         let increment = series.increment(dt);
-        let memory = &mut self.memory;
-        for (held, history) in memory.held.iter_mut().zip(memory.now.stress.chunks_exact(1 + series.len())) {
+        for (held, history) in self.held.iter_mut().zip(self.stress.chunks_exact(1 + series.len())) {
             *held = ZERO;
             for i in 0..series.len() {
                 for k in 0..6 {
@@ -115,24 +81,28 @@ impl<T: Real> Block<T> {
                 }
             }
         }
-        memory.elastic = increment.elastic;
+        self.elastic = increment.elastic;
         // Pi : C = 0 at the deformation of the commit, so the old Pi adds nothing here
-        let sums = &memory.now.sums;
-        let held: f64 = (0..series.len()).map(|i| increment.decay[i] * sums.held[i]).sum();
-        memory.offset = sums.work - increment.elastic * sums.elastic - held;
+        let held: f64 = (0..series.len()).map(|i| increment.decay[i] * self.sums.held[i]).sum();
+        self.offset = self.sums.work - increment.elastic * self.sums.elastic - held;
     }
 
-    /// Takes the deformation of the last evaluation into the history, `dt` seconds after the commit before.
-    pub(super) fn commit(&mut self, law: &Law, dt: f64) {
+    /// Takes the deformation of the block's last evaluation into the history, `dt` seconds after the commit before.
+    pub(super) fn commit<T: Real>(
+        &mut self,
+        block: &Block<T>,
+        active: &[Lanes<T>],
+        scratch: &BlockScratch<T>,
+        law: &Law,
+        dt: f64,
+    ) {
         let series = &law.prony;
         let increment = series.increment(dt);
         let long_term = series.long_term_share();
-        // taken out so that the block can be asked for its slots
-        let mut memory = std::mem::take(&mut self.memory);
-        let mut sums = Sums { work: memory.offset, ..Sums::default() };
-        for (slot, history) in memory.now.stress.chunks_exact_mut(1 + series.len()).enumerate() {
-            let volume = self.active_in(slot) * self.volume_in(slot);
-            let f = self.deformation_in(slot);
+        let mut sums = Sums { work: self.offset, ..Sums::default() };
+        for (slot, history) in self.stress.chunks_exact_mut(1 + series.len()).enumerate() {
+            let volume = active[slot / LANES].0[slot % LANES].get() * block.volume_in(slot);
+            let f = scratch.deformation_in(slot);
             let cof = cofactor(&f);
             let j = determinant(&f, &cof);
             let c = unimodular(&f, j);
@@ -152,9 +122,8 @@ impl<T: Real> Block<T> {
             history[0] = new;
             sums.elastic += volume * w;
             sums.total += volume * contract(&total, &total);
-            sums.work += volume * (memory.elastic * w + 0.5 * contract(&memory.held[slot], &c));
+            sums.work += volume * (self.elastic * w + 0.5 * contract(&self.held[slot], &c));
         }
-        memory.now.sums = sums;
-        self.memory = memory;
+        self.sums = sums;
     }
 }

@@ -1,10 +1,10 @@
 //! The explicit step: internal-force kernel, stable step, damping, essential boundary conditions, reactions.
 
 mod block;
+mod cloned;
 mod dilatation;
 #[allow(unsafe_code)] // parts of a slice for several threads
 mod disjoint;
-mod double;
 mod fold;
 #[allow(unsafe_code)] // what the owner of a phase tells its helpers
 mod gate;
@@ -13,21 +13,25 @@ mod inertia;
 mod kernel;
 mod mass;
 mod memory;
+mod model;
 mod passes;
 mod points;
 #[allow(unsafe_code)] // threads that run a borrowed closure
 mod pool;
 mod relax;
 mod settings;
+mod solver;
 mod state;
 mod step;
 mod strip;
 mod sync;
 mod work;
 
-pub use kernel::Kernel;
+pub use kernel::{InternalForce, Kernel};
+pub use model::{Model, Workspace};
 pub use pool::Pool;
 pub use settings::{Precision, SolverSettings, VolumeRatio};
-pub use state::{Role, Solver};
+pub use solver::Solver;
+pub use state::{Role, State};
 pub use step::{Advance, Balance};
 pub use work::StepWork;

@@ -3,7 +3,8 @@
 use crate::approximation::Form;
 use crate::material::neo_hookean::{Gradient, cofactor, determinant};
 
-use super::block::{Block, ForceOfLane};
+use super::block::{Block, BlockScratch, ForceOfLane};
+use super::memory::Memory;
 use super::points::{Constants, PointLaw, Relaxing};
 use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
@@ -13,30 +14,37 @@ use crate::number::{Number, Real};
 const VISITS_AHEAD: usize = 40;
 
 impl<T: Real> Block<T> {
-    /// Pass 1. `dilation`: sum over the block's points of V (J - 1) over the number of corners, at each vertex, m^3.
-    pub(super) fn deform(&mut self, u: &[[f64; 3]], dilation: &mut [T]) {
+    /// Pass 1. `active`: share of each point that is tissue; `dilation`: sum over the block's points of V (J - 1) over the
+    /// number of corners, at each vertex, m^3.
+    pub(super) fn deform(
+        &self,
+        active: &[Lanes<T>],
+        u: &[[f64; 3]],
+        scratch: &mut BlockScratch<T>,
+        dilation: &mut [T],
+    ) {
         // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
         // whole sample costs no digits in single precision.
         let origin = u[self.nodes[0] as usize];
         dilation.fill(T::default());
         match self.form {
             Form::Full => {
-                for (local, &n) in self.u.iter_mut().zip(&self.nodes) {
+                for (local, &n) in scratch.u.iter_mut().zip(&self.nodes) {
                     let u = u[n as usize];
                     *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
                 }
-                run(Deform::<_, false>(self, dilation));
+                run(Deform::<_, false> { block: self, active, scratch, dilation });
             }
             Form::Axisymmetric => {
-                self.copy_meridian(u, origin[2]);
-                run(Deform::<_, true>(self, dilation));
+                self.copy_meridian(u, origin[2], &mut scratch.u);
+                run(Deform::<_, true> { block: self, active, scratch, dilation });
             }
         }
     }
 
     /// Displacements of nodes and images of a half plane: only a motion along the axis is rigid, so u_r stays absolute.
-    fn copy_meridian(&mut self, u: &[[f64; 3]], origin: f64) {
-        for (l, (local, &n)) in self.u.iter_mut().zip(&self.nodes).enumerate() {
+    fn copy_meridian(&self, u: &[[f64; 3]], origin: f64, local: &mut [[T; 3]]) {
+        for (l, (local, &n)) in local.iter_mut().zip(&self.nodes).enumerate() {
             let [radial, _, axial] = u[n as usize];
             let radial = if l < self.originals { radial } else { -radial };
             *local = [T::of(radial), T::default(), T::of(axial - origin)];
@@ -44,72 +52,86 @@ impl<T: Real> Block<T> {
     }
 
     /// Pass 2. `pressure` at all nodes, or empty; `force`: internal force of the block's points on each of its nodes, N.
+    #[expect(clippy::too_many_arguments, reason = "what the points are, and where their numbers go")]
     pub(super) fn stress(
-        &mut self,
+        &self,
+        active: &[Lanes<T>],
+        memory: &Memory,
         pressure: &[T],
         constants: &Constants,
-        scratch: &mut ForceOfLane<T>,
+        scratch: &mut BlockScratch<T>,
+        lanes: &mut ForceOfLane<T>,
         force: &mut [[T; 3]],
     ) {
         if !pressure.is_empty() {
-            for (local, &n) in self.pressure.iter_mut().zip(&self.vertices) {
+            for (local, &n) in scratch.pressure.iter_mut().zip(&self.vertices) {
                 *local = pressure[n as usize];
             }
         }
         // the usual law has a loop of its own, with no choices in it
         if let Some(plain) = constants.plain() {
-            self.spread(&plain, scratch);
+            self.spread(&plain, active, scratch, lanes);
         } else {
-            let memory = std::mem::take(&mut self.memory);
-            self.spread(&Relaxing { constants, memory: &memory }, scratch);
-            self.energy += memory.offset;
-            self.memory = memory;
+            self.spread(&Relaxing { constants, memory }, active, scratch, lanes);
+            scratch.energy += memory.offset;
         }
-        T::sum_and_clear(scratch, force);
+        T::sum_and_clear(lanes, force);
         // what pulls an image outwards pulls its node the other way
         for force in &mut force[self.originals..] {
             force[0] = -force[0];
         }
     }
 
-    fn spread(&mut self, law: &impl PointLaw<T>, scratch: &mut ForceOfLane<T>) {
+    fn spread(
+        &self,
+        law: &impl PointLaw<T>,
+        active: &[Lanes<T>],
+        scratch: &mut BlockScratch<T>,
+        lanes: &mut ForceOfLane<T>,
+    ) {
         match self.form {
-            Form::Full => run(Stress::<_, _, false>(self, law, scratch)),
-            Form::Axisymmetric => run(Stress::<_, _, true>(self, law, scratch)),
+            Form::Full => run(Stress::<_, _, false> { block: self, law, active, scratch, lanes }),
+            Form::Axisymmetric => run(Stress::<_, _, true> { block: self, law, active, scratch, lanes }),
         }
     }
 
+    /// Mean over the corners of each point's cell of the pressures at the vertices, Pa.
     #[inline(always)]
-    pub(super) fn projected_pressure(&self, group: usize) -> Lanes<T> {
+    pub(super) fn projected_pressure(&self, pressure: &[T], group: usize) -> Lanes<T> {
         let [a, b, c, d] = &self.corners[group];
-        let two = Lanes::look_up(&self.pressure, a) + Lanes::look_up(&self.pressure, b);
-        let third = Lanes::look_up(&self.pressure, c);
+        let two = Lanes::look_up(pressure, a) + Lanes::look_up(pressure, b);
+        let third = Lanes::look_up(pressure, c);
         match self.form {
-            Form::Full => Lanes::of(0.25) * (two + (third + Lanes::look_up(&self.pressure, d))),
+            Form::Full => Lanes::of(0.25) * (two + (third + Lanes::look_up(pressure, d))),
             Form::Axisymmetric => Lanes::of(1.0 / 3.0) * (two + third),
         }
     }
 
     /// Projected pressure of the point in one slot, Pa.
-    pub(super) fn projected_pressure_in(&self, slot: usize) -> f64 {
-        self.projected_pressure(slot / LANES).0[slot % LANES].get()
+    pub(super) fn projected_pressure_in(&self, pressure: &[T], slot: usize) -> f64 {
+        self.projected_pressure(pressure, slot / LANES).0[slot % LANES].get()
     }
 }
 
 /// The loop over points of pass 1.
-struct Deform<'a, T: Real, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a mut [T]);
+struct Deform<'a, T: Real, const AXISYMMETRIC: bool> {
+    block: &'a Block<T>,
+    active: &'a [Lanes<T>],
+    scratch: &'a mut BlockScratch<T>,
+    dilation: &'a mut [T],
+}
 
 impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
     #[inline(always)]
     fn go(self) {
-        let Self(block, dilation) = self;
+        let Self { block, active, scratch, dilation } = self;
         let (one, zero) = (Lanes::of(1.0), Lanes::default());
         let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
         let mut min = Lanes::of(f64::MAX);
         for group in 0..block.volume.len() {
             let range = block.start[group] as usize..block.start[group + 1] as usize;
-            let mut f = gather::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &block.u);
-            let (active, scale) = (block.active[group], block.scale[group]);
+            let mut f = gather::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &scratch.u);
+            let (active, scale) = (active[group], block.scale[group]);
             for k in 0..9 {
                 let undeformed = if k % 4 == 0 { one } else { zero };
                 f[k] = f[k].fma(scale, undeformed);
@@ -118,7 +140,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
                     f[k] = f[k].where_positive(active, undeformed);
                 }
             }
-            block.deformation[group] = f;
+            scratch.deformation[group] = f;
             let j = determinant(&f, &cofactor(&f));
             // a NaN does not survive this comparison; the energy of pass 2 keeps it
             min = j.where_positive(active, min).min(min);
@@ -129,25 +151,32 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
                 }
             }
         }
-        block.min_jacobian = min.0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
+        scratch.min_jacobian = min.0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
     }
 }
 
 /// The loop over points of pass 2.
-struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool>(&'a mut Block<T>, &'a L, &'a mut ForceOfLane<T>);
+struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool> {
+    block: &'a Block<T>,
+    law: &'a L,
+    active: &'a [Lanes<T>],
+    scratch: &'a mut BlockScratch<T>,
+    lanes: &'a mut ForceOfLane<T>,
+}
 
 impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L, AXISYMMETRIC> {
     #[inline(always)]
     fn go(self) {
-        let Self(block, law, force) = self;
+        let Self { block, law, active, scratch, lanes } = self;
         let zero = Lanes::default();
         let mut energy = zero;
         for group in 0..block.volume.len() {
-            let volume = block.active[group] * block.volume[group];
+            let volume = active[group] * block.volume[group];
             if volume == zero {
                 continue;
             }
-            let (density, stress) = law.at(group, &block.deformation[group], block.projected_pressure(group));
+            let pressure = block.projected_pressure(&scratch.pressure, group);
+            let (density, stress) = law.at(group, &scratch.deformation[group], pressure);
             // what is no tissue must not spoil its neighbours in the vector
             let here = volume * volume;
             energy += (volume * density).where_positive(here, zero);
@@ -157,9 +186,9 @@ impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L
                 *spread = (factor * stress).where_positive(here, zero);
             }
             let range = block.start[group] as usize..block.start[group + 1] as usize;
-            scatter::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, force);
+            scatter::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, lanes);
         }
-        block.energy = energy.sum().get();
+        scratch.energy = energy.sum().get();
     }
 }
 

@@ -15,7 +15,8 @@ use crate::approximation::Form;
 use super::disjoint::{Chunks, Each};
 use super::inertia::{Sums, dot};
 use super::kernel::NODES_PER_CHUNK;
-use super::state::{Path, Role, Solver, State, energy, with_kernel};
+use super::model::{Model, Workspace, with_kernel};
+use super::state::{Constraints, Control, Moving, Path, Role, State};
 
 /// Damping per step over the slowest frequency: critical.
 const DAMPING: f64 = 2.0;
@@ -46,8 +47,8 @@ pub struct Advance {
 pub struct Balance {
     /// Force of the tissue on the instrument, less what inertia and damping add along its way (see `solver::inertia`), N.
     pub instrument: [f64; 3],
-    /// How far that may be from the force at rest in this position, N: an estimate.
-    pub doubt: f64,
+    /// Estimate of its distance from the force at rest in this position, N (see `solver::inertia`).
+    pub error_estimate: f64,
     /// Sum of both forces before that correction, N: zero at rest.
     pub gap: f64,
     /// Force of the tissue on the base, N: cancels the former at rest.
@@ -58,134 +59,195 @@ pub struct Balance {
     pub strain: f64,
 }
 
-impl Solver {
+impl Model {
     /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every `REFRESH` steps masses
     /// and step follow the deformation.
-    pub fn advance(&mut self, advance: &Advance) {
+    pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) {
         let travel = advance.travel / f64::from(advance.steps);
-        self.note_motion(advance.travel);
-        self.usual_travel = travel.abs().max(USUAL_DECAY * self.usual_travel);
-        let square = travel * travel + (FLOOR * self.usual_travel).powi(2);
-        self.motion.gain = if square > 0.0 { travel / square } else { 0.0 };
+        self.note_motion(state, advance.travel);
+        let control = &mut state.control;
+        control.usual_travel = travel.abs().max(USUAL_DECAY * control.usual_travel);
+        let square = travel * travel + (FLOOR * control.usual_travel).powi(2);
+        control.motion.gain = if square > 0.0 { travel / square } else { 0.0 };
         let mut first = 1;
         while first <= advance.steps {
             if first > 1 {
-                self.refresh_if_due();
+                self.refresh_if_due(state, work);
             }
-            let last = advance.steps.min(first - 1 + REFRESH.saturating_sub(self.steps_since_refresh).max(1));
-            let slowest = self.slowest();
+            let due = REFRESH.saturating_sub(state.control.steps_since_refresh).max(1);
+            let last = advance.steps.min(first - 1 + due);
+            let slowest = state.slowest();
             let rule = Rule {
                 first,
                 last,
                 steps: advance.steps,
                 travel,
-                gain: self.motion.gain,
+                gain: state.control.motion.gain,
                 keep: (1.0 - DAMPING * slowest).max(0.0),
                 learn: LEARNING * slowest,
-                mass_factor: self.state.mass_factor,
+                mass_factor: state.moving.mass_factor,
             };
-            self.march(&rule);
-            self.steps_since_refresh += last + 1 - first;
+            self.march(state, work, &rule);
+            state.control.steps_since_refresh += last + 1 - first;
             first = last + 1;
         }
         // further steps at the same pose must not travel the path again
-        for (path, _) in self.path.iter_mut().zip(&self.role).filter(|(_, role)| **role == Role::Instrument) {
+        let Constraints { role, path } = &mut state.constraints;
+        for (path, _) in path.iter_mut().zip(role).filter(|(_, role)| **role == Role::Instrument) {
             path.start = path.end;
         }
     }
 
     /// Takes the steps from `rule.first` to `rule.last`.
-    fn march(&mut self, rule: &Rule) {
-        let (pool, state, sums) = (&mut self.pool, &mut self.state, &mut self.sums);
-        let held = Held { mass: &self.mass, role: &self.role, path: &self.path };
-        pool.each(nodes(state), |i, part| {
+    fn march(&self, state: &mut State, work: &mut Workspace, rule: &Rule) {
+        let State { moving, constraints: Constraints { role, path }, control: Control { mass, sums, .. }, points } =
+            state;
+        let held = Held { mass, role, path };
+        let pool = &mut work.pool;
+        pool.each(nodes(moving), |i, part| {
             let mut part = Nodes::new(i, part);
             (0..part.u.len()).for_each(|l| part.integrate(l, &held, rule.first, rule));
         });
-        with_kernel!(&mut self.kernel, k => for step in rule.first..=rule.last {
-            k.force(pool, &state.u);
-            let k = &*k;
-            pool.each((nodes(state), Each::new(sums)), |i, (part, sums)| {
-                let mut part = Nodes::new(i, part);
-                for l in 0..part.u.len() {
-                    part.f[l] = k.node_force(part.first + l);
-                    if step < rule.last {
-                        part.integrate(l, &held, step + 1, rule);
+        with_kernel!((&self.kernel, points, &mut work.scratch) => (k, points, scratch) {
+            for step in rule.first..=rule.last {
+                k.force(points, &moving.memory, scratch, pool, &moving.u);
+                let scratch = &*scratch;
+                pool.each((nodes(moving), Each::new(sums)), |i, (part, sums)| {
+                    let mut part = Nodes::new(i, part);
+                    for l in 0..part.u.len() {
+                        part.f[l] = k.node_force(scratch, part.first + l);
+                        if step < rule.last {
+                            part.integrate(l, &held, step + 1, rule);
+                        }
                     }
-                }
-                if step == rule.steps {
-                    *sums = part.sums(&held, rule.mass_factor);
-                }
-            });
+                    if step == rule.steps {
+                        *sums = part.sums(&held, rule.mass_factor);
+                    }
+                });
+            }
         });
     }
 
     /// Forces and energies after the last advance.
     #[must_use]
-    pub fn balance(&self) -> Balance {
-        let sums = self.sums.iter().fold(Sums::default(), |all, deal| all + *deal);
+    pub fn balance(&self, state: &State, work: &Workspace) -> Balance {
+        let sums = state.control.sums.iter().fold(Sums::default(), |all, chunk| all + *chunk);
         let mut b = Balance {
             instrument: sums.instrument,
             base: sums.base,
             kinetic: sums.kinetic,
-            strain: energy(&self.kernel),
+            strain: with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) }),
             ..Balance::default()
         };
         if self.form == Form::Axisymmetric {
             // the radial forces round a ring cancel
             (b.instrument[0], b.base[0]) = (0.0, 0.0);
         }
-        self.take_out_inertia(&mut b, &sums);
+        state.control.motion.take_out_inertia(&mut b, &sums);
         b
     }
 
-    /// [`Solver::refresh_step`] if the last one is `REFRESH` steps ago.
-    pub fn refresh_if_due(&mut self) {
-        if self.steps_since_refresh >= REFRESH {
-            self.refresh_step();
+    /// [`Model::refresh_step`] if the last one is `REFRESH` steps ago.
+    pub fn refresh_if_due(&self, state: &mut State, work: &mut Workspace) {
+        if state.control.steps_since_refresh >= REFRESH {
+            self.refresh_step(state, work);
         }
     }
 
     /// Brings masses and step up to date: each point's own bound goes into the masses (see `solver::mass`), and one
     /// power iteration on M^-1 K of the present state, which sees what the bounds don't, into the factor on all of
     /// them. Costs 1.3 evaluations of the internal force.
-    pub fn refresh_step(&mut self) {
-        self.steps_since_refresh = 0;
-        self.refresh_masses();
-        self.mix_motion_into_probe();
-        probe(self);
+    pub fn refresh_step(&self, state: &mut State, work: &mut Workspace) {
+        state.control.steps_since_refresh = 0;
+        self.refresh_masses(state, work);
+        state.mix_motion_into_probe();
+        self.probe(state, work);
         let limit = 4.0 * self.step_factor * self.step_factor;
-        let needed = (self.largest / limit).max(1.0);
-        let factor = &mut self.state.mass_factor;
+        let needed = (state.control.largest / limit).max(1.0);
+        let factor = &mut state.moving.mass_factor;
         *factor = if needed > *factor { needed } else { (0.98 * *factor).max(needed) };
+    }
+
+    /// Masses and velocities after a return to an earlier state, whose mass factor stands.
+    pub(super) fn recover(&self, state: &mut State, work: &mut Workspace) {
+        // the estimate of the largest eigenvalue may have followed the trouble beyond all numbers
+        if !state.control.probe.iter().flatten().all(|e| e.is_finite()) {
+            state.control.probe.clone_from(&self.rest.control.probe);
+        }
+        // masses are to be those of the earlier state: the one that was left may have had enormous ones
+        self.evaluate(state, work);
+        state.control.mass.fill(0.0);
+        self.refresh_masses(state, work);
+        // velocities that led into trouble are not worth keeping
+        state.moving.q.fill([0.0; 3]);
+        for (path, u) in state.constraints.path.iter_mut().zip(&state.moving.u) {
+            path.start = *u;
+        }
     }
 
     /// Angular frequency of the fastest mode of the present state, rad per step, by so many power iterations. The
     /// central difference is stable below 2. For tests and studies: costs as many evaluations of the internal force.
-    pub fn fastest(&mut self, iterations: usize) -> f64 {
-        let (probe_before, largest_before) = (self.probe.clone(), self.largest);
-        self.probe.copy_from_slice(&self.first_probe.0);
-        self.mix_motion_into_probe();
+    pub fn fastest(&self, state: &mut State, work: &mut Workspace, iterations: usize) -> f64 {
+        let before = (state.control.probe.clone(), state.control.largest);
+        state.control.probe.clone_from(&self.rest.control.probe);
+        state.mix_motion_into_probe();
         let mut largest = 0.0_f64;
         for _ in 0..iterations {
-            probe(self);
+            self.probe(state, work);
             // an estimate from below at each iteration
-            largest = largest.max(self.largest);
+            largest = largest.max(state.control.largest);
         }
-        (self.probe, self.largest) = (probe_before, largest_before);
-        evaluate(self);
-        (largest / self.state.mass_factor).sqrt()
+        (state.control.probe, state.control.largest) = before;
+        self.evaluate(state, work);
+        (largest / state.moving.mass_factor).sqrt()
     }
 
+    /// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
+    pub(super) fn probe(&self, state: &mut State, work: &mut Workspace) {
+        let State { moving: Moving { u, f, memory, .. }, constraints, control, points } = state;
+        let Workspace { pool, scratch, image } = work;
+        let largest = control.probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
+        if !(largest > 0.0 && largest.is_finite()) {
+            return;
+        }
+        let h = PROBE_AMPLITUDE * self.mode.height() / largest;
+        for ((s, u), e) in image.iter_mut().zip(&*u).zip(&mut control.probe) {
+            for k in 0..3 {
+                e[k] *= h;
+                s[k] = u[k] + e[k];
+            }
+        }
+        with_kernel!((&self.kernel, &*points, scratch) => (k, points, scratch) {
+            k.force(points, memory, scratch, pool, image);
+            k.node_forces(scratch, pool, image);
+        });
+        let (mut up, mut down) = (0.0, 0.0);
+        for n in 0..image.len() {
+            for k in 0..3 {
+                let e = control.probe[n][k];
+                let image = if constraints.role[n] == Role::Free { image[n][k] - f[n][k] } else { 0.0 };
+                up += e * image;
+                down += control.mass[n] * e * e;
+                control.probe[n][k] = image / control.mass[n];
+            }
+        }
+        if down > 0.0 && (up / down).is_finite() {
+            control.largest = up / down;
+        }
+    }
+}
+
+impl State {
     /// An oscillation that the step can't hold grows in the velocities first: a share of them in the probe leads the
     /// power iteration to it.
     fn mix_motion_into_probe(&mut self) {
+        let Control { mass, probe, .. } = &mut self.control;
         let norm = |v: &[[f64; 3]]| -> f64 {
-            v.iter().zip(&self.mass).map(|(v, m)| m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])).sum::<f64>().sqrt()
+            v.iter().zip(&*mass).map(|(v, m)| m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])).sum::<f64>().sqrt()
         };
-        let share = MOTION_SHARE * norm(&self.probe) / norm(&self.state.q);
+        let share = MOTION_SHARE * norm(probe) / norm(&self.moving.q);
         if share.is_finite() {
-            for (e, q) in self.probe.iter_mut().zip(&self.state.q) {
+            for (e, q) in probe.iter_mut().zip(&self.moving.q) {
                 (0..3).for_each(|k| e[k] += share * q[k]);
             }
         }
@@ -216,7 +278,7 @@ type Vectors<'a> = &'a mut [[f64; 3]];
 type OfNodes<'a> = Chunks<'a, [f64; 3]>;
 
 /// The state's nodes, cut up for the team: u, q, tangent, f.
-fn nodes(state: &mut State) -> (OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, OfNodes<'_>) {
+fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, OfNodes<'_>) {
     (
         Chunks::new(&mut state.u, NODES_PER_CHUNK),
         Chunks::new(&mut state.q, NODES_PER_CHUNK),
@@ -288,50 +350,5 @@ impl<'a> Nodes<'a> {
                 }
             }
         }
-    }
-}
-
-/// Evaluates the internal force at the present nodal parameters, so that deformation, energy and smallest volume ratio
-/// are those of the state and not of a probe.
-pub(super) fn evaluate(solver: &mut Solver) {
-    with_kernel!(&mut solver.kernel, k => k.force(&mut solver.pool, &solver.state.u));
-}
-
-/// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
-pub(super) fn probe(solver: &mut Solver) {
-    let largest = solver.probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
-    if !(largest > 0.0 && largest.is_finite()) {
-        return;
-    }
-    let h = PROBE_AMPLITUDE * solver.sway.height() / largest;
-    for ((s, u), e) in solver.scratch.iter_mut().zip(&solver.state.u).zip(&mut solver.probe) {
-        for k in 0..3 {
-            e[k] *= h;
-            s[k] = u[k] + e[k];
-        }
-    }
-    let (pool, scratch) = (&mut solver.pool, &mut solver.scratch);
-    with_kernel!(&mut solver.kernel, k => {
-        k.force(pool, scratch);
-        let k = &*k;
-        pool.each(Chunks::new(scratch, NODES_PER_CHUNK), |i, image| {
-            for (image, n) in image.iter_mut().zip(i * NODES_PER_CHUNK..) {
-                *image = k.node_force(n);
-            }
-        });
-    });
-    let count = solver.mass.len();
-    let (mut up, mut down) = (0.0, 0.0);
-    for n in 0..count {
-        for k in 0..3 {
-            let e = solver.probe[n][k];
-            let image = if solver.role[n] == Role::Free { solver.scratch[n][k] - solver.state.f[n][k] } else { 0.0 };
-            up += e * image;
-            down += solver.mass[n] * e * e;
-            solver.probe[n][k] = image / solver.mass[n];
-        }
-    }
-    if down > 0.0 && (up / down).is_finite() {
-        solver.largest = up / down;
     }
 }

@@ -9,7 +9,7 @@ use crate::number::{Number, Real};
 ///
 /// Both products read the same table in the same order. On the way to the coarse nodes each entry adds to its coarse
 /// node in its own lane; the sums of a coarse node that several runs share are then added in a fixed order.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Strip<T> {
     nodes: Range<usize>,
     /// Global index of each local coarse node, ascending.
@@ -20,10 +20,22 @@ pub struct Strip<T> {
     local: Vec<u16>,
     /// N_aP.
     value: Vec<Lanes<T>>,
+}
+
+/// A strip's scratch memory.
+#[derive(Debug)]
+pub struct StripScratch<T> {
     /// Of each local coarse node: sums by lane, zero between products.
     lanes: Vec<Lanes<T>>,
     /// What the coarse nodes hand on.
     handed: Vec<T>,
+}
+
+impl<T: Real> StripScratch<T> {
+    /// Memory for one strip.
+    pub fn new(strip: &Strip<T>) -> Self {
+        Self { lanes: vec![Lanes::default(); strip.coarse.len()], handed: vec![T::default(); strip.coarse.len()] }
+    }
 }
 
 impl<T: Real> Strip<T> {
@@ -35,15 +47,7 @@ impl<T: Real> Strip<T> {
             v
         };
         let coarse = ascending(nodes.clone().flat_map(&entries).map(|e| e.0).collect());
-        let mut strip = Self {
-            lanes: vec![Lanes::default(); coarse.len()],
-            handed: vec![T::default(); coarse.len()],
-            start: vec![0],
-            local: Vec::new(),
-            value: Vec::new(),
-            nodes: nodes.clone(),
-            coarse,
-        };
+        let mut strip = Self { start: vec![0], local: Vec::new(), value: Vec::new(), nodes: nodes.clone(), coarse };
         for first in nodes.clone().step_by(LANES) {
             let group = first..(first + LANES).min(nodes.end);
             let columns = ascending(group.clone().flat_map(&entries).map(|e| e.0).collect());
@@ -68,7 +72,7 @@ impl<T: Real> Strip<T> {
 
     /// Sums N_aP x_a over the run's nodes, for each of its coarse nodes.
     #[inline(always)]
-    pub fn sum_to_coarse(&mut self, x: impl Fn(usize) -> T, out: &mut [T]) {
+    pub fn sum_to_coarse(&self, scratch: &mut StripScratch<T>, x: impl Fn(usize) -> T, out: &mut [T]) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
             let mut here = Lanes::default();
             for (here, n) in here.0.iter_mut().zip(first..self.nodes.end) {
@@ -76,11 +80,11 @@ impl<T: Real> Strip<T> {
             }
             let range = self.start[group] as usize..self.start[group + 1] as usize;
             for (&l, &value) in self.local[range.clone()].iter().zip(&self.value[range]) {
-                let sum = &mut self.lanes[usize::from(l)];
+                let sum = &mut scratch.lanes[usize::from(l)];
                 *sum = value.fma(here, *sum);
             }
         }
-        for (sum, lanes) in out.iter_mut().zip(&mut self.lanes) {
+        for (sum, lanes) in out.iter_mut().zip(&mut scratch.lanes) {
             *sum = lanes.sum();
             *lanes = Lanes::default();
         }
@@ -88,8 +92,9 @@ impl<T: Real> Strip<T> {
 
     /// Sums N_aP p_P over the coarse nodes, for each of the run's nodes.
     #[inline(always)]
-    pub fn hand_to_nodes(&mut self, p: &[T], out: &mut [T]) {
-        for (handed, &coarse) in self.handed.iter_mut().zip(&self.coarse) {
+    pub fn hand_to_nodes(&self, scratch: &mut StripScratch<T>, p: &[T], out: &mut [T]) {
+        let handed = &mut scratch.handed;
+        for (handed, &coarse) in handed.iter_mut().zip(&self.coarse) {
             *handed = p[coarse as usize];
         }
         let (out, _) = out.as_chunks_mut::<LANES>();
@@ -100,11 +105,11 @@ impl<T: Real> Strip<T> {
             let (locals, last_local) = self.local[range.clone()].as_chunks::<2>();
             let (values, last_value) = self.value[range].as_chunks::<2>();
             for (l, v) in locals.iter().zip(values) {
-                sums[0] = v[0].fma(Lanes::splat(self.handed[usize::from(l[0])]), sums[0]);
-                sums[1] = v[1].fma(Lanes::splat(self.handed[usize::from(l[1])]), sums[1]);
+                sums[0] = v[0].fma(Lanes::splat(handed[usize::from(l[0])]), sums[0]);
+                sums[1] = v[1].fma(Lanes::splat(handed[usize::from(l[1])]), sums[1]);
             }
             for (&l, &v) in last_local.iter().zip(last_value) {
-                sums[0] = v.fma(Lanes::splat(self.handed[usize::from(l)]), sums[0]);
+                sums[0] = v.fma(Lanes::splat(handed[usize::from(l)]), sums[0]);
             }
             *out = (sums[0] + sums[1]).0;
         }
@@ -120,12 +125,13 @@ mod tests {
         let value = |a: usize, p: u32| (a as f64 - 3.5) * (f64::from(p) + 0.5);
         let entries =
             |a: usize| (0..9).filter(move |p| !(a as u32 + p).is_multiple_of(3)).map(move |p| (p, value(a, p)));
-        let mut strip: Strip<f64> = Strip::new(4..17, entries);
+        let strip: Strip<f64> = Strip::new(4..17, entries);
+        let mut scratch = StripScratch::new(&strip);
         assert_eq!(strip.coarse(), (0..9).collect::<Vec<u32>>());
         let x = |a: usize| (a * a) as f64;
         let mut sums = [f64::NAN; 9];
         for again in 0..2 {
-            strip.sum_to_coarse(x, &mut sums);
+            strip.sum_to_coarse(&mut scratch, x, &mut sums);
             for p in 0..9 {
                 let all = (4..17).flat_map(|a| entries(a).filter(|e| e.0 == p).map(move |e| e.1 * x(a)));
                 let expected: f64 = all.sum();
@@ -134,7 +140,7 @@ mod tests {
         }
         let p: Vec<f64> = (0..9).map(|p| f64::from(p * p)).collect();
         let mut out = [f64::NAN; 16];
-        strip.hand_to_nodes(&p, &mut out);
+        strip.hand_to_nodes(&mut scratch, &p, &mut out);
         for a in 4..17 {
             let expected: f64 = entries(a).map(|(p, v)| v * f64::from(p * p)).sum();
             assert!((out[a - 4] - expected).abs() < 1e-9, "{a}");

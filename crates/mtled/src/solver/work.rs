@@ -1,7 +1,7 @@
 //! How much a step has to move and to compute.
 
 use super::kernel::Kernel;
-use super::state::{Solver, with_kernel};
+use super::model::{Model, with_kernel};
 use crate::number::LANES;
 use crate::number::Real;
 
@@ -37,10 +37,10 @@ impl<T: Real> Kernel<T> {
     }
 }
 
-impl Solver {
+impl Model {
     /// What a step has to do.
     #[must_use]
     pub fn work(&self) -> StepWork {
-        with_kernel!(&self.kernel, k => k.work())
+        with_kernel!((&self.kernel) => (k) { k.work() })
     }
 }

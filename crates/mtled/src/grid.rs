@@ -1,6 +1,8 @@
-//! Points in a uniform grid of linked lists: who is near?
+//! Points in a uniform grid of linked lists: which lie within a distance of a place? For points that come one by one, as
+//! clouds are packed and coarse nodes chosen. (Supports of different size that hold a place are another question, see
+//! [`crate::approximation::support`].)
 
-use super::vector::{Point, sub};
+type Point = [f64; 3];
 
 const NONE: u32 = u32::MAX;
 
@@ -15,9 +17,13 @@ pub(crate) struct Grid {
 impl Grid {
     /// A grid over the box `low`..`high` with about one cell for each of `expected` points.
     pub(crate) fn new(low: Point, high: Point, expected: usize) -> Self {
-        let size = sub(high, low);
-        let cell = (size[0] * size[1] * size[2] / (2.0 * expected as f64).max(1.0)).cbrt();
-        let counts = [0, 1, 2].map(|k| (size[k] / cell).ceil().max(1.0) as usize);
+        let size = [0, 1, 2].map(|k| high[k] - low[k]);
+        Self::of_cells(low, high, (size[0] * size[1] * size[2] / (2.0 * expected as f64).max(1.0)).cbrt())
+    }
+
+    /// A grid over the box `low`..`high`, which may be flat, with cells of this width.
+    pub(crate) fn of_cells(low: Point, high: Point, cell: f64) -> Self {
+        let counts = [0, 1, 2].map(|k| ((high[k] - low[k]) / cell).ceil().max(1.0) as usize);
         Self { low, inverse: 1.0 / cell, counts, heads: vec![NONE; counts.iter().product()], next: Vec::new() }
     }
 
@@ -46,7 +52,8 @@ impl Grid {
                 for i in range[0].0..=range[0].1 {
                     let mut at = self.heads[(k * self.counts[1] + j) * self.counts[0] + i];
                     while at != NONE {
-                        let d = sub(points[at as usize], p);
+                        let q = points[at as usize];
+                        let d = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
                         let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
                         if squared < r * r && f(at, squared) {
                             return true;

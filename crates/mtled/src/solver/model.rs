@@ -1,0 +1,234 @@
+//! What never changes: the partition with its gradients, the material, the masses' scale; and the scratch memory that a
+//! step needs beside it.
+//!
+//! The motion is quasi-static, so mass and time are numerical: the step is 1 and the masses are scaled until the
+//! largest eigenvalue of M^-1 K is (2 f)^2, f being the step factor (Joldes, Wittek, Miller 2012). Every point gets
+//! mass in proportion to its own bound, so fine and coarse, crushed and relaxed regions share one critical step.
+
+use crate::approximation::{Form, ShapeTable};
+
+use super::inertia::{Motion, Sums};
+use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
+use super::mass::FundamentalMode;
+use super::pool::Pool;
+use super::settings::{Precision, SolverSettings};
+use super::state::{Constraints, Control, Moving, Path, Role, State};
+
+/// Blocks of a half plane that are worth a thread.
+const BLOCKS_PER_THREAD: usize = 4;
+
+/// Power iterations at the start: the estimate is from below, so [`EIGENVALUE_MARGIN`] stands on top.
+const POWER_ITERATIONS: usize = 40;
+/// They end once so many have raised the estimate by less than [`GROWTH`].
+const SETTLED: usize = 8;
+const GROWTH: f64 = 0.005;
+/// Safety on the estimated largest eigenvalue.
+const EIGENVALUE_MARGIN: f64 = 1.06;
+
+/// Something of the kernel in either precision.
+#[derive(Debug)]
+pub(super) enum Precise<S, D> {
+    F32(S),
+    F64(D),
+}
+
+impl<S: Clone, D: Clone> Clone for Precise<S, D> {
+    fn clone(&self) -> Self {
+        match self {
+            Self::F32(own) => Self::F32(own.clone()),
+            Self::F64(own) => Self::F64(own.clone()),
+        }
+    }
+
+    fn clone_from(&mut self, other: &Self) {
+        match (self, other) {
+            (Self::F32(own), Self::F32(other)) => own.clone_from(other),
+            (Self::F64(own), Self::F64(other)) => own.clone_from(other),
+            (own, other) => *own = other.clone(),
+        }
+    }
+}
+
+/// `with_kernel!((&kernel, &mut scratch) => (k, s) { ... })`: the body for the one precision that all have.
+macro_rules! with_kernel {
+    (($($any:expr),+) => ($($name:ident),+) $body:block) => {
+        match ($($any,)+) {
+            ($($crate::solver::model::Precise::F32($name),)+) => $body,
+            ($($crate::solver::model::Precise::F64($name),)+) => $body,
+            #[allow(unreachable_patterns)] // with one value there is no other case
+            _ => unreachable!("model, state and workspace have one precision: a state is used with its own model"),
+        }
+    };
+}
+pub(super) use with_kernel;
+
+/// What never changes about a discretised body. Shared by any number of [`State`]s.
+#[derive(Debug)]
+pub struct Model {
+    pub(super) kernel: Precise<Kernel<f32>, Kernel<f64>>,
+    /// What the shape table describes.
+    pub(super) form: Form,
+    pub(super) mode: FundamentalMode,
+    /// s of [`super::mass`].
+    pub(super) mass_scale: f64,
+    pub(super) step_factor: f64,
+    /// Threads that are worth having.
+    threads: usize,
+    /// The undeformed state.
+    pub(super) rest: State,
+}
+
+/// Scratch memory of a step, and its team of threads. What the last evaluation of the internal force found stands here:
+/// deformation gradients, energy, smallest volume ratio.
+#[derive(Debug)]
+pub struct Workspace {
+    pub(super) pool: Pool,
+    pub(super) scratch: Precise<Scratch<f32>, Scratch<f64>>,
+    /// A displacement field beside the state's own, m, and then the force there, N.
+    pub(super) image: Vec<[f64; 3]>,
+}
+
+impl Workspace {
+    /// Memory and threads, the caller's included, for a model; no more threads than are worth having.
+    #[must_use]
+    pub fn new(model: &Model, threads: usize) -> Self {
+        let pool = Pool::new(threads.min(model.threads));
+        let scratch = match &model.kernel {
+            Precise::F32(k) => Precise::F32(k.scratch(pool.threads())),
+            Precise::F64(k) => Precise::F64(k.scratch(pool.threads())),
+        };
+        Self { pool, scratch, image: vec![[0.0; 3]; model.rest.moving.u.len()] }
+    }
+
+    /// Threads that a step uses.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.pool.threads()
+    }
+}
+
+impl Model {
+    /// Partition, masses and stable step for a shape table. `role` says which nodes are held from the start.
+    #[must_use]
+    pub fn new(
+        table: &ShapeTable,
+        cells: &[[u32; 4]],
+        points: &[[f64; 3]],
+        role: Vec<Role>,
+        settings: &SolverSettings,
+    ) -> Self {
+        let (law, ratio) = (&settings.law, settings.volume_ratio);
+        let kernel = match settings.precision {
+            Precision::F32 => Precise::F32(Kernel::new(table, cells, points, law, ratio)),
+            Precision::F64 => Precise::F64(Kernel::new(table, cells, points, law, ratio)),
+        };
+        let mu = law.shear_modulus();
+        let (modulus, threads) = match table.form {
+            Form::Full => (mu, settings.threads),
+            // Blocks are what threads share, and a half plane has one or a few. So short a step gains nothing from a
+            // second thread on a quiet machine, and loses tenfold where one has to wait for a processor.
+            Form::Axisymmetric => {
+                let blocks = with_kernel!((&kernel) => (k) { k.blocks.len() });
+                (
+                    9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu),
+                    settings.threads.min(blocks.div_ceil(BLOCKS_PER_THREAD)),
+                )
+            }
+        };
+        let mut model = Self {
+            rest: undeformed(&kernel, role),
+            kernel,
+            form: table.form,
+            mode: FundamentalMode::new(points, table.volume.iter().sum(), modulus),
+            mass_scale: 1.0,
+            step_factor: settings.step_factor,
+            threads,
+        };
+        model.scale_masses();
+        model
+    }
+
+    /// Finds the masses' scale, the largest eigenvalue at rest, and its eigenvector.
+    fn scale_masses(&mut self) {
+        let (mut state, mut work) = (self.rest.clone(), Workspace::new(self, self.threads));
+        self.evaluate(&state, &mut work);
+        self.refresh_masses(&mut state, &mut work);
+        let mut before = [0.0; SETTLED];
+        for i in 0..POWER_ITERATIONS {
+            self.probe(&mut state, &mut work);
+            if state.control.largest < (1.0 + GROWTH) * before[i % SETTLED] {
+                break;
+            }
+            before[i % SETTLED] = state.control.largest;
+        }
+        let limit = 4.0 * self.step_factor * self.step_factor;
+        let scale = EIGENVALUE_MARGIN * state.control.largest / limit;
+        let control = &mut state.control;
+        control.mass.iter_mut().for_each(|m| *m *= scale);
+        control.largest /= scale;
+        control.slowest = self.mode.frequency(&control.mass);
+        self.mass_scale = scale;
+        self.rest = state;
+    }
+
+    /// The undeformed state.
+    #[must_use]
+    pub fn undeformed(&self) -> &State {
+        &self.rest
+    }
+
+    /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
+    pub fn set_active(&self, state: &mut State, point: usize, share: f64) {
+        with_kernel!((&self.kernel, &mut state.points) => (k, points) { k.set_active(points, point, share) });
+    }
+
+    /// Evaluates the internal force at the present nodal parameters, so that deformation, energy and smallest volume
+    /// ratio are those of the state and not of a probe.
+    pub(super) fn evaluate(&self, state: &State, work: &mut Workspace) {
+        let Moving { u, memory, .. } = &state.moving;
+        with_kernel!((&self.kernel, &state.points, &mut work.scratch) => (k, points, scratch) {
+            k.force(points, memory, scratch, &mut work.pool, u);
+        });
+    }
+}
+
+/// No displacement, no mass.
+fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> State {
+    let nodes = role.len();
+    let zero = vec![[0.0; 3]; nodes];
+    let points = match kernel {
+        Precise::F32(k) => Precise::<Points<f32>, Points<f64>>::F32(k.points()),
+        Precise::F64(k) => Precise::F64(k.points()),
+    };
+    State {
+        moving: Moving {
+            u: zero.clone(),
+            q: zero.clone(),
+            tangent: zero.clone(),
+            f: zero,
+            mass_factor: 1.0,
+            time: None,
+            memory: with_kernel!((kernel) => (k) { k.memory() }),
+        },
+        control: Control {
+            mass: vec![0.0; nodes],
+            slowest: 0.0,
+            probe: noise(&role),
+            largest: 0.0,
+            steps_since_refresh: 0,
+            usual_travel: 0.0,
+            motion: Motion::default(),
+            sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],
+        },
+        constraints: Constraints { role, path: vec![Path::default(); nodes] },
+        points,
+    }
+}
+
+/// A fixed vector with no symmetry, zero on held nodes.
+fn noise(role: &[Role]) -> Vec<[f64; 3]> {
+    let value = |i: usize| ((i.wrapping_mul(2_654_435_761) >> 7) % 1009) as f64 / 1009.0 - 0.5;
+    let free =
+        |(i, r): (usize, &Role)| if *r == Role::Free { std::array::from_fn(|k| value(3 * i + k)) } else { [0.0; 3] };
+    role.iter().enumerate().map(free).collect()
+}

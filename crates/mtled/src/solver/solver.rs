@@ -1,0 +1,215 @@
+//! A model with one state of it and the memory to step it.
+
+use std::sync::Arc;
+
+use crate::approximation::ShapeTable;
+
+use super::model::{Model, Workspace, with_kernel};
+use super::settings::SolverSettings;
+use super::state::{Moving, Role, State};
+use super::step::{Advance, Balance};
+use super::work::StepWork;
+
+/// Explicit solver of one body: a shared [`Model`], a [`State`], a [`Workspace`], and a state to come back to.
+#[derive(Debug)]
+pub struct Solver {
+    model: Arc<Model>,
+    state: State,
+    work: Workspace,
+    saved: Moving,
+}
+
+impl Solver {
+    /// Model and undeformed state for a shape table. `role` says which nodes are held from the start.
+    #[must_use]
+    pub fn new(
+        table: &ShapeTable,
+        cells: &[[u32; 4]],
+        points: &[[f64; 3]],
+        role: Vec<Role>,
+        settings: &SolverSettings,
+    ) -> Self {
+        Self::of(Arc::new(Model::new(table, cells, points, role, settings)), settings.threads)
+    }
+
+    /// The undeformed state of a model, and memory to step it on so many threads.
+    #[must_use]
+    pub fn of(model: Arc<Model>, threads: usize) -> Self {
+        let state = model.undeformed().clone();
+        let mut work = Workspace::new(&model, threads);
+        model.evaluate(&state, &mut work);
+        Self { saved: state.moving.clone(), state, work, model }
+    }
+
+    /// Another solver of the same model, with a copy of the state, on the caller's thread alone.
+    #[must_use]
+    pub fn branch(&self) -> Self {
+        Self {
+            model: Arc::clone(&self.model),
+            state: self.state.clone(),
+            saved: self.saved.clone(),
+            work: Workspace::new(&self.model, 1),
+        }
+    }
+
+    /// Takes over the state of another solver of the same model: copies, allocates nothing. Before the next step
+    /// [`Solver::settle`] has to bring back what follows from that.
+    pub fn take_over(&mut self, other: &Self) {
+        self.state.clone_from(&other.state);
+    }
+
+    /// Evaluates the internal force of the state that was taken over, and keeps it to come back to in trouble.
+    pub fn settle(&mut self) {
+        self.model.evaluate(&self.state, &mut self.work);
+        self.save();
+    }
+
+    /// What never changes.
+    #[must_use]
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// Nodal parameters, m.
+    #[must_use]
+    pub fn parameters(&self) -> &[[f64; 3]] {
+        self.state.parameters()
+    }
+
+    /// What holds each node.
+    #[must_use]
+    pub fn roles(&self) -> &[Role] {
+        self.state.roles()
+    }
+
+    /// [`State::set_role`].
+    pub fn set_role(&mut self, node: usize, role: Role) {
+        self.state.set_role(node, role);
+    }
+
+    /// [`State::prescribe`].
+    pub fn prescribe(&mut self, node: usize, displacement: [f64; 3]) {
+        self.state.prescribe(node, displacement);
+    }
+
+    /// [`State::slowest`].
+    #[must_use]
+    pub fn slowest(&self) -> f64 {
+        self.state.slowest()
+    }
+
+    /// [`Model::set_active`].
+    pub fn set_active(&mut self, point: usize, share: f64) {
+        self.model.set_active(&mut self.state, point, share);
+    }
+
+    /// [`Model::advance`].
+    pub fn advance(&mut self, advance: &Advance) {
+        self.model.advance(&mut self.state, &mut self.work, advance);
+    }
+
+    /// [`Model::balance`].
+    #[must_use]
+    pub fn balance(&self) -> Balance {
+        self.model.balance(&self.state, &self.work)
+    }
+
+    /// [`Model::refresh_if_due`].
+    pub fn refresh_if_due(&mut self) {
+        self.model.refresh_if_due(&mut self.state, &mut self.work);
+    }
+
+    /// [`Model::refresh_step`].
+    pub fn refresh_step(&mut self) {
+        self.model.refresh_step(&mut self.state, &mut self.work);
+    }
+
+    /// [`Model::fastest`].
+    pub fn fastest(&mut self, iterations: usize) -> f64 {
+        self.model.fastest(&mut self.state, &mut self.work, iterations)
+    }
+
+    /// [`Model::stress_relaxation`].
+    #[must_use]
+    pub fn stress_relaxation(&self, time_s: f64) -> f64 {
+        self.model.stress_relaxation(&self.state, time_s)
+    }
+
+    /// [`Model::relax_until`].
+    pub fn relax_until(&mut self, time_s: f64) {
+        if self.state.moving.time.is_none() {
+            self.saved.time = Some(time_s);
+        }
+        self.model.relax_until(&mut self.state, &mut self.work, time_s);
+    }
+
+    /// [`Model::relax_again`].
+    pub fn relax_again(&mut self, time_s: f64) {
+        self.model.relax_again(&mut self.state, &mut self.work, time_s);
+    }
+
+    /// [`Model::commit`].
+    pub fn commit(&mut self, time_s: f64) {
+        self.model.commit(&mut self.state, &mut self.work, time_s);
+    }
+
+    /// Takes no step until `time_s`: what relaxes is remembered, and the present state kept to come back to, since
+    /// coming back to one from before a long rest would spread what follows over all of the rest.
+    pub fn rest(&mut self, time_s: f64) {
+        self.commit(time_s);
+        if self.model.relaxes() {
+            self.save();
+        }
+    }
+
+    /// Keeps the present state, to come back to with [`Solver::restore`].
+    pub fn save(&mut self) {
+        self.saved.clone_from(&self.state.moving);
+    }
+
+    /// Back to the kept state, with every present mass multiplied by `factor` from there on.
+    pub fn restore(&mut self, factor: f64) {
+        let mass_factor = factor * self.state.moving.mass_factor;
+        self.state.moving.clone_from(&self.saved);
+        self.state.moving.mass_factor = mass_factor;
+        self.model.recover(&mut self.state, &mut self.work);
+    }
+
+    /// Back to the undeformed state, with the roles of the start.
+    pub fn reset(&mut self) {
+        self.state.clone_from(self.model.undeformed());
+        self.settle();
+    }
+
+    /// Smallest volume ratio at the last evaluation.
+    #[must_use]
+    pub fn min_jacobian(&self) -> f64 {
+        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.min_jacobian(scratch) })
+    }
+
+    /// Deformation gradient (row-major) of one integration point at the last evaluation.
+    #[must_use]
+    pub fn deformation(&self, point: usize) -> [f64; 9] {
+        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.deformation(scratch, point) })
+    }
+
+    /// Calls `visit(point, F, P, V)` for every integration point: F and first Piola-Kirchhoff stress (Pa) row-major,
+    /// volume in m^3.
+    pub fn for_points(&self, visit: impl FnMut(usize, [f64; 9], [f64; 9], f64)) {
+        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) {
+            k.for_points(&self.state.moving.memory, scratch, visit);
+        });
+    }
+
+    /// What a step has to do.
+    #[must_use]
+    pub fn work(&self) -> StepWork {
+        self.model.work()
+    }
+
+    /// Threads that a step uses.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.work.threads()
+    }
+}
