@@ -8,11 +8,12 @@ use clap::{Args, ValueEnum};
 use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Progress;
-use super::replay::{RecordedOptions, foreign_frame};
+use super::replay::{RecordedOptions, foreign_frame, refuse_mistaken, series};
 use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
+use crate::compare::alignment::{Alignment, Found};
 use crate::compare::uncertainty::FORCE_ERROR;
-use crate::compare::{Answer, ForceSeries, Watch};
+use crate::compare::{self, Answer, Explains, Watch};
 use crate::input::Recording;
 use crate::report;
 use crate::scene::Scene;
@@ -24,7 +25,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     recorded: RecordedOptions,
 
-    /// Key to find, with bounds where the key's own range is too wide: material.shear_modulus_pa or
+    /// Key to find, one of the scene or align.contact_depth_m, align.time_offset_s, align.force_zero_n of the recording, with bounds where the key's own range is too wide: material.shear_modulus_pa or
     /// instrument.deformation_coefficient=0.2..0.8 (may be repeated; the search begins at the scene's value)
     #[arg(long, value_name = "KEY[=LOW..HIGH]", required = true, num_args = 1.., value_parser = wanted, help_heading = "Fit")]
     fit: Vec<Wanted>,
@@ -104,15 +105,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let json = report::calibration_json(&calibration, &recording.source, prediction.as_ref());
     let files = match &folder {
         Some(folder) => {
-            let scene = scene_toml(&calibration, &recording.source);
-            report::write_calibration(&folder.path, &calibration, &recording.source, &json, &scene)?
+            let accepted = !calibration.rejected() || arguments.recorded.force;
+            let scene = accepted.then(|| scene_toml(&calibration, &recording.source));
+            report::write_calibration(&folder.path, &calibration, &recording.source, &json, scene.as_deref())?
         }
         None => Vec::new(),
     };
     remarks(&calibration).iter().for_each(|remark| warn(remark));
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
     print(&if arguments.json { json } else { summary(&calibration, prediction.as_ref(), &recording.source, &files) })?;
-    Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+    let complete = recording.losses.is_empty() && !calibration.rejected();
+    Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
 }
 
 fn refuse_repeats(fit: &[Wanted]) -> Result<(), CliError> {
@@ -142,6 +145,9 @@ fn found(
         progress.warn(warning);
     }
     let measured = series(recording);
+    let (twin, _) = compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    refuse_mistaken(&twin, recording, &readings, &measured, arguments.recorded.force, &progress)?;
+    drop(twin);
     let task = Task {
         scene,
         readings: &readings,
@@ -171,10 +177,6 @@ fn found(
     Ok((calibration, prediction))
 }
 
-fn series(recording: &Recording) -> ForceSeries {
-    ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect())
-}
-
 /// Ends with Ctrl-C; what it does in between is said by run, not by pose.
 struct Stop<'a>(&'a Progress);
 
@@ -189,6 +191,19 @@ impl Watch for Stop<'_> {
 /// What the user must know before believing the numbers.
 fn remarks(calibration: &Calibration) -> Vec<String> {
     let mut remarks = Vec::new();
+    if calibration.rejected() {
+        let with =
+            if calibration.verdict.explains == Explains::NoMeasurement { "" } else { " with any of the values tried" };
+        remarks.push(format!("rejected: {}{with}", calibration.verdict.line()));
+    }
+    remarks.extend(calibration.verdict.reasons.iter().cloned());
+    if let Some(found) = calibration.alignment.filter(|_| calibration.realigned != [false; 2]) {
+        let taken = found
+            .reasons()
+            .into_iter()
+            .map(|reason| reason.replace("`calibrate` takes it out", "it is taken out here"));
+        remarks.extend(taken);
+    }
     for group in &calibration.indistinguishable {
         remarks.push(format!(
             "the data can't tell apart: {}. Their values and errors mean little: fit fewer of them, or fix one by --set from \
@@ -222,7 +237,8 @@ fn scene_toml(calibration: &Calibration, source: &str) -> String {
 /// Value, standard error and where they come from.
 fn line(e: &Estimate) -> String {
     let Some((error, [low, high])) = e.standard_error().zip(e.interval_95()) else {
-        return format!("{} = {:.6}, not determined by the data", e.name, e.value);
+        let reason = e.withheld.as_deref().unwrap_or("not determined by the data");
+        return format!("{} = {:.6}, without an interval: {reason}", e.name, e.value);
     };
     let share = |part: Option<f64>| part.unwrap_or(0.0);
     format!(
@@ -243,11 +259,30 @@ fn short(value: f64, error: f64) -> String {
     if error > 0.0 { format!("{value:.decimals$}") } else { format!("{value:.6}") }
 }
 
+/// How the recording lies to the model, and whether that was taken out.
+fn alignment(found: &Alignment, realigned: [bool; 2]) -> String {
+    let one = |what: &str, found: Found, factor: f64, unit: &str, taken: bool| {
+        let error = found.error.map_or_else(|| "not known".to_owned(), |e| format!("{:.3}", factor * e));
+        let taken = if taken { ", taken out" } else { "" };
+        format!("{what} {:.3} ± {error} {unit}{taken}", factor * found.value + 0.0)
+    };
+    [
+        one("contact at a recorded depth of", found.contact_depth_m, 1e3, "mm", realigned[0]),
+        one("force late by", found.time_offset_s, 1e3, "ms", realigned[1]),
+        one("load cell's zero", found.force_zero_n, 1e3, "mN", true),
+    ]
+    .join("; ")
+}
+
 fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &str, files: &[PathBuf]) -> String {
-    let mut lines = vec![("scene", format!("{}, {source}", calibration.scene.name))];
-    let (keys, cell) = calibration.estimates.split_at(calibration.keys);
+    let word = if calibration.rejected() { "rejected: " } else { "" };
+    let mut lines = vec![("verdict", format!("{word}{}", calibration.verdict.line()))];
+    lines.push(("scene", format!("{}, {source}", calibration.scene.name)));
+    let (keys, beside) = calibration.estimates.split_at(calibration.keys);
+    let cell: Vec<&Estimate> = beside.iter().filter(|e| e.name.starts_with("load_cell.")).collect();
     lines.extend(keys.iter().map(|e| ("fit", line(e))));
     lines.extend(cell.iter().map(|e| ("alongside", line(e))));
+    lines.extend(calibration.alignment.map(|a| ("alignment", alignment(&a, calibration.realigned))));
     let tied = calibration.tied.iter();
     lines.extend(tied.map(|(key, other)| ("tied", format!("{key} = {other}, as the scene had them equal"))));
     for (a, b) in (0..keys.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {

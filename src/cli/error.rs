@@ -46,6 +46,9 @@ pub enum CliError {
     /// The bag can't be read.
     #[error(transparent)]
     Bag(#[from] BagError),
+    /// The recording can hardly be one of the scene.
+    #[error("{0}. Nothing was run; go on all the same with --force")]
+    Mistaken(String),
     /// A study can't be run.
     #[error("study: {0}")]
     Study(#[from] StudyError),

@@ -31,7 +31,8 @@ use crate::scene::file as scene_file;
 
 /// Exit codes, in the words of the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \
-                          3 finished, but data was lost or the model diverged on the way.";
+                          3 finished, but data was lost, the model diverged, its stability table does not hold, or it \
+                          does not explain the measurement.";
 
 /// Digital twin of a needle-insertion test rig: predicts the load cell's force and the tissue's deformation.
 /// Without a sub-command it runs `demo`.
@@ -76,7 +77,7 @@ struct NodeArguments {
 pub enum Outcome {
     /// Everything was done.
     Complete,
-    /// It ended, but data was lost or the model diverged on the way.
+    /// It ended, but data was lost, the model diverged, or it isn't to be trusted.
     Lossy,
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::options::{OutputOptions, SeriesOptions};
 use super::{CliError, Outcome, print, summary, warn};
-use crate::compare::Run;
+use crate::compare::{Explains, Run};
 use crate::report::{self, ReportError};
 
 /// A folder for results that is known to be writable. If nothing is ever written, it goes again.
@@ -62,10 +62,13 @@ pub(super) fn deliver(
     for loss in &run.losses {
         warn(loss);
     }
-    if let Some(reason) = &run.diverged {
-        warn(&format!("diverged: {reason}"));
+    let verdict = run.verdict();
+    if verdict.explains == Explains::No {
+        warn(&verdict.line());
     }
+    verdict.reasons.iter().for_each(|reason| warn(reason));
     print(&if json { report::metrics_json(run) } else { summary::summary(run, &files) })?;
     let complete = run.losses.is_empty() && run.diverged.is_none() && all_written;
+    let complete = complete && run.unstable().is_empty() && verdict.explains != Explains::No;
     Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
 }

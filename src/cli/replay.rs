@@ -7,9 +7,11 @@ use clap::Args;
 use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
+use crate::compare::scale::mistaken;
 use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
 use crate::input::{Recording, TopicNames};
 use crate::scene::Scene;
+use crate::twin::Twin;
 
 /// Scene of a bag that doesn't say which it was made for.
 const DEFAULT_SCENE: &str = "needle_insertion";
@@ -50,6 +52,10 @@ pub(super) struct RecordedOptions {
 
     #[command(flatten)]
     pub topics: TopicOptions,
+
+    /// Go on where units, signs or scene of the recording look wrong; of `calibrate`, write a rejected model's scene as well
+    #[arg(long, help_heading = "Run")]
+    pub force: bool,
 }
 
 impl RecordedOptions {
@@ -92,7 +98,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let folder = output::prepare(&arguments.output)?;
     let readings = arguments.recorded.topics.readings(&recording);
     let keep = arguments.series.keep(folder.is_some(), duration_s(&readings))?;
-    let run = arguments.threads.install(|| replay(&scene, &recording, readings, keep))??;
+    let forced = arguments.recorded.force;
+    let run = arguments.threads.install(|| replay(&scene, &recording, readings, keep, forced))??;
     output::deliver(&run, folder.as_ref(), &arguments.series, arguments.output.json)
 }
 
@@ -101,7 +108,7 @@ pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Re
     let depths = recording.depths.iter();
     let readings: Vec<Reading> = depths.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
     let keep = Keep { fields: true, duration_s: duration_s(&readings), save_every_s: None };
-    let mut run = replay(scene, recording, readings, keep)?;
+    let mut run = replay(scene, recording, readings, keep, false)?;
     command.clone_into(&mut run.command);
     Ok(run)
 }
@@ -133,7 +140,13 @@ fn duration_s(readings: &[Reading]) -> Option<f64> {
     readings.first().zip(readings.last()).map(|(first, last)| last.time_s - first.time_s)
 }
 
-fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, keep: Keep) -> Result<Run, CliError> {
+fn replay(
+    scene: &Scene,
+    recording: &Recording,
+    readings: Vec<Reading>,
+    keep: Keep,
+    forced: bool,
+) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
     for warning in recording.warnings.iter().chain(&foreign_frame(recording)) {
         progress.warn(warning);
@@ -141,16 +154,39 @@ fn replay(scene: &Scene, recording: &Recording, readings: Vec<Reading>, keep: Ke
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     twin.warnings().iter().for_each(|warning| progress.warn(warning));
+    let measured = series(recording);
+    refuse_mistaken(&twin, recording, &readings, &measured, forced, &progress)?;
     progress.count(readings.len());
     let mut collector = Collector::new(&twin, "replay", build_s, keep);
     recording.losses.iter().for_each(|loss| collector.lost(loss.to_string()));
-    let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
     if !measured.is_empty() {
         collector.measured_source(&recording.source);
     }
     let run = compare::drive(&mut twin, readings, Some(&measured), collector, &mut progress);
     progress.finish();
     Ok(run)
+}
+
+/// The measured force over time.
+pub(super) fn series(recording: &Recording) -> ForceSeries {
+    ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect())
+}
+
+/// Refuses a recording whose units, signs or scene are likely wrong, before any time is spent on it; says it only if `forced`.
+pub(super) fn refuse_mistaken(
+    twin: &Twin,
+    recording: &Recording,
+    readings: &[Reading],
+    measured: &ForceSeries,
+    forced: bool,
+    progress: &Progress,
+) -> Result<(), CliError> {
+    match mistaken(twin, readings, measured, recording.scene.as_deref()) {
+        Some(what) if forced => progress.warn(&what),
+        Some(what) => return Err(CliError::Mistaken(what)),
+        None => {}
+    }
+    Ok(())
 }
 
 /// What to say of forces that are recorded in another frame: a replay has no transforms to bring them over.

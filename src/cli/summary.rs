@@ -3,12 +3,14 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use crate::compare::Run;
+use crate::compare::{Run, Verdict};
 use crate::twin::Event;
 
 /// What a user wants to know of a run, at most one screen.
 pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
+    let verdict = run.verdict();
     let mut lines = vec![
+        ("verdict", verdict_line(run, &verdict)),
         (
             "scene",
             format!(
@@ -20,7 +22,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
         ("force", force(run)),
     ];
     if !run.dimension.is_empty() {
-        lines.insert(1, ("model", format!("{}: {}", run.dimension, run.dimension_because)));
+        lines.insert(2, ("model", format!("{}: {}", run.dimension, run.dimension_because)));
     }
     if let Some(error) = error(run) {
         lines.push(("error", error));
@@ -48,6 +50,18 @@ pub(super) fn screen(lines: &[(&str, String)]) -> String {
     out
 }
 
+/// What a user must know first.
+fn verdict_line(run: &Run, verdict: &Verdict) -> String {
+    if run.diverged.is_some() {
+        return "the model diverged".to_owned();
+    }
+    if run.answers.is_empty() {
+        return "no pose was answered".to_owned();
+    }
+    let unstable = if run.unstable().is_empty() { "" } else { "; the stability table does not hold" };
+    format!("{}{unstable}", verdict.line())
+}
+
 fn poses(run: &Run) -> String {
     let count = run.answers.len();
     let deepest = run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max);
@@ -58,7 +72,8 @@ fn poses(run: &Run) -> String {
 fn force(run: &Run) -> String {
     let metrics = run.force_metrics();
     let newtons = |peak: Option<f64>| peak.map_or_else(|| "none".to_owned(), |n| format!("{n:.4} N"));
-    let predicted = format!("peak predicted {}", newtons(metrics.peak_predicted_n));
+    let word = if run.has_peak() { "peak predicted" } else { "no peak, since the run fails; largest predicted" };
+    let predicted = format!("{word} {}", newtons(metrics.peak_predicted_n));
     match metrics.peak_measured_n {
         Some(_) => format!("{predicted}, measured {} ({})", newtons(metrics.peak_measured_n), run.measured_source),
         None => predicted,

@@ -1,19 +1,27 @@
 //! Predicted against measured: what one run of the twin produced, and its figures of merit.
 
+pub mod alignment;
 mod collector;
 mod drive;
 pub mod identifier;
 pub mod least_squares;
 mod legs;
 mod metrics;
+pub mod path;
+pub mod rows;
+pub mod scale;
 mod series;
+mod stability;
 pub mod uncertainty;
+pub mod verdict;
 
 pub use collector::{Collector, Keep};
 pub use drive::{At, Reading, Watch, build, drive};
 pub use legs::Legs;
 pub use metrics::{ForceMetrics, Latency};
 pub use series::ForceSeries;
+pub use stability::StabilityRow;
+pub use verdict::{Explains, Verdict};
 
 use crate::scene::Instrument;
 use crate::twin::{Event, Phase};

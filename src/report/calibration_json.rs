@@ -1,5 +1,6 @@
 //! `calibration.json`: what a calibration found, for programs.
 
+use super::metrics::{alignment_json, verdict_json};
 use crate::study::calibrate::{Calibration, Estimate, Prediction};
 use serde_json::{Map, Value, json};
 
@@ -7,9 +8,10 @@ use serde_json::{Map, Value, json};
 /// don't determine is `null`; one that is not finite is never written.
 #[must_use]
 pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Option<&Prediction>) -> String {
-    let (keys, cell) = calibration.estimates.split_at(calibration.keys);
+    let (keys, beside) = calibration.estimates.split_at(calibration.keys);
     let group = |estimates: &[Estimate], prefix: &str| -> Map<String, Value> {
-        estimates.iter().map(|e| (e.name.replacen(prefix, "", 1), estimate(e))).collect()
+        let own = estimates.iter().filter(|e| e.name.starts_with(prefix));
+        own.map(|e| (e.name.replacen(prefix, "", 1), estimate(e))).collect()
     };
     let names: Vec<&str> = calibration.estimates.iter().map(|e| e.name.as_str()).collect();
     let no_effect: Vec<&str> = keys.iter().filter(|e| !e.has_effect).map(|e| e.name.as_str()).collect();
@@ -17,7 +19,12 @@ pub fn calibration_json(calibration: &Calibration, source: &str, prediction: Opt
         "scene": calibration.scene.name,
         "measured_source": source,
         "fit": group(keys, ""),
-        "load_cell": group(cell, "load_cell."),
+        "load_cell": group(beside, "load_cell."),
+        "verdict": verdict_json(&calibration.verdict),
+        "rejected": calibration.rejected(),
+        "alignment": alignment_json(calibration.alignment.as_ref()),
+        "realigned": { "contact_depth_m": calibration.realigned[0], "time_offset_s": calibration.realigned[1] },
+        "poses_refused": calibration.refused,
         "tied": calibration.tied.iter().cloned().collect::<std::collections::BTreeMap<_, _>>(),
         "rmse_n": calibration.rmse_n(),
         "readings": calibration.parts.fitted.len(),
@@ -41,8 +48,9 @@ fn estimate(e: &Estimate) -> Value {
         "value": e.value,
         "standard_error": e.standard_error(),
         "interval_95": e.interval_95(),
-        "noise_standard_error": e.noise_error,
-        "systematic_standard_error": e.systematic_error,
+        "noise_standard_error": e.noise_error.filter(|_| e.withheld.is_none()),
+        "systematic_standard_error": e.systematic_error.filter(|_| e.withheld.is_none()),
+        "no_interval_because": e.withheld,
         "start": e.start,
         // serde_json writes an infinite bound as null
         "bounds": e.bounds,

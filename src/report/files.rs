@@ -57,6 +57,16 @@ fn write_and_rename(files: &[Rendered], paths: &[PathBuf]) -> Result<(), ReportE
     Ok(())
 }
 
+/// Removes a file of an earlier run, if there is one.
+pub(super) fn remove_file(path: &Path) -> Result<(), ReportError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(ReportError::File { path: path.to_owned(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
 fn make_folder(path: &Path) -> Result<(), ReportError> {
     fs::create_dir_all(path).map_err(|source| ReportError::Folder { path: path.to_owned(), source })
 }

@@ -1,6 +1,7 @@
 //! `metrics.json`: the figures of merit of a run, for programs.
 
-use crate::compare::{ForceMetrics, Run};
+use crate::compare::alignment::{Alignment, Found};
+use crate::compare::{ForceMetrics, Run, Verdict};
 use crate::twin::Event;
 use serde_json::{Map, Value, json};
 
@@ -29,6 +30,8 @@ pub fn metrics_json(run: &Run) -> String {
         "puncture_depth_m": nulls.puncture_depth(),
         "measured_source": run.measured_source,
         "losses": run.losses,
+        "verdict": verdict_json(&run.verdict()),
+        "alignment": alignment_json(run.alignment().as_ref()),
         "checksum": run.checksum,
         "null_because": nulls.because,
     });
@@ -56,8 +59,14 @@ impl Nulls<'_> {
     fn force(&mut self) -> Value {
         let m: ForceMetrics = self.run.force_metrics();
         let unmeasured = "no measured force at the time of a prediction";
+        let peak = self.run.has_peak();
         json!({
-            "peak_predicted_n": self.number("force.peak_predicted_n", m.peak_predicted_n, "no finite prediction"),
+            "peak_predicted_n": self.number(
+                "force.peak_predicted_n",
+                m.peak_predicted_n.filter(|_| peak),
+                if peak { "no finite prediction" } else { "the run fails: its largest force is no peak (largest_predicted_n)" },
+            ),
+            "largest_predicted_n": self.number("force.largest_predicted_n", m.peak_predicted_n, "no finite prediction"),
             "peak_measured_n": self.number("force.peak_measured_n", m.peak_measured_n, unmeasured),
             "rmse_n": self.number("force.rmse_n", m.rmse_n, unmeasured),
             "nrmse": self.number("force.nrmse", m.nrmse, "no measured force that differs from zero"),
@@ -114,4 +123,32 @@ impl Nulls<'_> {
         let depth = self.run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| depth_m));
         self.number("puncture_depth_m", depth, "the surface was not punctured")
     }
+}
+
+/// The verdict as `metrics.json` and `calibration.json` have it.
+pub(super) fn verdict_json(verdict: &Verdict) -> Value {
+    let finite = |x: Option<f64>| x.filter(|x| x.is_finite());
+    let shares: Vec<f64> = verdict.share_over_depth.iter().copied().filter(|s| s.is_finite()).collect();
+    json!({
+        "explains": verdict.explains.as_str(),
+        "reasons": verdict.reasons,
+        "reduced_chi_square": finite(verdict.reduced_chi_square),
+        "residual_autocorrelation": finite(verdict.autocorrelation),
+        "noise_n": finite(verdict.noise_n),
+        "residual_share_over_depth": shares,
+    })
+}
+
+/// How the recording lies to the model, null where that can't be said.
+pub(super) fn alignment_json(alignment: Option<&Alignment>) -> Value {
+    let mut entries = Map::new();
+    let mut add = |name: &str, found: Option<Found>| {
+        let finite = |x: Option<f64>| x.filter(|x| x.is_finite());
+        entries.insert(name.to_owned(), json!(finite(found.map(|f| f.value))));
+        entries.insert(format!("{name}_standard_error"), json!(finite(found.and_then(|f| f.error))));
+    };
+    add("contact_depth_m", alignment.map(|a| a.contact_depth_m));
+    add("time_offset_s", alignment.map(|a| a.time_offset_s));
+    add("force_zero_n", alignment.map(|a| a.force_zero_n));
+    Value::Object(entries)
 }

@@ -157,7 +157,8 @@ pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBu
 }
 
 /// Writes `calibration.json`, `calibration.csv`, `calibration.svg` and `.png`, and the scene with the values found,
-/// `scene.toml`; returns their paths. `source` says what was measured, `json` is that of [`calibration_json`].
+/// `scene.toml`; returns their paths. `source` says what was measured, `json` is that of [`calibration_json`]. Without a scene,
+/// that of an earlier calibration is removed: it isn't that of the files beside it.
 ///
 /// # Errors
 /// As [`write_all`].
@@ -166,13 +167,16 @@ pub fn write_calibration(
     calibration: &Calibration,
     source: &str,
     json: &str,
-    scene_toml: &str,
+    scene_toml: Option<&str>,
 ) -> Result<Vec<PathBuf>, ReportError> {
     let mut rendered = vec![
         Rendered::new("calibration.json", json),
         Rendered::new("calibration.csv", csv::calibration_csv(&calibration.forces)),
-        Rendered::new("scene.toml", scene_toml),
     ];
+    match scene_toml {
+        Some(text) => rendered.push(Rendered::new("scene.toml", text)),
+        None => files::remove_file(&out.join("scene.toml"))?,
+    }
     push_picture(&mut rendered, "calibration", &calibration_plot::calibration_plot(calibration, source))?;
     files::write(out, &rendered)
 }

@@ -4,78 +4,39 @@ use super::{
     svg::escaped,
     unit::{Scale, count, significant},
 };
-use crate::compare::Run;
+use crate::compare::{Explains, Run, StabilityRow, Verdict};
 use crate::twin::Event;
 use std::fmt::Write as _;
 
-/// A figure that tells whether a run can be trusted, with the bound that says so.
-struct Guide {
-    name: &'static str,
-    value: f64,
-    shown: String,
-    good: bool,
-    bound: &'static str,
-    about: &'static str,
+/// A figure of the stability table as the page shows it.
+fn shown(row: &StabilityRow) -> String {
+    let figures = if row.name.starts_with("Smallest") { 3 } else { 2 };
+    format!("{}{}", significant(row.value, figures), row.unit)
 }
 
-fn guides(run: &Run) -> [Guide; 4] {
-    let (jacobian, energy) = (run.min_jacobian, run.max_kinetic_to_strain_energy);
-    let (imbalance, constraint) = (run.force_imbalance, run.constraint_error_m);
-    [
-        Guide {
-            name: "Smallest volume ratio",
-            value: jacobian,
-            shown: significant(jacobian, 3),
-            good: jacobian > 0.1,
-            bound: "above 0.1",
-            about: "Volume of the most compressed cell over its volume at rest; 0 would be a cell turned inside out.",
-        },
-        Guide {
-            name: "Kinetic over strain energy",
-            value: energy,
-            shown: significant(energy, 2),
-            good: energy < 0.05,
-            bound: "below 0.05",
-            about: "Largest value once the force passed 10 % of its peak; small means that inertia does not colour the force.",
-        },
-        Guide {
-            name: "Force imbalance",
-            value: imbalance,
-            shown: significant(imbalance, 2),
-            good: imbalance < 0.02,
-            bound: "below 0.02",
-            about: "Instrument force plus base reaction, over the peak force.",
-        },
-        Guide {
-            name: "Constraint error",
-            value: constraint,
-            shown: format!("{} m", significant(constraint, 2)),
-            good: constraint < 1e-6,
-            bound: "below 10⁻⁶ m",
-            about: "Largest distance between the field and its prescribed value under the instrument and at the base.",
-        },
-    ]
-}
-
-/// One sentence that says whether the run can be trusted, and why not.
+/// The verdict on the measurement, then whether the run itself can be trusted, and why not: a bad fit before a late pose.
 pub(super) fn verdict(html: &mut String, run: &Run) {
-    let mut reasons: Vec<String> = run.losses.clone();
-    if !run.answers.is_empty() {
-        let off = guides(run).into_iter().filter(|g| !g.good);
-        let value = |g: &Guide| if g.value.is_finite() { g.shown.clone() } else { "not a finite number".to_owned() };
-        reasons.extend(off.map(|g| format!("{}: {} (should be {})", g.name, value(&g), g.bound)));
-    }
+    let fit = run.verdict();
+    let mut reasons: Vec<String> = fit.reasons.clone();
+    reasons.extend(run.losses.iter().cloned());
     if run.missed_deadlines > 0 {
         reasons.push(format!("{} poses were answered after the next one had come", count(run.missed_deadlines)));
     }
     if run.coalesced_poses > 0 {
         reasons.push(format!("{} poses were skipped for a newer one", count(run.coalesced_poses)));
     }
-    let (class, text) = match &run.diverged {
-        Some(reason) => ("bad", format!("The model diverged: {reason}")),
-        None if run.answers.is_empty() => ("bad", "No pose was answered.".to_owned()),
-        None if !reasons.is_empty() => ("warn", "Finished, with remarks.".to_owned()),
-        None => ("good", "Finished; every check passed.".to_owned()),
+    let unstable = !run.unstable().is_empty();
+    let (class, text) = match (&run.diverged, fit.explains) {
+        (Some(_), _) => ("bad", "The model diverged.".to_owned()),
+        (None, _) if run.answers.is_empty() => ("bad", "No pose was answered.".to_owned()),
+        (None, _) if unstable => {
+            ("bad", "The stability table does not hold: the forces are not to be trusted.".to_owned())
+        }
+        (None, Explains::No) => ("bad", sentence(&fit)),
+        (None, Explains::InPart) => ("warn", sentence(&fit)),
+        (None, Explains::Yes) => (if reasons.is_empty() { "good" } else { "warn" }, sentence(&fit)),
+        (None, Explains::NoMeasurement) if reasons.is_empty() => ("good", "Finished; every check passed.".to_owned()),
+        (None, Explains::NoMeasurement) => ("warn", "Finished, with remarks.".to_owned()),
     };
     let _ = writeln!(html, "<div class=\"verdict {class}\"><strong>{}</strong>", escaped(&text));
     if !reasons.is_empty() {
@@ -83,6 +44,13 @@ pub(super) fn verdict(html: &mut String, run: &Run) {
         let _ = writeln!(html, "<ul>{items}</ul>");
     }
     html.push_str("</div>\n");
+}
+
+/// The verdict's line as a sentence.
+fn sentence(verdict: &Verdict) -> String {
+    let line = verdict.line();
+    let mut letters = line.chars();
+    letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
 
 /// The figures that people ask for first.
@@ -93,7 +61,8 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     let with_unit = |f: Option<f64>| newton(f).map(|f| format!("{f} {}", force.unit)).unwrap_or_default();
     html.push_str("<div class=\"cards\">\n");
     let measured = m.peak_measured_n.map(|_| format!("measured {}", with_unit(m.peak_measured_n)));
-    card(html, "Predicted peak", newton(m.peak_predicted_n), force.unit, measured);
+    let name = if run.has_peak() { "Predicted peak" } else { "Largest predicted force (no peak: it fails)" };
+    card(html, name, newton(m.peak_predicted_n), force.unit, measured);
     if let Some(nrmse) = m.nrmse {
         let largest = format!("{}; at most {}", with_unit(m.rmse_n), with_unit(m.max_abs_error_n));
         card(html, "Relative RMSE", Some(significant(100.0 * nrmse, 2)), "%", Some(largest));
@@ -143,8 +112,8 @@ pub(super) fn stability(html: &mut String, run: &Run) {
         "<section id=\"stability\">\n<h2>Stability</h2>\n<div class=\"wide\"><table class=\"stack\">\n<thead><tr><th>Figure</th>\
          <th class=\"number\">Value</th><th>Should be</th><th></th><th>What it says</th></tr></thead>\n<tbody>\n",
     );
-    for g in guides(run) {
-        let (class, word) = match (g.good, g.value.is_finite()) {
+    for g in run.stability() {
+        let (class, word) = match (g.holds, g.value.is_finite()) {
             (true, _) => ("good", "✓ holds"),
             (false, true) => ("bad", "✗ does not hold"),
             (false, false) => ("bad", "✗ not finite"),
@@ -153,7 +122,10 @@ pub(super) fn stability(html: &mut String, run: &Run) {
             html,
             "<tr><th>{}</th><td class=\"number\">{}</td><td>{}</td><td><span class=\"state {class}\">{word}</span></td>\
              <td>{}</td></tr>",
-            g.name, g.shown, g.bound, g.about
+            g.name,
+            shown(&g),
+            g.bound,
+            g.about
         );
     }
     html.push_str("</tbody></table></div>\n</section>\n");

@@ -277,6 +277,18 @@ impl Twin {
         self.fixed.tissue.model.nodes
     }
 
+    /// Height of the body under the instrument, m.
+    #[must_use]
+    pub fn height_m(&self) -> f64 {
+        self.height
+    }
+
+    /// Depth from which on poses are refused, m.
+    #[must_use]
+    pub fn reach_m(&self) -> f64 {
+        self.reach
+    }
+
     /// Number of integration points.
     #[must_use]
     pub fn integration_points(&self) -> usize {

@@ -5,34 +5,34 @@
 //! ```
 //!
 //! Every F is a whole run of the twin over the recorded motion, the same as `replay` makes. Offset and drift are those of the
-//! load cell, estimated alongside.
+//! load cell, estimated alongside. So are the depth of the first contact and the clock of the force against that of the position,
+//! where the recording shows that they are off (`compare::alignment`); else they stay as recorded.
+//!
+//! A model that doesn't explain the readings is rejected, and what the data can't tell has no interval (`judgement`).
 
 mod forces;
+mod judgement;
 mod prediction;
 mod problem;
 mod split;
+mod unknown;
 
 use std::ops::Range;
 
-use crate::compare::uncertainty::{Uncertainty, correlation};
-use crate::compare::{ForceSeries, Reading, Watch, least_squares};
-use crate::scene::{Override, Scene, SceneError, keys};
+use crate::compare::alignment::{Alignment, align};
+use crate::compare::rows::Rows;
+use crate::compare::{ForceSeries, Reading, Verdict, Watch, least_squares};
+use crate::scene::{Override, Scene, SceneError};
 use crate::twin::BuildError;
 
 pub use forces::{Forces, rmse};
 pub use prediction::{Prediction, predict};
-use problem::{LoadCellTerm, Recorded};
+use problem::Recorded;
 pub use split::{HoldOut, Parts};
+use unknown::Sought;
 
 /// Bounds of a 95% interval over the standard error.
 pub const INTERVAL_95: f64 = 1.96;
-/// Where a key's range has an end that isn't allowed, the search keeps this share of the start away from it.
-const OFF_THE_END: f64 = 1e-3;
-/// Largest change of a key in one step, as a share of it.
-const LARGEST_STEP: f64 = 0.5;
-/// Size of a key that starts at zero, over its bounds' distance.
-const SIZE_AT_ZERO: f64 = 0.1;
-
 /// A key that is to be found, and between which values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wanted {
@@ -90,13 +90,15 @@ pub struct Estimate {
     pub systematic_error: Option<f64>,
     /// Whether the data say anything about it at all.
     pub has_effect: bool,
+    /// Why it has no error and no interval, if it has none.
+    pub withheld: Option<String>,
 }
 
 impl Estimate {
-    /// Standard error by both, in the unit of the value; `None` where the data don't determine it.
+    /// Standard error by both, in the unit of the value; `None` where the data don't determine it, or it is withheld.
     #[must_use]
     pub fn standard_error(&self) -> Option<f64> {
-        self.noise_error.zip(self.systematic_error).map(|(a, b)| a.hypot(b))
+        self.noise_error.zip(self.systematic_error).map(|(a, b)| a.hypot(b)).filter(|_| self.withheld.is_none())
     }
 
     /// The 95% interval, cut to the bounds.
@@ -141,6 +143,14 @@ pub struct Calibration {
     pub runs: u32,
     /// Whether the search arrived; else it ran out of steps.
     pub converged: bool,
+    /// Whether the model with the values found explains the readings.
+    pub verdict: Verdict,
+    /// How the recording lies to the model.
+    pub alignment: Option<Alignment>,
+    /// Which of contact depth and clock were taken out of the recording.
+    pub realigned: [bool; 2],
+    /// Poses that the twin refused.
+    pub refused: usize,
 }
 
 impl Calibration {
@@ -158,6 +168,31 @@ impl Calibration {
 
     fn rmse_of(&self, range: &Range<usize>) -> f64 {
         rmse(&self.forces.measured_n[range.clone()], &self.forces.fitted_n[range.clone()])
+    }
+
+    /// Whether the model is rejected: it doesn't explain the readings with any values.
+    #[must_use]
+    pub fn rejected(&self) -> bool {
+        self.verdict.explains != crate::compare::Explains::Yes
+    }
+
+    /// What was sought of the alignment is known by the search, the rest as it was seen on the last run.
+    fn with_alignment(mut self, seen: Option<Alignment>) -> Self {
+        let of = |names: [&str; 2]| {
+            let found = self.estimates.iter().find(|e| names.contains(&e.name.as_str()))?;
+            Some(crate::compare::alignment::Found { value: found.value, error: found.standard_error() })
+        };
+        let contact = of([unknown::CONTACT_KEY; 2]);
+        let clock = of([unknown::CLOCK_KEY; 2]);
+        let zero = of([unknown::ZERO_KEY, "load_cell.offset_n"]);
+        self.alignment =
+            seen.or_else(|| (contact.is_some() || clock.is_some()).then(Alignment::default)).map(|seen| Alignment {
+                contact_depth_m: contact.unwrap_or(seen.contact_depth_m),
+                time_offset_s: clock.unwrap_or(seen.time_offset_s),
+                force_zero_n: zero.unwrap_or(seen.force_zero_n),
+                ..seen
+            });
+        self
     }
 
     /// The estimate of a name.
@@ -220,102 +255,104 @@ pub fn calibrate(
     watch: &mut dyn Watch,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Calibration, CalibrateError> {
-    let mut unknowns = task.wanted.iter().map(|w| unknown(task.scene, w)).collect::<Result<Vec<_>, _>>()?;
-    let terms = LoadCellTerm::of(task.load_cell);
-    unknowns.extend(terms.iter().map(|_| least_squares::Unknown {
-        start: 0.0,
-        bounds: [f64::NEG_INFINITY, f64::INFINITY],
-        scale: 1e-6,
-        largest_step: f64::INFINITY,
-    }));
-    let mut problem = Recorded::new(task, terms, watch, tell)?;
+    let sought = Sought::all(task.wanted, task.load_cell);
+    let mut unknowns = sought.iter().map(|s| s.unknown(task.scene, task.wanted)).collect::<Result<Vec<_>, _>>()?;
+    let mut problem = Recorded::new(task, sought, watch, tell);
+    let mut first = problem.first(0.0)?;
+    let mut realigned = [Sought::Contact, Sought::Clock].map(|s| problem.sought.contains(&s));
+    let before = first.alignment();
+    let mut shift = [0.0; 2];
+    if let Some(found) = &before {
+        realigned = [realigned[0] || found.contact_is_off(), realigned[1] || found.clock_is_off()];
+        shift = starts(found, realigned);
+        add(&mut problem, &mut unknowns, task, shift, realigned)?;
+        if shift[0] != 0.0 {
+            first = problem.first(shift[0])?;
+        }
+    }
+    problem.take(&first, shift[1])?;
     let mut solution = least_squares::solve(&mut problem, &unknowns)?.ok_or_else(|| problem.beyond_start())?;
+    // with a force of the right shape the alignment is seen more clearly
+    let seen = aligned(&mut problem, &solution.x)?;
+    if let Some(found) = &seen {
+        let off = [realigned[0] || found.contact_is_off(), realigned[1] || found.clock_is_off()];
+        if off != realigned {
+            realigned = off;
+            unknowns.iter_mut().zip(&solution.x).for_each(|(u, x)| u.start = *x);
+            add(&mut problem, &mut unknowns, task, starts(found, realigned), realigned)?;
+            solution = again(&mut problem, &unknowns, &solution)?;
+        }
+    }
     let left_out = problem.leave_out(solution.residuals.as_slice());
     if left_out > 0 {
-        let from: Vec<_> =
-            unknowns.iter().zip(&solution.x).map(|(u, x)| least_squares::Unknown { start: *x, ..*u }).collect();
-        let first = solution.iterations;
-        solution = least_squares::solve(&mut problem, &from)?.ok_or_else(|| problem.beyond_start())?;
-        solution.iterations += first;
+        unknowns.iter_mut().zip(&solution.x).for_each(|(u, x)| u.start = *x);
+        solution = again(&mut problem, &unknowns, &solution)?;
     }
     let changes = problem.changes(&solution.x);
     let scene = task.scene.with(&changes)?;
     let forces = problem.forces(&solution.x)?;
-    Ok(Calibration { left_out, ..judged(task, scene, &solution, &unknowns, forces, &problem) })
+    let found =
+        Calibration { left_out, realigned, ..judgement::judged(task, scene, &solution, &unknowns, forces, &problem) };
+    let seen = aligned(&mut problem, &solution.x)?;
+    Ok(found.with_alignment(seen))
 }
 
-/// Bounds and start of a key.
-fn unknown(scene: &Scene, wanted: &Wanted) -> Result<least_squares::Unknown, CalibrateError> {
-    let refuse = |reason: String| CalibrateError::Key { key: wanted.key.clone(), reason };
-    let key = keys::require(&wanted.key, "to be found", "--fit")?;
-    let crate::scene::Kind::Real(range) = key.kind else {
-        return Err(refuse(format!("only a single number can be searched for; this is: {}", key.allowed())));
-    };
-    let start = scene.get(&wanted.key).and_then(|v| v.as_real());
-    let start = start.ok_or_else(|| refuse(format!("scene {} has no such key", scene.name)))?;
-    let off = OFF_THE_END * start.abs().max(f64::MIN_POSITIVE);
-    let own = [
-        if range.low_allowed { range.low } else { range.low + off.min(0.5 * (start - range.low)) },
-        if range.high_allowed { range.high } else { range.high - off.min(0.5 * (range.high - start)) },
-    ];
-    let bounds = wanted.bounds.unwrap_or(own);
-    for bound in bounds {
-        if !range.contains(bound) {
-            return Err(refuse(format!("the bound {bound} is out of range; allowed: {}", key.allowed())));
+/// Searches on.
+fn again(
+    problem: &mut Recorded,
+    unknowns: &[least_squares::Unknown],
+    before: &least_squares::Solution,
+) -> Result<least_squares::Solution, CalibrateError> {
+    let solution = least_squares::solve(problem, unknowns)?.ok_or_else(|| problem.beyond_start())?;
+    Ok(least_squares::Solution { iterations: before.iterations + solution.iterations, ..solution })
+}
+
+/// Shifts of contact (m) and clock (s) at which the search begins.
+fn starts(found: &Alignment, realigned: [bool; 2]) -> [f64; 2] {
+    let at = |off: bool, value: f64| if off { value } else { 0.0 };
+    [at(realigned[0], found.contact_depth_m.value), at(realigned[1], found.time_offset_s.value)]
+}
+
+/// Seeks what is off of the alignment as well, from where it was seen.
+fn add(
+    problem: &mut Recorded,
+    unknowns: &mut Vec<least_squares::Unknown>,
+    task: &Task,
+    shift: [f64; 2],
+    realigned: [bool; 2],
+) -> Result<(), CalibrateError> {
+    for (k, sought) in [Sought::Contact, Sought::Clock].into_iter().enumerate().filter(|(k, _)| realigned[*k]) {
+        let place = problem.sought.iter().position(|s| *s == sought);
+        let unknown = sought.unknown(task.scene, task.wanted)?;
+        let unknown = least_squares::Unknown { start: shift[k].clamp(unknown.bounds[0], unknown.bounds[1]), ..unknown };
+        match place {
+            Some(place) => unknowns[place] = unknown,
+            None => {
+                problem.sought.push(sought);
+                unknowns.push(unknown);
+            }
         }
     }
-    if bounds[0] >= bounds[1] {
-        return Err(refuse(format!("the bounds {} to {} hold nothing between them", bounds[0], bounds[1])));
-    }
-    let scale = if start == 0.0 { SIZE_AT_ZERO * (bounds[1] - bounds[0]) } else { 0.01 * start.abs() };
-    Ok(least_squares::Unknown { start: start.clamp(bounds[0], bounds[1]), bounds, scale, largest_step: LARGEST_STEP })
+    Ok(())
 }
 
-fn judged(
-    task: &Task,
-    scene: Scene,
-    solution: &least_squares::Solution,
-    unknowns: &[least_squares::Unknown],
-    forces: Forces,
-    problem: &Recorded,
-) -> Calibration {
-    let parts = problem.parts().clone();
-    let about = Uncertainty::new(&solution.jacobian);
-    let noise = about.noise(&solution.jacobian, solution.residuals.as_slice());
-    let of = |column: &[f64]| -> Vec<f64> { problem.fitted().iter().map(|&i| column[i]).collect() };
-    let (force, depth) = (of(&forces.model_n), of(&forces.depth_m));
-    let systematic = about.systematic(&solution.jacobian, &force, &depth, task.force_error);
-    let names = problem.names();
-    let error = |covariance: &nalgebra::DMatrix<f64>, k: usize| {
-        Some(covariance[(k, k)].max(0.0).sqrt()).filter(|e| about.is_determined(k) && e.is_finite())
-    };
-    let estimates = (0..names.len()).map(|k| Estimate {
-        name: names[k].clone(),
-        value: solution.x[k],
-        start: unknowns[k].start,
-        bounds: unknowns[k].bounds,
-        noise_error: error(&noise, k),
-        systematic_error: error(&systematic, k),
-        has_effect: about.has_effect(k),
-    });
-    let both = &noise + &systematic;
-    let determined = |a, b| about.is_determined(a) && about.is_determined(b);
-    let correlated = |a, b| correlation(&both, a, b).filter(|_| determined(a, b));
-    let group = |g: Vec<usize>| g.into_iter().map(|k| names[k].clone()).collect();
-    Calibration {
-        scene,
-        estimates: estimates.collect(),
-        keys: task.wanted.len(),
-        tied: problem.tied(),
-        correlation: (0..names.len()).map(|a| (0..names.len()).map(|b| correlated(a, b)).collect()).collect(),
-        indistinguishable: about.indistinguishable().into_iter().map(group).collect(),
-        forces,
-        parts,
-        left_out: 0,
-        iterations: solution.iterations,
-        runs: problem.runs(),
-        converged: solution.converged,
-    }
+/// How the recording lies to the model with the values x: that of the last run, and the shifts in it.
+fn aligned(problem: &mut Recorded, x: &[f64]) -> Result<Option<Alignment>, CalibrateError> {
+    let forces = problem.forces(x)?;
+    let rows: Rows = problem.rows(&forces, &forces.model_n, x);
+    let clock = problem.value(x, &Sought::Clock);
+    let Some(path) = problem.path() else { return Ok(None) };
+    // the run has the contact's shift in its depths; of the clock the readings are freed here
+    let rows = Rows { time_s: rows.time_s.iter().map(|t| t - clock).collect(), ..rows };
+    let zero =
+        x[..].iter().zip(&problem.sought).find(|(_, s)| matches!(s, Sought::Zero { .. })).map_or(0.0, |(x, _)| *x);
+    let shift = [problem.value(x, &Sought::Contact), clock];
+    Ok(align(path, &rows).map(|mut found| {
+        found.contact_depth_m.value += shift[0];
+        found.time_offset_s.value += shift[1];
+        found.force_zero_n.value += zero;
+        found
+    }))
 }
 
 /// The fitted keys that a scene has, with their values: to carry them over to another scene.

@@ -1,17 +1,26 @@
-//! The least-squares problem of a recording: each evaluation is a run of the twin.
+//! The least-squares problem of a recording: each evaluation is a run of the twin, or the last run made use of.
+//!
+//! The force is proportional to the shear modulus, and the same curve read elsewhere for other shifts of contact and clock
+//! (`compare::path`): these cost no run, but where the contact has moved by more than [`NEAR_M`].
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{CalibrateError, Forces, LoadCell, Parts, Task};
-use crate::compare::{self, Answer, Collector, ForceSeries, Keep, Reading, Run, Watch, least_squares::Problem};
+use super::unknown::Sought;
+use super::{CalibrateError, Forces, Parts, Task};
+use crate::compare::path::ForcePath;
+use crate::compare::rows::{Rows, at_rest};
+use crate::compare::{self, Answer, At, Collector, ForceSeries, Keep, Reading, Run, Watch, least_squares::Problem};
 use crate::scene::{Override, Scene};
-use crate::twin::Phase;
 
 /// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
 /// is small against the steps of the search.
 const DIFFERENCE: f64 = 0.01;
-/// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so its derivative needs no run.
+/// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so another value of it needs no run.
 const PROPORTIONAL: &str = "material.shear_modulus_pa";
+/// Shift of the contact, m, within which the last run's own slope says what it does.
+const NEAR_M: f64 = 2e-5;
+/// Share of the poses that must be answered.
+const ANSWERED: f64 = 0.9;
 
 /// A key whose doubling changes the force by less than this share of it has no effect: what is left is rounding.
 const NO_EFFECT: f64 = 1e-3;
@@ -20,52 +29,21 @@ const TIED: (&str, &str) = ("instrument.retraction_coefficient", "instrument.def
 
 /// A residual of more than so many medians of all residuals' sizes is a spike (for normal noise: six standard deviations).
 const SPIKE: f64 = 9.0;
-/// After a bonded instrument has lifted off, the twin's tissue oscillates for less than this, s; the force is not quasi-static then.
-const SWINGS_S: f64 = 0.3;
 /// Largest share of the readings that may be spikes.
 const MOST_LEFT_OUT: f64 = 0.02;
 
-/// What the load cell adds to the force.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum LoadCellTerm {
-    Offset,
-    Drift,
-}
-
-impl LoadCellTerm {
-    pub fn of(load_cell: LoadCell) -> &'static [Self] {
-        match load_cell {
-            LoadCell::Exact => &[],
-            LoadCell::Offset => &[Self::Offset],
-            LoadCell::Drift => &[Self::Offset, Self::Drift],
-        }
-    }
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Offset => "load_cell.offset_n",
-            Self::Drift => "load_cell.drift_n_per_s",
-        }
-    }
-
-    /// What one unit of it adds at a time.
-    const fn at(self, time_s: f64) -> f64 {
-        match self {
-            Self::Offset => 1.0,
-            Self::Drift => time_s,
-        }
-    }
+/// A run that is made use of again.
+struct Kept {
+    /// Values of the unknowns that it was made with.
+    x: Vec<f64>,
+    path: ForcePath,
 }
 
 pub(super) struct Recorded<'a> {
     task: &'a Task<'a>,
-    terms: &'static [LoadCellTerm],
+    pub sought: Vec<Sought>,
     watch: &'a mut dyn Watch,
     tell: &'a mut dyn FnMut(&str),
-    /// Poses with a measured force, as indices of the answers of a run.
-    rows: Vec<usize>,
-    /// Answers of every run.
-    answers: usize,
     /// Of the rows.
     parts: Parts,
     /// Rows that are fitted: those of the part, less what was left out.
@@ -75,37 +53,58 @@ pub(super) struct Recorded<'a> {
     runs: u32,
     /// A key that takes the value of a wanted one, by its index.
     tied: Option<usize>,
+    kept: Option<Kept>,
+    /// Poses that the last run refused.
+    refused: usize,
 }
 
 impl<'a> Recorded<'a> {
-    /// Runs the scene as it is.
     pub fn new(
         task: &'a Task<'a>,
-        terms: &'static [LoadCellTerm],
+        sought: Vec<Sought>,
         watch: &'a mut dyn Watch,
         tell: &'a mut dyn FnMut(&str),
-    ) -> Result<Self, CalibrateError> {
-        let parts = Parts { fitted: 0..0, held_out: None };
-        let (rows, forces, tied) = (Vec::new(), Forces::default(), tied(task));
-        let mut new =
-            Self { task, terms, watch, tell, rows, answers: 0, parts, fitted: Vec::new(), forces, runs: 0, tied };
-        let first = new.run(task.scene)?;
-        if let Some(reason) = first.diverged {
-            return Err(CalibrateError::Diverged(reason));
+    ) -> Self {
+        Self {
+            task,
+            sought,
+            watch,
+            tell,
+            parts: Parts { fitted: 0..0, held_out: None },
+            fitted: Vec::new(),
+            forces: Forces::default(),
+            runs: 0,
+            tied: tied(task),
+            kept: None,
+            refused: 0,
         }
-        new.take(&first)?;
-        Ok(new)
     }
 
-    fn take(&mut self, first: &Run) -> Result<(), CalibrateError> {
-        let at_rest = at_rest(&first.answers);
-        let usable = |(i, a): &(usize, &Answer)| a.residual_n().is_some() && at_rest[*i];
-        let rows: Vec<(usize, &Answer)> = first.answers.iter().enumerate().filter(usable).collect();
+    /// Runs the scene as it is, over the motion as it was recorded but for a shift of the contact.
+    pub fn first(&mut self, contact_m: f64) -> Result<Run, CalibrateError> {
+        let run = self.run(self.task.scene, contact_m)?;
+        match run.diverged {
+            Some(reason) => Err(CalibrateError::Diverged(reason)),
+            None => Ok(run),
+        }
+    }
+
+    /// Takes the readings to fit from the first run.
+    pub fn take(&mut self, first: &Run, clock_s: f64) -> Result<(), CalibrateError> {
+        let path = path_of(first).ok_or(CalibrateError::NoContact)?;
+        // what swings in the run's time is seen later by a force that is late
+        let swings: Vec<bool> = at_rest(&first.answers).iter().map(|at_rest| !at_rest).collect();
+        let swung = |time_s: f64| swings[first.answers.partition_point(|a| a.time_s < time_s).min(swings.len() - 1)];
+        let usable = |a: &Answer| {
+            let then = a.time_s - clock_s;
+            a.residual_n().is_some() && path.covers(then) && !swung(then)
+        };
+        let rows: Vec<(usize, &Answer)> = first.answers.iter().enumerate().filter(|(_, a)| usable(a)).collect();
         let whole = Parts::of(first, self.task.part);
         let row = |answer: usize| rows.partition_point(|(i, _)| *i < answer);
         let range = |r: &std::ops::Range<usize>| row(r.start)..row(r.end);
         self.parts = Parts { fitted: range(&whole.fitted), held_out: whole.held_out.as_ref().map(range) };
-        let (readings, unknowns) = (self.parts.fitted.len(), self.task.wanted.len() + self.terms.len());
+        let (readings, unknowns) = (self.parts.fitted.len(), self.sought.len());
         if readings <= unknowns {
             let remedy =
                 "does the bag hold a load cell whose stamps overlap the motion's? `needle_twin bag info` shows it";
@@ -116,24 +115,26 @@ impl<'a> Recorded<'a> {
             return Err(CalibrateError::NoContact);
         }
         let column = |of: fn(&Answer) -> f64| -> Vec<f64> { rows.iter().map(|(_, a)| of(a)).collect() };
+        let time_s = column(|a| a.time_s);
         self.forces = Forces {
-            time_s: column(|a| a.time_s),
-            depth_m: column(|a| a.depth_m),
+            depth_m: time_s.iter().map(|t| path.depth_m(t - clock_s)).collect(),
             measured_n: column(|a| a.measured_n.unwrap_or(0.0)),
-            start_n: column(|a| a.predicted_n),
+            start_n: time_s.iter().map(|t| path.force_n(t - clock_s, 0.0)).collect(),
+            time_s,
             ..Forces::default()
         };
         self.fitted = self.parts.fitted.clone().collect();
-        self.answers = first.answers.len();
-        self.rows = rows.into_iter().map(|(i, _)| i).collect();
         Ok(())
     }
 
     /// Changes of the scene to the keys' values.
     pub fn changes(&self, x: &[f64]) -> Vec<Override> {
-        let keys = self.task.wanted.iter().zip(x);
+        let keys = self.sought.iter().zip(x).filter_map(|(s, value)| match s {
+            Sought::Key(key) => Some(Override::typed(key, *value, "--fit")),
+            _ => None,
+        });
         let tied = self.tied.map(|k| Override::typed(TIED.0, x[k], "--fit"));
-        keys.map(|(wanted, value)| Override::typed(&wanted.key, *value, "--fit")).chain(tied).collect()
+        keys.chain(tied).collect()
     }
 
     /// Keys that took the value of another: (key, the other).
@@ -143,8 +144,7 @@ impl<'a> Recorded<'a> {
 
     /// Names of the unknowns.
     pub fn names(&self) -> Vec<String> {
-        let keys = self.task.wanted.iter().map(|wanted| wanted.key.clone());
-        keys.chain(self.terms.iter().map(|term| term.name().to_owned())).collect()
+        self.sought.iter().map(|s| s.name().to_owned()).collect()
     }
 
     /// Which rows are fitted.
@@ -155,6 +155,11 @@ impl<'a> Recorded<'a> {
     /// Rows that are fitted.
     pub fn fitted(&self) -> &[usize] {
         &self.fitted
+    }
+
+    /// Poses that the twin refused in the last run.
+    pub const fn refused(&self) -> usize {
+        self.refused
     }
 
     /// Leaves out the rows whose residuals are far from all others; gives how many. A spike of a few readings (a bond that lets
@@ -185,37 +190,100 @@ impl<'a> Recorded<'a> {
         CalibrateError::Diverged(format!("with {} near the start of the search", keys.join(", ")))
     }
 
-    /// All forces, those with the values x among them.
+    /// All forces, those with the values x among them, from a run with just these values.
     pub fn forces(&mut self, x: &[f64]) -> Result<Forces, CalibrateError> {
+        if self.kept.as_ref().is_none_or(|kept| kept.x != x) {
+            self.kept = None;
+        }
         let model_n = self.predicted(x)?.ok_or_else(|| self.beyond_start())?;
         let fitted_n = model_n.iter().zip(&self.forces.time_s).map(|(f, &t)| f + self.added(x, t)).collect();
         Ok(Forces { model_n, fitted_n, ..self.forces.clone() })
     }
 
-    fn run(&mut self, scene: &Scene) -> Result<Run, CalibrateError> {
+    /// The fitted rows, for the verdict on them and for their alignment with the last run.
+    pub fn rows(&self, forces: &Forces, predicted_n: &[f64], x: &[f64]) -> Rows {
+        let of = |column: &[f64]| -> Vec<f64> { self.fitted.iter().map(|&i| column[i]).collect() };
+        let measured = self.fitted.iter().map(|&i| forces.measured_n[i] - self.added(x, forces.time_s[i]));
+        Rows {
+            time_s: of(&forces.time_s),
+            depth_m: of(&forces.depth_m),
+            predicted_n: of(predicted_n),
+            measured_n: measured.collect(),
+            zero_n: 0.0,
+        }
+    }
+
+    /// The last run's force along its motion.
+    pub fn path(&self) -> Option<&ForcePath> {
+        self.kept.as_ref().map(|kept| &kept.path)
+    }
+
+    /// Value of an unknown that may not be sought; 0 then.
+    pub fn value(&self, x: &[f64], of: &Sought) -> f64 {
+        self.sought.iter().position(|s| s == of).map_or(0.0, |k| x[k])
+    }
+
+    fn run(&mut self, scene: &Scene, contact_m: f64) -> Result<Run, CalibrateError> {
         self.runs += 1;
-        run(scene, self.task.readings, self.task.measured, self.watch)
+        let shifted = |r: &Reading| match r.at {
+            At::Depth(depth) => Reading { at: At::Depth(depth - contact_m), ..*r },
+            At::Pose(mut pose) => {
+                (0..3).for_each(|k| pose.tip[k] -= contact_m * pose.axis[k]);
+                Reading { at: At::Pose(pose), ..*r }
+            }
+        };
+        let readings: Vec<Reading> = self.task.readings.iter().map(shifted).collect();
+        let run = run(scene, &readings, self.task.measured, self.watch)?;
+        self.refused = readings.len() - run.answers.len();
+        Ok(run)
     }
 
     /// What the load cell adds at a time, with the unknowns x.
     fn added(&self, x: &[f64], time_s: f64) -> f64 {
-        let terms = self.terms.iter().zip(&x[self.task.wanted.len()..]);
-        terms.map(|(term, value)| value * term.at(time_s)).sum()
+        self.sought.iter().zip(x).map(|(s, value)| value * s.added(time_s)).sum()
+    }
+
+    /// How the last run's force follows for other values: its factor and the shift of the contact from it; `None` where it can't.
+    fn from_kept(&self, x: &[f64]) -> Option<(f64, f64)> {
+        let kept = self.kept.as_ref()?;
+        let (mut factor, mut shift) = (1.0, 0.0);
+        for ((sought, new), old) in self.sought.iter().zip(x).zip(&kept.x) {
+            match sought {
+                Sought::Key(key) if key == PROPORTIONAL => factor = new / old,
+                Sought::Key(_) if new != old => return None,
+                Sought::Contact => shift = new - old,
+                _ => {}
+            }
+        }
+        (shift.abs() <= NEAR_M).then_some((factor, shift))
     }
 
     /// Predicted force at every row; `None` where the scene can't be, diverges or refuses poses.
     fn predicted(&mut self, x: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
-        let values: Vec<String> = self.task.wanted.iter().zip(x).map(|(w, v)| format!("{} = {v:.6}", w.key)).collect();
+        if self.from_kept(x).is_none() {
+            match self.path_with(x)? {
+                Some(path) => self.kept = Some(Kept { x: x.to_vec(), path }),
+                None => return Ok(None),
+            }
+        }
+        let Some((factor, shift)) = self.from_kept(x) else { return Ok(None) };
+        let clock = self.value(x, &Sought::Clock);
+        let force = |path: &ForcePath, t: &f64| factor * path.force_n(t - clock, shift);
+        Ok(self.kept.as_ref().map(|kept| self.forces.time_s.iter().map(|t| force(&kept.path, t)).collect()))
+    }
+
+    /// A run with the values x.
+    fn path_with(&mut self, x: &[f64]) -> Result<Option<ForcePath>, CalibrateError> {
+        let values = self.sought.iter().zip(x).filter(|(s, _)| matches!(s, Sought::Key(_) | Sought::Contact));
+        let values: Vec<String> = values.map(|(s, v)| format!("{} = {v:.6}", s.name())).collect();
         (self.tell)(&format!("run {}: {}", self.runs + 1, values.join(", ")));
         let Ok(scene) = self.task.scene.with(&self.changes(x)) else { return Ok(None) };
-        let run = match self.run(&scene) {
+        let run = match self.run(&scene, self.value(x, &Sought::Contact)) {
             Err(CalibrateError::Build { .. }) => return Ok(None),
             other => other?,
         };
-        if run.diverged.is_some() || run.answers.len() != self.answers {
-            return Ok(None);
-        }
-        Ok(Some(self.rows.iter().map(|&i| run.answers[i].predicted_n).collect()))
+        let answered = run.answers.len() as f64 >= ANSWERED * self.task.readings.len() as f64;
+        Ok(path_of(&run).filter(|_| run.diverged.is_none() && answered))
     }
 
     /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
@@ -224,12 +292,27 @@ impl<'a> Recorded<'a> {
         for change in [size, -size] {
             let mut beside = x.to_vec();
             beside[k] += change;
-            if let Some(other) = self.predicted(&beside)? {
-                let fitted = self.fitted.iter().map(|&i| other[i]);
-                return Ok(Some(fitted.zip(force).map(|(a, b)| (a - b) / change).collect()));
+            if let Some(path) = self.path_with(&beside)? {
+                let clock = self.value(x, &Sought::Clock);
+                let other = self.fitted.iter().map(|&i| path.force_n(self.forces.time_s[i] - clock, 0.0));
+                return Ok(Some(other.zip(force).map(|(a, b)| (a - b) / change).collect()));
             }
         }
         Ok(None)
+    }
+
+    /// Derivative of the fitted rows' force by one unknown that needs no run.
+    fn derivative(&self, x: &[f64], k: usize, force: &[f64]) -> Option<Vec<f64>> {
+        let (kept, (factor, shift)) = (self.kept.as_ref()?, self.from_kept(x)?);
+        let clock = self.value(x, &Sought::Clock);
+        let times = self.fitted.iter().map(|&i| self.forces.time_s[i]);
+        Some(match &self.sought[k] {
+            Sought::Key(key) if key == PROPORTIONAL => force.iter().map(|f| f / x[k]).collect(),
+            Sought::Key(_) => return None,
+            Sought::Contact => times.map(|t| -factor * kept.path.stiffness(t - clock, shift)).collect(),
+            Sought::Clock => times.map(|t| -factor * kept.path.rate(t - clock, shift)).collect(),
+            added => times.map(|t| added.added(t)).collect(),
+        })
     }
 }
 
@@ -247,16 +330,10 @@ pub(super) fn run(
     if watch.stop() { Err(CalibrateError::Interrupted) } else { Ok(run) }
 }
 
-/// Which answers are not of a tissue that an instrument has just let go.
-fn at_rest(answers: &[Answer]) -> Vec<bool> {
-    let mut left_s = f64::NEG_INFINITY;
-    let mut at_rest = |a: &Answer| {
-        if a.phase != Phase::Approach {
-            left_s = a.time_s;
-        }
-        a.phase != Phase::Approach || a.time_s - left_s > SWINGS_S
-    };
-    answers.iter().map(&mut at_rest).collect()
+/// The force along a run; `None` where the instrument doesn't go into the sample.
+pub(super) fn path_of(run: &Run) -> Option<ForcePath> {
+    let column = |of: fn(&Answer) -> f64| run.answers.iter().map(of).collect();
+    ForcePath::new(column(|a| a.time_s), column(|a| a.depth_m), column(|a| a.predicted_n))
 }
 
 /// The wanted key that another one goes with.
@@ -277,27 +354,27 @@ impl Problem for Recorded<'_> {
     }
 
     fn jacobian(&mut self, x: &[f64], r: &DVector<f64>) -> Result<Option<DMatrix<f64>>, CalibrateError> {
-        let keys = self.task.wanted.len();
+        if self.predicted(x)?.is_none() {
+            return Ok(None);
+        }
         let rows = self.fitted.clone();
         let without = |i: usize| self.forces.measured_n[i] - self.added(x, self.forces.time_s[i]);
         let force: Vec<f64> = rows.iter().zip(r).map(|(&i, r)| r + without(i)).collect();
+        let whole = force.iter().map(|f| f * f).sum::<f64>().sqrt();
         let mut jacobian = DMatrix::zeros(rows.len(), x.len());
-        for k in 0..keys {
-            let column = if self.task.wanted[k].key == PROPORTIONAL {
-                force.iter().map(|f| f / x[k]).collect()
-            } else {
-                let Some(column) = self.difference(x, k, &force)? else { return Ok(None) };
-                column
+        for k in 0..x.len() {
+            let column = match self.derivative(x, k, &force) {
+                Some(column) => column,
+                None => match self.difference(x, k, &force)? {
+                    Some(column) => column,
+                    None => return Ok(None),
+                },
             };
             let column = DVector::from_vec(column);
             let doubled = column.norm() * if x[k] == 0.0 { 1.0 } else { x[k].abs() };
-            if doubled > NO_EFFECT * force.iter().map(|f| f * f).sum::<f64>().sqrt() {
+            if !matches!(self.sought[k], Sought::Key(_)) || doubled > NO_EFFECT * whole {
                 jacobian.set_column(k, &column);
             }
-        }
-        for (k, term) in self.terms.iter().enumerate() {
-            let column = rows.iter().map(|&i| term.at(self.forces.time_s[i]));
-            jacobian.set_column(keys + k, &DVector::from_iterator(rows.len(), column));
         }
         Ok(Some(jacobian))
     }

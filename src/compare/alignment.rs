@@ -1,0 +1,253 @@
+//! How a recording lies to the model: the depth of first contact, the clock of the force against that of the position, the load cell's zero.
+//!
+//! ```text
+//! F_measured(t) = a F(d(t - tau) - c) + b + w t        c: contact depth, tau: time offset, b: zero, w: drift
+//! ```
+//!
+//! The size a is free here, so that a wrong modulus is not taken for a wrong alignment. A grid over c and tau gives the start
+//! (a, b and w follow from it by linear least squares), Gauss and Newton's steps the rest, all on the curve of one run (`path`).
+//! Errors are those of [`super::uncertainty`]. A motion of one speed can't tell c from tau: tau is taken as 0 then, without an error.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Run;
+use super::path::ForcePath;
+use super::rows::Rows;
+use super::uncertainty::{FORCE_ERROR, Uncertainty};
+
+/// Largest shifts of the grid: share of the recording's time and of its largest depth, s and m; and its steps on either side.
+const MOST_S: (f64, f64) = (0.25, 3.0);
+const MOST_M: (f64, f64) = (0.3, 3e-3);
+const STEPS: [i32; 2] = [40, 20];
+/// Readings that the grid looks at, and the search.
+const GRID_ROWS: usize = 250;
+const SEARCH_ROWS: usize = 1500;
+/// Steps of the search.
+const ITERATIONS: usize = 12;
+/// A shift counts from so many standard errors on, and from so much on: of the contact in m, of the clock in s. Less is within what
+/// a displacement sensor and the interpolation of readings are off.
+const SIGNIFICANT: f64 = 3.0;
+const TOLERANCE: [f64; 2] = [5e-5, 5e-3];
+
+/// A value and its standard error; without one the recording can't tell.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Found {
+    /// In its unit.
+    pub value: f64,
+    /// The same unit.
+    pub error: Option<f64>,
+}
+
+impl Found {
+    fn is_off(&self, least: f64) -> bool {
+        self.error.is_some_and(|e| self.value.abs() > (SIGNIFICANT * e).max(least))
+    }
+}
+
+/// See the module.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Alignment {
+    /// Recorded depth at which the instrument touches the sample, m.
+    pub contact_depth_m: Found,
+    /// How late the force's stamps are against the position's, s.
+    pub time_offset_s: Found,
+    /// What the load cell reads without load, N.
+    pub force_zero_n: Found,
+    /// Size of the measured force over the predicted one.
+    pub size: f64,
+}
+
+impl Alignment {
+    /// Whether the contact is elsewhere than recorded.
+    #[must_use]
+    pub fn contact_is_off(&self) -> bool {
+        self.contact_depth_m.is_off(TOLERANCE[0])
+    }
+
+    /// Whether the clocks differ.
+    #[must_use]
+    pub fn clock_is_off(&self) -> bool {
+        self.time_offset_s.is_off(TOLERANCE[1])
+    }
+
+    /// What of it is off, with the remedy.
+    #[must_use]
+    pub fn reasons(&self) -> Vec<String> {
+        let mut reasons = Vec::new();
+        if self.clock_is_off() {
+            let Found { value, error } = self.time_offset_s;
+            let word = if value > 0.0 { "later" } else { "earlier" };
+            reasons.push(format!(
+                "the force's stamps are {:.3} s {word} than the position's (standard error {:.3} s): give the sensors one clock; \
+                 `calibrate` takes it out",
+                value.abs(),
+                error.unwrap_or(0.0)
+            ));
+        }
+        if self.contact_is_off() {
+            let Found { value, error } = self.contact_depth_m;
+            reasons.push(format!(
+                "the sample is touched at a recorded depth of {:.3} mm (standard error {:.3} mm): zero the displacement sensor at first \
+                 contact; `calibrate` takes it out",
+                1e3 * value,
+                1e3 * error.unwrap_or(0.0)
+            ));
+        }
+        reasons
+    }
+}
+
+/// Unknowns besides the two shifts: size, zero and drift, in which the force is linear.
+const LINEAR: usize = 3;
+
+/// Readings that are aligned.
+struct Problem<'a> {
+    path: &'a ForcePath,
+    time_s: Vec<f64>,
+    measured_n: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(path: &'a ForcePath, rows: &Rows, most: usize) -> Self {
+        let step = rows.len().div_ceil(most).max(1);
+        let every = |v: &[f64]| v.iter().copied().step_by(step).collect();
+        Self { path, time_s: every(&rows.time_s), measured_n: every(&rows.measured_n) }
+    }
+
+    fn force(&self, i: usize, [c, tau]: [f64; 2]) -> f64 {
+        self.path.force_n(self.time_s[i] - tau, c)
+    }
+
+    /// Size, zero and drift for given shifts, and the residual's sum of squares per reading; readings that the shifted run doesn't
+    /// cover are left out.
+    fn linear(&self, at: [f64; 2]) -> Option<([f64; LINEAR], f64)> {
+        let (mut n, mut y, mut squares, mut count) = ([[0.0; LINEAR]; LINEAR], [0.0; LINEAR], 0.0, 0.0);
+        let start = self.time_s[0];
+        for i in (0..self.time_s.len()).filter(|&i| self.path.covers(self.time_s[i] - at[1])) {
+            let (columns, m) = ([self.force(i, at), 1.0, self.time_s[i] - start], self.measured_n[i]);
+            for a in 0..LINEAR {
+                (0..LINEAR).for_each(|b| n[a][b] += columns[a] * columns[b]);
+                y[a] += columns[a] * m;
+            }
+            squares += m * m;
+            count += 1.0;
+        }
+        let x = nalgebra::Matrix3::from_fn(|a, b| n[a][b]).cholesky()?.solve(&nalgebra::Vector3::from(y));
+        let left = squares - (0..LINEAR).map(|a| x[a] * y[a]).sum::<f64>();
+        (x[0] > 0.0 && count > 2.0 * LINEAR as f64).then_some(([x[0], x[1], x[2]], left.max(0.0) / count))
+    }
+
+    /// The shifts of a grid that leave the least.
+    fn grid(&self, deepest_m: f64) -> Option<[f64; 2]> {
+        let whole = self.time_s.last()? - self.time_s.first()?;
+        let most = [(MOST_M.0 * deepest_m).min(MOST_M.1), (MOST_S.0 * whole).min(MOST_S.1)];
+        let value = |k: usize, i: i32| most[k] * f64::from(i) / f64::from(STEPS[1 - k]);
+        let shifts =
+            (-STEPS[1]..=STEPS[1]).flat_map(|i| (-STEPS[0]..=STEPS[0]).map(move |j| [value(0, i), value(1, j)]));
+        let left = shifts.filter_map(|at| self.linear(at).map(|(_, left)| (at, left)));
+        left.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
+    }
+
+    /// Residuals and their derivatives by contact depth, time offset, size, zero and drift.
+    fn jacobian(&self, at: [f64; 2], linear: [f64; LINEAR]) -> (DVector<f64>, DMatrix<f64>) {
+        let used: Vec<usize> = (0..self.time_s.len()).filter(|&i| self.path.covers(self.time_s[i] - at[1])).collect();
+        let since = |i: usize| self.time_s[i] - self.time_s[0];
+        let residual =
+            |&i: &usize| linear[0] * self.force(i, at) + linear[1] + linear[2] * since(i) - self.measured_n[i];
+        let r = DVector::from_iterator(used.len(), used.iter().map(residual));
+        let j = DMatrix::from_fn(used.len(), 2 + LINEAR, |row, k| {
+            let i = used[row];
+            let time = self.time_s[i] - at[1];
+            match k {
+                0 => -linear[0] * self.path.stiffness(time, at[0]),
+                1 => -linear[0] * self.path.rate(time, at[0]),
+                2 => self.force(i, at),
+                3 => 1.0,
+                _ => since(i),
+            }
+        });
+        (r, j)
+    }
+}
+
+/// Aligns measured forces with a run's; `None` where there is no contact or too little is measured.
+#[must_use]
+pub fn align(path: &ForcePath, rows: &Rows) -> Option<Alignment> {
+    let coarse = Problem::new(path, rows, GRID_ROWS);
+    let start = coarse.grid(rows.deepest_m())?;
+    let fine = Problem::new(path, rows, SEARCH_ROWS);
+    let both = search(&fine, rows, start, true)?;
+    let told_apart = both.time_offset_s.error.is_some() && both.contact_depth_m.error.is_some();
+    if told_apart { Some(both) } else { search(&fine, rows, [start[0], 0.0], false).or(Some(both)) }
+}
+
+/// Gauss and Newton's steps, halved where they lead up; the clock's only if it is `timed`.
+fn search(problem: &Problem, rows: &Rows, start: [f64; 2], timed: bool) -> Option<Alignment> {
+    let mut at = start;
+    let (mut linear, mut left) = problem.linear(at)?;
+    for _ in 0..ITERATIONS {
+        let (r, j) = problem.jacobian(at, linear);
+        let j = if timed { j } else { j.remove_column(1) };
+        let Some(step) = (j.transpose() * &j).cholesky().map(|n| n.solve(&-(j.transpose() * r))) else { break };
+        let mut share = 1.0;
+        let next = loop {
+            let tau = if timed { at[1] + share * step[1] } else { 0.0 };
+            let to = [at[0] + share * step[0], tau];
+            match problem.linear(to) {
+                Some((x, l)) if l < left => break Some((to, x, l)),
+                _ if share < 0.01 => break None,
+                _ => share *= 0.5,
+            }
+        };
+        let Some((to, x, l)) = next else { break };
+        let done = left - l < 1e-6 * left;
+        (at, linear, left) = (to, x, l);
+        if done {
+            break;
+        }
+    }
+    Some(judged(problem, rows, at, linear, timed))
+}
+
+fn judged(problem: &Problem, rows: &Rows, at: [f64; 2], linear: [f64; LINEAR], timed: bool) -> Alignment {
+    let (r, mut j) = problem.jacobian(at, linear);
+    if !timed {
+        j.column_mut(1).fill(0.0);
+    }
+    let times: Vec<f64> = problem.time_s.iter().map(|t| t - at[1]).filter(|t| problem.path.covers(*t)).collect();
+    let force: Vec<f64> = times.iter().map(|t| linear[0] * problem.path.force_n(*t, at[0])).collect();
+    let depth: Vec<f64> = times.iter().map(|t| problem.path.depth_m(*t) - at[0]).collect();
+    let about = Uncertainty::new(&j);
+    let covariance = about.noise(&j, r.as_slice()) + about.systematic(&j, &force, &depth, FORCE_ERROR);
+    let together = about.indistinguishable().iter().any(|g| g.contains(&0) && g.contains(&1));
+    let found = |k: usize, value: f64| {
+        let error = covariance[(k, k)].max(0.0).sqrt();
+        let known = about.is_determined(k) && error.is_finite() && !(k < 2 && together);
+        Found { value, error: known.then_some(error) }
+    };
+    let mut zero = found(3, linear[1]);
+    zero.value += rows.zero_n;
+    Alignment { contact_depth_m: found(0, at[0]), time_offset_s: found(1, at[1]), force_zero_n: zero, size: linear[0] }
+}
+
+impl Run {
+    /// How the recording lies to the model; `None` where there is no contact, or too little is measured.
+    #[must_use]
+    pub fn alignment(&self) -> Option<Alignment> {
+        let rows = Rows::of(self);
+        if rows.is_empty() || rows.loaded(0.02).len() < 64 {
+            return None;
+        }
+        let all: Vec<_> = self
+            .answers
+            .iter()
+            .filter(|a| [a.time_s, a.depth_m, a.predicted_n].iter().all(|x| x.is_finite()))
+            .collect();
+        let column = |of: fn(&super::Answer) -> f64| all.iter().map(|a| of(a)).collect();
+        if !all.is_sorted_by(|a, b| a.time_s < b.time_s) {
+            return None;
+        }
+        let path = ForcePath::new(column(|a| a.time_s), column(|a| a.depth_m), column(|a| a.predicted_n))?;
+        align(&path, &rows)
+    }
+}

@@ -1,0 +1,276 @@
+//! Whether the model explains a measurement: the residuals against what noise, load cell and discretisation explain.
+//!
+//! The residuals under load, r = F - F_measured, are averaged over blocks of neighbouring readings. If the model is right, the blocks'
+//! means have the covariance
+//!
+//! ```text
+//! V_ab = s_b^2 / n_b delta_ab  +  s^2 g_a g_b K(d_a, d_b)  +  z^2  +  w^2 t_a t_b         g = |F| + 0.05 F_max
+//! K    = 0.45 (exp(-D^2 / 2 (0.5 d_max)^2) + exp(-D^2 / 2 (0.1 d_max)^2)) + 0.1 delta_ab,     D = d_a - d_b
+//! ```
+//!
+//! noise s_b as it is seen about a straight line within the blocks (correlated readings count for fewer), a force that is wrong by a
+//! share s of itself, varying over the depth (`uncertainty`), and what a load cell's zero may be off and drift by.
+//! The reduced chi-square is r^T V^-1 r over the blocks less what was fitted: near or under 1 where the model explains the measurement.
+//! Where it doesn't, each block is looked at alone.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Run;
+use super::rows::Rows;
+use super::uncertainty::FORCE_ERROR;
+
+/// Blocks of readings.
+const BLOCKS: usize = 96;
+/// Fewest readings under load, and in a block, that say anything.
+const LEAST_READINGS: usize = 64;
+const LEAST_IN_BLOCK: usize = 5;
+/// Share of the peak from which an instrument counts as loaded.
+const LOADED: f64 = 0.02;
+/// Shares of the force error's variance at the two lengths, over the largest depth, and from block to block (the ripple of the
+/// cloud's layers).
+const LENGTHS: [(f64, f64); 2] = [(0.45, 0.5), (0.45, 0.1)];
+const RIPPLE: f64 = 0.1;
+/// Share of the largest force whose error every force has at least.
+const FLOOR: f64 = 0.05;
+/// What a load cell's zero may be off by, and drift by over the run, over the peak force (standard).
+const ZERO: f64 = 0.02;
+const DRIFT: f64 = 0.02;
+/// Reduced chi-square up to which the model explains the measurement.
+pub const EXPLAINED: f64 = 2.0;
+/// A block whose mean residual is farther off than this, in standard deviations, is not explained.
+const FAR: f64 = 3.0;
+/// Share of the blocks that must be explained for a model that explains in part.
+const PART: f64 = 0.5;
+/// Parts of the depth over which the residual's variance is shared out.
+const TENTHS: usize = 10;
+
+/// Whether a model explains a measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Explains {
+    /// The residuals are those of noise, load cell and discretisation.
+    Yes,
+    /// Only at some depths.
+    InPart,
+    /// No.
+    No,
+    /// Nothing was measured, or too little under load.
+    #[default]
+    NoMeasurement,
+}
+
+impl Explains {
+    /// The word in files.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Yes => "yes",
+            Self::InPart => "in part",
+            Self::No => "no",
+            Self::NoMeasurement => "no measurement",
+        }
+    }
+
+    /// The verdict as a clause of a sentence.
+    #[must_use]
+    pub const fn sentence(self) -> &'static str {
+        match self {
+            Self::Yes => "the model explains the measurement",
+            Self::InPart => "the model explains the measurement in part",
+            Self::No => "the model does not explain the measurement",
+            Self::NoMeasurement => "no measurement to judge the model by",
+        }
+    }
+}
+
+/// See the module.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Verdict {
+    /// The verdict.
+    pub explains: Explains,
+    /// Why, the worst first; empty where all is well.
+    pub reasons: Vec<String>,
+    /// Over the blocks less what was fitted.
+    pub reduced_chi_square: Option<f64>,
+    /// Correlation of neighbouring residuals.
+    pub autocorrelation: Option<f64>,
+    /// Noise of one reading, N.
+    pub noise_n: Option<f64>,
+    /// The residual's sum of squares in each tenth of the depth, over the whole.
+    pub share_over_depth: Vec<f64>,
+}
+
+impl Verdict {
+    /// The first line of a summary: the verdict and its chi-square.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let chi = self.reduced_chi_square.map_or_else(String::new, |c| format!(" (reduced chi-square {c:.2})"));
+        format!("{}{chi}", self.explains.sentence())
+    }
+}
+
+/// Judges residuals. `fitted` is how many numbers were found from these readings, `force_error` the standard uncertainty
+/// of the force's size as a share of it.
+#[must_use]
+pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
+    let Some(blocks) = Blocks::of(rows) else {
+        let reason = if rows.len() == 0 { Vec::new() } else { vec![too_few(rows)] };
+        return Verdict { reasons: reason, ..Verdict::default() };
+    };
+    let r = blocks.residuals();
+    let v = blocks.covariance(force_error);
+    let deviations = DVector::from_fn(r.len(), |a, _| r[a] / v[(a, a)].sqrt());
+    let freedom = r.len().saturating_sub(fitted).max(1) as f64;
+    let Some(factor) = v.cholesky() else { return Verdict::default() };
+    let chi = r.dot(&factor.solve(&r)) / freedom;
+    let explained = deviations.iter().filter(|z| z.abs() <= FAR).count() as f64 / r.len() as f64;
+    let explains = match chi {
+        c if c <= EXPLAINED => Explains::Yes,
+        _ if explained >= PART => Explains::InPart,
+        _ => Explains::No,
+    };
+    let mut verdict = Verdict {
+        explains,
+        reasons: Vec::new(),
+        reduced_chi_square: Some(chi),
+        autocorrelation: rows.autocorrelation(),
+        noise_n: Some(blocks.noise_n),
+        share_over_depth: rows.shares(TENTHS),
+    };
+    if explains != Explains::Yes {
+        verdict.reasons.push(blocks.misfit(&deviations, explained));
+        // a force that is wrong by one factor: what is left if it is taken out
+        let f = DVector::from_iterator(r.len(), blocks.all.iter().map(|b| b.predicted_n));
+        let change = -f.dot(&factor.solve(&r)) / f.dot(&factor.solve(&f));
+        let left = &r + &f * change;
+        let better = left.dot(&factor.solve(&left)) / freedom;
+        if change.is_finite() && better <= EXPLAINED {
+            verdict.reasons.push(format!(
+                "a force {:.3} times the predicted one would: calibrate material.shear_modulus_pa, or \
+                 instrument.deformation_coefficient of a needle",
+                1.0 + change
+            ));
+        }
+    }
+    verdict
+}
+
+fn too_few(rows: &Rows) -> String {
+    let n = rows.loaded(LOADED).len();
+    format!("{n} readings of the load cell under load say too little; {LEAST_READINGS} are needed")
+}
+
+/// One block of neighbouring readings.
+struct Block {
+    time: f64,
+    depth_m: f64,
+    predicted_n: f64,
+    residual_n: f64,
+    /// Variance of the mean by noise.
+    variance: f64,
+}
+
+struct Blocks {
+    all: Vec<Block>,
+    noise_n: f64,
+    peak_n: f64,
+    deepest_m: f64,
+}
+
+impl Blocks {
+    fn of(rows: &Rows) -> Option<Self> {
+        let loaded = rows.loaded(LOADED);
+        if loaded.len() < LEAST_READINGS {
+            return None;
+        }
+        let size = loaded.len().div_ceil(BLOCKS).max(LEAST_IN_BLOCK);
+        let groups: Vec<&[usize]> = loaded.chunks(size).filter(|c| c.len() >= LEAST_IN_BLOCK).collect();
+        let mut scatter: Vec<(f64, f64)> = groups.iter().map(|g| rows.scatter(g)).collect();
+        let middle = scatter.len() / 2;
+        scatter.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let noise_n = scatter[middle].0;
+        scatter.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+        let alike = scatter[middle].1.clamp(0.0, 0.95);
+        let whole = rows.time_s[rows.len() - 1] - rows.time_s[0];
+        let mean = |g: &[usize], of: &dyn Fn(usize) -> f64| g.iter().map(|&i| of(i)).sum::<f64>() / g.len() as f64;
+        let block = |g: &&[usize]| Block {
+            time: mean(g, &|i| rows.time_s[i] - rows.time_s[0]) / whole.max(f64::MIN_POSITIVE),
+            depth_m: mean(g, &|i| rows.depth_m[i]),
+            predicted_n: mean(g, &|i| rows.predicted_n[i]),
+            residual_n: mean(g, &|i| rows.residual(i)),
+            variance: noise_n * noise_n / g.len() as f64 * (1.0 + alike) / (1.0 - alike),
+        };
+        Some(Self {
+            all: groups.iter().map(block).collect(),
+            noise_n,
+            peak_n: rows.peak_n(),
+            deepest_m: rows.deepest_m(),
+        })
+    }
+
+    fn residuals(&self) -> DVector<f64> {
+        DVector::from_iterator(self.all.len(), self.all.iter().map(|b| b.residual_n))
+    }
+
+    fn covariance(&self, share: f64) -> DMatrix<f64> {
+        let doubtful: Vec<f64> = self.all.iter().map(|b| share * (b.predicted_n.abs() + FLOOR * self.peak_n)).collect();
+        let (zero, drift) = ((ZERO * self.peak_n).powi(2), (DRIFT * self.peak_n).powi(2));
+        DMatrix::from_fn(self.all.len(), self.all.len(), |i, j| {
+            let (a, b) = (&self.all[i], &self.all[j]);
+            let apart = (a.depth_m - b.depth_m) / self.deepest_m.max(f64::MIN_POSITIVE);
+            let alike: f64 = LENGTHS.iter().map(|(part, length)| part * (-0.5 * (apart / length).powi(2)).exp()).sum();
+            let own = if i == j { a.variance + RIPPLE * doubtful[i] * doubtful[i] } else { 0.0 };
+            own + doubtful[i] * doubtful[j] * alike + zero + drift * a.time * b.time
+        })
+    }
+
+    /// Where the residual is not explained: the two longest stretches of blocks.
+    fn misfit(&self, deviations: &DVector<f64>, explained: f64) -> String {
+        let mut stretches: Vec<(usize, usize)> = Vec::new();
+        for (i, z) in deviations.iter().enumerate() {
+            match stretches.last_mut() {
+                _ if z.abs() <= FAR => {}
+                Some(last) if last.1 == i => last.1 = i + 1,
+                _ => stretches.push((i, i + 1)),
+            }
+        }
+        stretches.sort_by_key(|(from, to)| std::cmp::Reverse(to - from));
+        stretches.truncate(2);
+        stretches.sort_unstable();
+        let deepest = self.all.iter().enumerate().max_by(|a, b| a.1.depth_m.total_cmp(&b.1.depth_m)).map_or(0, |d| d.0);
+        let place = |&(from, to): &(usize, usize)| {
+            let (a, b) = (1e3 * self.all[from].depth_m, 1e3 * self.all[to - 1].depth_m);
+            let way = if from > deepest { "on the way out" } else { "on the way in" };
+            if a == b { format!("at {a:.1} mm {way}") } else { format!("from {a:.1} to {b:.1} mm {way}") }
+        };
+        let places: Vec<String> = stretches.iter().map(place).collect();
+        let worst = deviations.iter().map(|z| z.abs()).fold(0.0, f64::max);
+        if places.is_empty() {
+            return "the residuals follow each other more than noise, load cell and discretisation make them: they have a \
+                    pattern that the model lacks"
+                .to_owned();
+        }
+        format!(
+            "{:.0} % of the readings under load are within what noise, load cell and discretisation explain; outside {}, by up to \
+             {worst:.0} standard deviations",
+            100.0 * explained,
+            places.join(" and ")
+        )
+    }
+}
+
+impl Run {
+    /// Whether the model explains what was measured, as it was recorded and run: nothing is fitted but the load cell's zero.
+    #[must_use]
+    pub fn verdict(&self) -> Verdict {
+        let rows = Rows::of(self);
+        let mut verdict = judge(&rows, 1, FORCE_ERROR);
+        if verdict.explains != Explains::Yes && verdict.explains != Explains::NoMeasurement {
+            verdict.reasons.extend(self.alignment().map(|a| a.reasons()).unwrap_or_default());
+        }
+        verdict.reasons.extend(self.unstable());
+        if let Some(reason) = &self.diverged {
+            verdict.reasons.push(format!("the model diverged: {reason}"));
+        }
+        verdict
+    }
+}
