@@ -99,6 +99,8 @@ function charts() {
 function targets(bands) {
   const { names, time, positions } = run.targets;
   const colour = (k) => `var(--t${k % 6})`;
+  // lines differ by more than colour
+  const dash = (k) => ['none', '8 4', '2 4', '10 3 2 3', '5 2', '1 3'][k % 6];
   const moved = names.map((_, k) => Float32Array.from(time, (_, i) => {
     const at = 3 * (i * names.length + k);
     return 1e3 * Math.hypot(...[0, 1, 2].map((c) => positions[at + c] - positions[3 * k + c]));
@@ -108,7 +110,7 @@ function targets(bands) {
     read: (i) => spans([`<b>${time[i].toFixed(2)}</b> s`, ...names.map((_, k) => `<b style="color:${colour(k)}">${figures(moved[k][i], 3)}</b> mm`)]),
     panels: [{
       title: 'Moved from the start by, in mm', height: 160, zero: true,
-      series: moved.map((values, k) => ({ values, cls: '', style: `stroke:${colour(k)};stroke-width:2`, colour: colour(k) })),
+      series: moved.map((values, k) => ({ values, cls: '', style: `stroke:${colour(k)};stroke-width:2;stroke-dasharray:${dash(k)}`, colour: colour(k) })),
     }],
   });
 }

@@ -38,6 +38,7 @@ pub(super) fn prepare(options: &OutputOptions) -> Result<Option<OutputFolder>, C
 
 fn write(run: &Run, folder: &Path, series: &SeriesOptions) -> Result<Vec<PathBuf>, ReportError> {
     let mut files = report::write_all(folder, run)?;
+    report::clear_series(folder)?;
     if series.save_every.is_some() {
         report::write_series(folder, run)?;
         files.push(folder.join("series.pvd"));

@@ -4,6 +4,7 @@
 //! that of a coarse run of the model through the first millimetres. A modulus may be wrong by ten, a unit is wrong by a thousand:
 //! what is between is left to the fit.
 
+use super::rows::Rows;
 use super::{At, ForceSeries, Reading};
 use crate::scene::{Dimension, PRESETS, Scene};
 use crate::twin::{StampedPose, Twin};
@@ -180,6 +181,33 @@ fn noise(pairs: &[(f64, f64)]) -> f64 {
     let mut seconds: Vec<f64> = pairs.windows(3).map(|w| (w[0].1 - 2.0 * w[1].1 + w[2].1).abs()).collect();
     seconds.sort_unstable_by(f64::total_cmp);
     seconds[seconds.len() / 2] / (0.6745 * 6f64.sqrt())
+}
+
+/// What is wrong with unit or sign of the forces that have come so far in a live run, with what is likely.
+#[must_use]
+pub fn glance(rows: &Rows) -> Option<String> {
+    let loaded = rows.loaded(0.02);
+    let sum = |f: &dyn Fn(usize) -> f64| loaded.iter().map(|&i| f(i)).sum::<f64>();
+    let (p, m) = (|i: usize| rows.predicted_n[i], |i: usize| rows.measured_n[i]);
+    let (pp, mm, pm) = (sum(&|i| p(i) * p(i)), sum(&|i| m(i) * m(i)), sum(&|i| p(i) * m(i)));
+    let ratio = pm / pp;
+    // noise alone has no size and no sign
+    if !ratio.is_finite() || pm.abs() < CLEAR * (pp * mm).sqrt() {
+        return None;
+    }
+    if ratio < 0.0 {
+        return Some(
+            "the measured force has the other sign than the predicted one: the sign of the force is likely turned round: it is that \
+             of the tissue on the instrument, and resists insertion with a positive z"
+                .to_owned(),
+        );
+    }
+    let far = !(1.0 / TOO_FAR..=TOO_FAR).contains(&ratio);
+    far.then(|| {
+        let (unit, off) = unit_of(ratio);
+        let likely = if off < TOO_FAR.ln() { format!("the force is likely in {unit}") } else { "look at scene and load cell".to_owned() };
+        format!("the measured force is {ratio:.2e} times the predicted one: {likely}, or the scene is another one: it must be in N")
+    })
 }
 
 fn size(twin: &Twin, pairs: &[(f64, f64)], deep: f64, named: Option<&str>) -> Option<String> {

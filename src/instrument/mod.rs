@@ -3,6 +3,7 @@
 mod bonded;
 mod needle;
 mod phase;
+mod puncture;
 
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};

@@ -35,6 +35,7 @@ use crate::scene::{DeformationRule, Needle};
 use mtled::solver::{Role, Solver};
 
 use super::Tip;
+use super::puncture::{Strained, is_withdrawn};
 
 /// Tip travel over which a node is captured, in layers.
 const WINDOW: f64 = 2.0;
@@ -81,6 +82,9 @@ pub struct NeedlePath {
     /// Whether the nodes are those of a half plane, whose radial displacement is no sideways motion.
     revolved: bool,
     state: Insertion,
+    /// What pressing has done to the surface so far.
+    strained: Strained,
+    withdrawn: bool,
 }
 
 impl NeedlePath {
@@ -127,6 +131,8 @@ impl NeedlePath {
             effective_radius,
             revolved: false,
             state,
+            strained: Strained::default(),
+            withdrawn: false,
         }
     }
 
@@ -155,24 +161,30 @@ impl NeedlePath {
         if !self.state.punctured {
             if depth <= 0.0 {
                 self.release_all(solver);
+                self.strained = Strained::default();
                 return (Phase::Approach, None);
             }
-            if self.strain(solver) < self.needle.puncture_strain {
+            let strain = self.strain(solver);
+            self.strained.reached(strain);
+            if strain < self.needle.puncture_strain {
                 self.indent(tip, solver);
+                self.strained.pressed(tip.depth);
                 return (Phase::Indentation, None);
             }
+            // seen at the pose after the one that did it
+            let depth_m = self.strained.passed(self.needle.puncture_strain);
             self.state = Insertion { punctured: true, deepest: depth };
             self.penetrate(tip, solver);
-            return (Phase::Penetration, Some(Event::Puncture { depth_m: tip.depth }));
+            return (Phase::Penetration, Some(Event::Puncture { depth_m }));
         }
-        let retracting = depth < self.state.deepest;
         self.state.deepest = self.state.deepest.max(depth);
+        self.withdrawn = is_withdrawn(self.withdrawn, self.state.deepest - depth);
         self.penetrate(tip, solver);
         if depth <= 0.0 {
             // out of the tissue: the next insertion follows the same channel from the surface
             self.state.deepest = 0.0;
         }
-        let phase = match (retracting, depth > 0.0) {
+        let phase = match (self.withdrawn, depth > 0.0) {
             (_, false) => Phase::Approach,
             (true, true) => Phase::Retraction,
             (false, true) => Phase::Penetration,
@@ -184,6 +196,8 @@ impl NeedlePath {
         self.hold.copy_from_slice(&other.hold);
         self.filled.copy_from_slice(&other.filled);
         self.state = other.state;
+        self.strained = other.strained;
+        self.withdrawn = other.withdrawn;
     }
 
     pub(super) fn reset(&mut self, solver: &mut Solver) {
@@ -191,6 +205,8 @@ impl NeedlePath {
         // a solver that was reset has all cells filled with tissue again
         self.filled.fill(0.0);
         self.state = Insertion { punctured: false, deepest: 0.0 };
+        self.strained = Strained::default();
+        self.withdrawn = false;
     }
 
     fn release_all(&mut self, solver: &mut Solver) {

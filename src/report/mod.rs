@@ -38,7 +38,7 @@ pub use error::ReportError;
 pub use files::prepare;
 pub use metrics::metrics_json;
 pub use page::report_html;
-pub use vtu::{final_vtu, write_series};
+pub use vtu::{clear_series, final_vtu, write_series};
 
 use crate::compare::Run;
 use crate::study::accuracy::{Row, Steps};

@@ -8,6 +8,9 @@ use crate::compare::{Explains, Run, StabilityRow, Verdict};
 use crate::twin::Event;
 use std::fmt::Write as _;
 
+/// A surface that gives way within this does so when it is touched, m.
+const FIRST_CONTACT_M: f64 = 5e-6;
+
 /// A figure of the stability table as the page shows it.
 fn shown(row: &StabilityRow) -> String {
     let figures = if row.name.starts_with("Smallest") { 3 } else { 2 };
@@ -91,8 +94,10 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     }
     let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
     if let Some((depth_m, time_s)) = puncture {
-        let when = format!("after {} s", significant(time_s, 3));
-        card(html, "Puncture", Some(significant(1e3 * depth_m, 3)), "mm", Some(when));
+        let at_once = if depth_m < FIRST_CONTACT_M { "at first contact, " } else { "" };
+        let when = format!("{at_once}{} s after the first pose", significant(time_s, 3));
+        // a micrometre is what a displacement sensor sees
+        card(html, "Puncture", Some(format!("{:.3}", 1e3 * depth_m)), "mm deep", Some(when));
     }
     html.push_str("</div>\n");
 }
@@ -134,7 +139,8 @@ pub(super) fn stability(html: &mut String, run: &Run) {
 /// Names of the targets with the colours of their curves.
 pub(super) fn target_legend(run: &Run) -> String {
     let entry = |(k, name): (usize, &String)| {
-        format!("<li><i style=\"border-color:var(--t{})\"></i>{}</li>", k % 6, escaped(name))
+        let style = ["solid", "dashed", "dotted", "double", "dashed", "dotted"][k % 6];
+        format!("<li><i style=\"border-color:var(--t{});border-style:{style}\"></i>{}</li>", k % 6, escaped(name))
     };
     format!("<ul class=\"legend\">{}</ul>", run.target_names.iter().enumerate().map(entry).collect::<String>())
 }

@@ -38,6 +38,22 @@ pub fn final_vtu(run: &Run) -> Result<String, ReportError> {
     grid("final.vtu", &state.points, &state.cells, &state.displacement, &scalars)
 }
 
+/// Removes the series of an earlier run from a folder: `series.pvd` and the frames in `series/`, nothing else.
+///
+/// # Errors
+/// [`ReportError::File`] if one can't be removed.
+pub fn clear_series(out: &Path) -> Result<(), ReportError> {
+    let is_frame = |name: &str| name.starts_with("frame_") && name.ends_with(".vtu");
+    let folder = out.join("series");
+    for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_str().is_some_and(is_frame) {
+            files::remove_file(&entry.path())?;
+        }
+    }
+    let _ = std::fs::remove_dir(&folder); // only an empty one goes
+    files::remove_file(&out.join("series.pvd"))
+}
+
 /// Writes the run's snapshots as `series/frame_0000.vtu`, ... with `series.pvd`, which ParaView opens as one
 /// animation over time.
 ///

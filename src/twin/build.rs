@@ -46,6 +46,7 @@ impl Twin {
                 Dimension::Full | Dimension::Auto => full(scene)?,
             };
         warnings.extend(scene.advice());
+        warnings.extend(contact.as_ref().and_then(|contact| thinner(scene, contact)));
         let pace = Pace::new(scene, height);
         let scene = scene.clone();
         let fixed = Fixed { scene, dimension, tissue, top, height, reach, warnings, repaired_supports };
@@ -57,6 +58,24 @@ impl Twin {
             counters: Counters::default(),
         })
     }
+}
+
+/// Share of the capture radius that the cloud's effective one may miss by.
+const THINNER: f64 = 0.15;
+
+/// What to say of a needle that the cloud makes thinner or thicker than was asked for.
+fn thinner(scene: &Scene, contact: &Contact) -> Option<String> {
+    let Contact::Needle(path) = contact else { return None };
+    let InstrumentKind::Needle(needle) = &scene.instrument.as_ref()?.kind else { return None };
+    let (asked, made) = (needle.capture_radius.get(), path.effective_radius());
+    ((made / asked - 1.0).abs() > THINNER).then(|| {
+        format!(
+            "the cloud gives the needle an effective radius of {:.3} mm, and instrument.capture_radius_m asks for {:.3} mm: the force \
+             is that of the former. A smaller discretisation.spacing_m comes nearer",
+            1e3 * made,
+            1e3 * asked
+        )
+    })
 }
 
 /// The model in three dimensions.

@@ -14,4 +14,7 @@ mod rig_bag;
 #[path = "../synthetic_run/mod.rs"]
 mod synthetic_run;
 mod tune;
+mod verdict;
 mod vtu;
+#[path = "../wrong/mod.rs"]
+mod wrong;

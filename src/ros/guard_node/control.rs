@@ -1,7 +1,7 @@
 //! The control thread: takes what has come, asks the guard, tells the driver.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
@@ -51,9 +51,11 @@ pub(super) struct Shared {
 }
 
 /// What the guard is doing, for people.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Report {
     pub phase: Phase,
+    /// What the twin itself says is wrong, as of its last status.
+    pub twin_says: Arc<str>,
     pub sight: Sight,
     pub speed_m_per_s: f64,
     pub setpoint_m: Option<f64>,
@@ -61,7 +63,28 @@ pub(super) struct Report {
 
 impl Shared {
     pub fn report(&self) -> Option<Report> {
-        *self.report.lock().unwrap_or_else(PoisonError::into_inner)
+        self.report.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Report {
+    /// What it is doing, and why it does nothing.
+    pub fn words(&self) -> String {
+        match self.phase {
+            Phase::Waiting(None) => "waiting".to_owned(),
+            Phase::Waiting(Some(trouble)) => format!("waiting: {}", because(trouble, &self.twin_says)),
+            Phase::Moving => "moving".to_owned(),
+            Phase::Arrived => "arrived".to_owned(),
+            Phase::Stopped(trouble) => format!("stopped: {}", because(trouble, &self.twin_says)),
+        }
+    }
+}
+
+/// A trouble, and what the twin says of it where it is the twin's.
+fn because(trouble: Trouble, twin_says: &str) -> String {
+    match trouble {
+        Trouble::NotVouched if !twin_says.is_empty() => format!("{trouble}: {twin_says}"),
+        _ => trouble.to_string(),
     }
 }
 
@@ -91,8 +114,14 @@ pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: 
         let before = task.guard.phase();
         let setpoint_m = task.guard.tick(&sight);
         endpoints.say(&task.joint, setpoint_m);
-        tell(before, task.guard.phase(), sight.depth_m);
-        let report = Report { phase: task.guard.phase(), sight, speed_m_per_s: task.guard.speed_m_per_s(), setpoint_m };
+        tell(before, task.guard.phase(), sight.depth_m, &ears.twin_says);
+        let report = Report {
+            phase: task.guard.phase(),
+            twin_says: Arc::clone(&ears.twin_says),
+            sight,
+            speed_m_per_s: task.guard.speed_m_per_s(),
+            setpoint_m,
+        };
         *shared.report.lock().unwrap_or_else(PoisonError::into_inner) = Some(report);
         if task.guard.phase() == Phase::Arrived && task.exit_when_done {
             break;
@@ -117,17 +146,18 @@ impl Endpoints {
 }
 
 /// Says what changes, once.
-fn tell(before: Phase, after: Phase, depth_m: Option<Heard<f64>>) {
+fn tell(before: Phase, after: Phase, depth_m: Option<Heard<f64>>, twin_says: &str) {
     let depth_m = depth_m.map_or(f64::NAN, |depth| depth.value);
     match (before, after) {
         (Phase::Waiting(_), Phase::Moving) => tracing::info!("moving, from depth {depth_m:.6} m"),
         (Phase::Moving, Phase::Arrived) => tracing::info!("arrived, depth {depth_m:.6} m"),
         (Phase::Moving | Phase::Arrived, Phase::Stopped(trouble)) => {
-            tracing::error!("stopped at depth {depth_m:.6} m: {trouble}. Call ~/resume when it is put right");
+            let why = because(trouble, twin_says);
+            tracing::error!("stopped at depth {depth_m:.6} m: {why}. Call ~/resume when it is put right");
         }
         (Phase::Stopped(_), Phase::Waiting(_)) => tracing::info!("going on"),
         (Phase::Waiting(a), Phase::Waiting(Some(trouble))) if a.map(name) != Some(name(trouble)) => {
-            tracing::info!("waiting: {trouble}");
+            tracing::info!("waiting: {}", because(trouble, twin_says));
         }
         _ => {}
     }
@@ -144,6 +174,7 @@ struct Ears {
     force: Option<([f64; 3], Instant)>,
     safe: Option<(bool, Instant)>,
     warned: bool,
+    twin_says: Arc<str>,
     goal_m: Option<(f64, Instant)>,
 }
 
@@ -161,6 +192,10 @@ impl Ears {
         }
         while let Some(message) = endpoints.status.take() {
             self.warned = message.health != TwinStatus::HEALTH_OK;
+            let says = message.reasons.join("; ");
+            if *says != *self.twin_says {
+                self.twin_says = says.into();
+            }
         }
         while let Some(message) = endpoints.targets.take() {
             self.goal_m = depth_of_target(&message, task).map(|depth| (depth, now));

@@ -80,13 +80,12 @@ fn resume(shared: &Shared) -> TriggerResponse {
 }
 
 fn describe(report: &Report, node: &str) -> DiagnosticStatus {
-    let (level, message) = match report.phase {
-        Phase::Waiting(None) => (DiagnosticStatus::WARN, "waiting".to_owned()),
-        Phase::Waiting(Some(trouble)) => (DiagnosticStatus::WARN, format!("waiting: {trouble}")),
-        Phase::Moving => (DiagnosticStatus::OK, "moving".to_owned()),
-        Phase::Arrived => (DiagnosticStatus::OK, "arrived".to_owned()),
-        Phase::Stopped(trouble) => (DiagnosticStatus::ERROR, format!("stopped: {trouble}")),
+    let level = match report.phase {
+        Phase::Waiting(_) => DiagnosticStatus::WARN,
+        Phase::Moving | Phase::Arrived => DiagnosticStatus::OK,
+        Phase::Stopped(_) => DiagnosticStatus::ERROR,
     };
+    let message = report.words();
     let sight = &report.sight;
     let known = [
         ("depth (m)", sight.depth_m.map(|h| h.value)),

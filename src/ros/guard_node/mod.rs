@@ -118,6 +118,7 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
         })?
     };
     let health = participant.health();
+    let seen = Arc::clone(&shared);
     let keeper =
         spawn("housekeeping", move || housekeeping.run(&shared, &start.rosout, &health, &housekeeping_stopped))?;
     let failed = loop {
@@ -135,6 +136,10 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
     };
     drop(stop);
     join(control);
+    if let Some(report) = seen.report() {
+        // the last line of the log says how it ended
+        tracing::info!("ended {}", report.words());
+    }
     drop(stop_housekeeping);
     join(keeper);
     drop(participant);

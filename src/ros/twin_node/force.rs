@@ -205,6 +205,7 @@ fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: 
             live.load_cell = Some(message.load_cell);
             live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
             live.identified(&message);
+            live.samples.take(&message);
         }
         if outputs.comparison.is_wanted() {
             outputs.comparison.send(message);

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender};
 
 use super::declared::{self, Settings};
+use super::doubts::Watch;
 use super::force::ForceOutputs;
 use super::inbox::Inbox;
 use super::judgement::{Around, judge};
@@ -56,6 +57,7 @@ pub(super) struct Housekeeping {
     /// When the last pose came, if they have stopped since.
     lost: Option<Instant>,
     warned_of_clocks: bool,
+    watch: Watch,
     /// The model has been published.
     started: bool,
 }
@@ -99,6 +101,7 @@ impl Housekeeping {
             node: participant.names().fully_qualified(),
             lost: None,
             warned_of_clocks: false,
+            watch: Watch::new(),
             started: false,
         })
     }
@@ -120,6 +123,7 @@ impl Housekeeping {
             }
             self.manage(context, None);
             self.watch_input();
+            self.watch_measurement();
             self.rivals.poll(&self.shared);
             let now = Instant::now();
             self.shared.lock().roll(now);
@@ -217,6 +221,15 @@ impl Housekeeping {
                 time.topic,
                 time.publishers()
             );
+        }
+    }
+
+    /// Looks at units, signs and alignment of what is measured; the lock is held for a copy only.
+    fn watch_measurement(&mut self) {
+        if self.watch.is_due() {
+            let samples = self.shared.lock().samples.clone();
+            let doubts = self.watch.look(&samples);
+            self.shared.lock().doubts = doubts;
         }
     }
 

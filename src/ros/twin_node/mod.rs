@@ -13,6 +13,7 @@
 mod assurance;
 mod comparison;
 mod declared;
+mod doubts;
 mod force;
 mod housekeeping;
 mod identification;

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use hdrhistogram::Histogram;
 
 use super::declared::Settings;
+use super::doubts::Samples;
 use super::inbox::Handoff;
 use super::solver::Answer;
 use crate::input::Refusal;
@@ -136,6 +137,9 @@ pub(super) struct Live {
     pub residual: Option<(f64, f64, f64)>,
     pub measured: u64,
     pub identified: Option<Identified>,
+    /// What was compared lately, and what is to be doubted of it.
+    pub samples: Samples,
+    pub doubts: Vec<String>,
     pub window: Window,
     pub last_window: Window,
     window_begun: Option<Instant>,

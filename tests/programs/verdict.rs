@@ -1,12 +1,11 @@
 //! No false number passes: what a wrong recording gets from `replay` and `calibrate`.
 //!
-//! `SEEDS=20 cargo test --release --test verdict -- --nocapture` makes the record of docs/lab/verdict.md.
+//! `SEEDS=20 cargo test --release --test programs verdict -- --nocapture` makes the record of docs/lab/verdict.md.
 #![allow(clippy::unwrap_used)]
-
-mod wrong;
 
 use std::time::Instant;
 
+use crate::wrong::{self, Fault, recorded};
 use assert_cmd::Command;
 use needle_twin::bag::Recording;
 use needle_twin::bag::make::RigScene;
@@ -17,7 +16,6 @@ use needle_twin::scene::Scene;
 use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
 use needle_twin::twin::Twin;
 use serde_json::Value;
-use wrong::{Fault, recorded};
 
 const MODULUS: &str = "material.shear_modulus_pa";
 const COEFFICIENT: &str = "instrument.deformation_coefficient";
