@@ -64,10 +64,12 @@ pub(super) fn deliver(
         warn(loss);
     }
     let verdict = run.verdict();
-    if verdict.explains == Explains::No {
+    if matches!(verdict.explains, Explains::No | Explains::InPart) {
         warn(&verdict.line());
     }
-    verdict.reasons.iter().for_each(|reason| warn(reason));
+    // too few readings for a verdict are no fault
+    let quiet = usize::from(verdict.explains == Explains::NoMeasurement && verdict.too_little);
+    verdict.reasons.iter().skip(quiet).for_each(|reason| warn(reason));
     print(&if json { report::metrics_json(run) } else { summary::summary(run, &files) })?;
     let complete = run.losses.is_empty() && run.diverged.is_none() && all_written;
     let complete = complete && run.unstable().is_empty() && verdict.explains != Explains::No;

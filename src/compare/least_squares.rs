@@ -21,6 +21,9 @@ const SMALL_STEP: f64 = 1e-6;
 /// shift of sqrt(n) times this in standard errors from noise. When a key changes a little, a run of the twin is smooth to no
 /// more than that.
 const SMALL_GAIN: f64 = 1e-5;
+/// A step that should make the sum smaller by less than this share and doesn't is the end as well: what is left to gain is within what
+/// runs differ by.
+const LEFT: f64 = 3e-4;
 /// Damping at the start, at least and at most.
 const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e10];
 
@@ -102,7 +105,7 @@ pub fn solve<P: Problem>(problem: &mut P, unknowns: &[Unknown]) -> Result<Option
         };
         let (Some(t), Some(j)) = (better, derivatives) else {
             damping *= 10.0;
-            converged = damping > most;
+            converged = damping > most || hoped_for <= LEFT * r.norm_squared();
             continue;
         };
         converged = r.norm_squared() - t.norm_squared() <= SMALL_GAIN * r.norm_squared();

@@ -25,7 +25,7 @@ const OTHER_SCENE: f64 = 0.5;
 /// Depths beyond the model's reach by this factor are of another unit.
 const TOO_DEEP: f64 = 3.0;
 /// Forces off by this factor are no matter of a modulus.
-const TOO_FAR: f64 = 30.0;
+const TOO_FAR: f64 = 60.0;
 /// Correlation of force and depth from which a sign is known.
 const CLEAR: f64 = 0.5;
 /// Part of the height that the coarse run goes through.
@@ -36,7 +36,7 @@ const STEPS: [u32; 2] = [60, 12];
 /// Poses at its end in which the tissue comes to rest.
 const RESTING: u32 = 4;
 /// Fewest readings that say anything.
-const LEAST: usize = 32;
+const LEAST: usize = 64;
 /// Share of the readings at either end that may be nonsense.
 const NONSENSE: f64 = 0.01;
 

@@ -11,7 +11,11 @@
 //! noise s_b as it is seen about a straight line within the blocks (correlated readings count for fewer), a force that is wrong by a
 //! share s of itself, varying over the depth (`uncertainty`), and what a load cell's zero may be off and drift by.
 //! The reduced chi-square is r^T V^-1 r over the blocks less what was fitted: near or under 1 where the model explains the measurement.
-//! Where it doesn't, each block is looked at alone.
+//! A force that is wrong by one factor everywhere is one deviation among many blocks there, so each block is judged alone as well: the
+//! mean of r_a^2 / V_aa, of which 9 (three standard deviations) counts as much as [`EXPLAINED`]. The larger of the two is the figure.
+//! Where it is too large, the longest beginning or end of the motion that is explained is looked for.
+
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -39,8 +43,9 @@ const DRIFT: f64 = 0.02;
 pub const EXPLAINED: f64 = 2.0;
 /// A block whose mean residual is farther off than this, in standard deviations, is not explained.
 const FAR: f64 = 3.0;
-/// Share of the blocks that must be explained for a model that explains in part.
+/// Share of the blocks that a beginning or an end must have for a model that explains in part, and steps in which it is looked for.
 const PART: f64 = 0.5;
+const CUTS: usize = 24;
 /// Parts of the depth over which the residual's variance is shared out.
 const TENTHS: usize = 10;
 
@@ -97,6 +102,8 @@ pub struct Verdict {
     pub noise_n: Option<f64>,
     /// The residual's sum of squares in each tenth of the depth, over the whole.
     pub share_over_depth: Vec<f64>,
+    /// There is a measurement, but too little of it under load; the first reason says so.
+    pub too_little: bool,
 }
 
 impl Verdict {
@@ -113,20 +120,19 @@ impl Verdict {
 #[must_use]
 pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
     let Some(blocks) = Blocks::of(rows) else {
-        let reason = if rows.len() == 0 { Vec::new() } else { vec![too_few(rows)] };
-        return Verdict { reasons: reason, ..Verdict::default() };
+        let too_little = !rows.is_empty();
+        let reasons = if too_little { vec![too_few(rows)] } else { Vec::new() };
+        return Verdict { reasons, too_little, ..Verdict::default() };
     };
-    let r = blocks.residuals();
     let v = blocks.covariance(force_error);
-    let deviations = DVector::from_fn(r.len(), |a, _| r[a] / v[(a, a)].sqrt());
-    let freedom = r.len().saturating_sub(fitted).max(1) as f64;
-    let Some(factor) = v.cholesky() else { return Verdict::default() };
-    let chi = r.dot(&factor.solve(&r)) / freedom;
-    let explained = deviations.iter().filter(|z| z.abs() <= FAR).count() as f64 / r.len() as f64;
-    let explains = match chi {
-        c if c <= EXPLAINED => Explains::Yes,
-        _ if explained >= PART => Explains::InPart,
-        _ => Explains::No,
+    let r = blocks.residuals();
+    let n = r.len();
+    let Some(chi) = chi(&r, &v, 0..n, fitted) else { return Verdict::default() };
+    let part = if chi > EXPLAINED { explained_part(&r, &v) } else { None };
+    let explains = match (chi <= EXPLAINED, &part) {
+        (true, _) => Explains::Yes,
+        (false, Some(_)) => Explains::InPart,
+        (false, None) => Explains::No,
     };
     let mut verdict = Verdict {
         explains,
@@ -135,23 +141,33 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
         autocorrelation: rows.autocorrelation(),
         noise_n: Some(blocks.noise_n),
         share_over_depth: rows.shares(TENTHS),
+        too_little: false,
     };
     if explains != Explains::Yes {
-        verdict.reasons.push(blocks.misfit(&deviations, explained));
-        // a force that is wrong by one factor: what is left if it is taken out
-        let f = DVector::from_iterator(r.len(), blocks.all.iter().map(|b| b.predicted_n));
-        let change = -f.dot(&factor.solve(&r)) / f.dot(&factor.solve(&f));
-        let left = &r + &f * change;
-        let better = left.dot(&factor.solve(&left)) / freedom;
-        if change.is_finite() && better <= EXPLAINED {
-            verdict.reasons.push(format!(
-                "a force {:.3} times the predicted one would: calibrate material.shear_modulus_pa, or \
-                 instrument.deformation_coefficient of a needle",
-                1.0 + change
-            ));
-        }
+        let deviations = DVector::from_fn(n, |a, _| r[a] / v[(a, a)].sqrt());
+        verdict.reasons.extend(part.map(|part| blocks.explained(&part)));
+        verdict.reasons.push(blocks.misfit(&deviations));
+        verdict.reasons.extend(blocks.factor(&r, &v, fitted));
     }
     verdict
+}
+
+/// The figure of the module's head for some of the blocks.
+fn chi(r: &DVector<f64>, v: &DMatrix<f64>, of: Range<usize>, fitted: usize) -> Option<f64> {
+    let (from, n) = (of.start, of.len());
+    let r = r.rows(from, n).into_owned();
+    let v = v.view((from, from), (n, n)).into_owned();
+    let alone = (0..n).map(|a| r[a] * r[a] / v[(a, a)]).sum::<f64>() / n as f64;
+    let together = r.dot(&v.cholesky()?.solve(&r)) / n.saturating_sub(fitted).max(1) as f64;
+    Some(together.max(alone * EXPLAINED / (FAR * FAR)))
+}
+
+/// The longest beginning or end of the blocks that is explained, if it is long enough.
+fn explained_part(r: &DVector<f64>, v: &DMatrix<f64>) -> Option<Range<usize>> {
+    let n = r.len();
+    let lengths = (0..CUTS).map(|k| n - 1 - k * (n - 1) / CUTS).take_while(|length| *length as f64 >= PART * n as f64);
+    let parts = lengths.flat_map(|length| [0..length, n - length..n]);
+    parts.into_iter().find(|part| chi(r, v, part.clone(), 0).is_some_and(|chi| chi <= EXPLAINED))
 }
 
 fn too_few(rows: &Rows) -> String {
@@ -223,38 +239,61 @@ impl Blocks {
         })
     }
 
+    /// Depths of some of the blocks, in words.
+    fn place(&self, of: &Range<usize>) -> String {
+        let deepest = self.all.iter().enumerate().max_by(|a, b| a.1.depth_m.total_cmp(&b.1.depth_m)).map_or(0, |d| d.0);
+        let (a, b) = (1e3 * self.all[of.start].depth_m, 1e3 * self.all[of.end - 1].depth_m);
+        match (of.start > deepest, of.end - 1 > deepest) {
+            (false, true) => format!("from {a:.1} mm on the way in to {b:.1} mm on the way out"),
+            (out, _) => format!("from {a:.1} to {b:.1} mm on the way {}", if out { "out" } else { "in" }),
+        }
+    }
+
+    fn explained(&self, part: &Range<usize>) -> String {
+        format!("it does so {}: what happens in the rest is not in the model", self.place(part))
+    }
+
     /// Where the residual is not explained: the two longest stretches of blocks.
-    fn misfit(&self, deviations: &DVector<f64>, explained: f64) -> String {
-        let mut stretches: Vec<(usize, usize)> = Vec::new();
-        for (i, z) in deviations.iter().enumerate() {
+    fn misfit(&self, deviations: &DVector<f64>) -> String {
+        let mut stretches: Vec<Range<usize>> = Vec::new();
+        for i in (0..deviations.len()).filter(|&i| deviations[i].abs() > FAR) {
             match stretches.last_mut() {
-                _ if z.abs() <= FAR => {}
-                Some(last) if last.1 == i => last.1 = i + 1,
-                _ => stretches.push((i, i + 1)),
+                Some(last) if last.end == i => last.end = i + 1,
+                _ => stretches.push(i..i + 1),
             }
         }
-        stretches.sort_by_key(|(from, to)| std::cmp::Reverse(to - from));
+        let outside: usize = stretches.iter().map(Range::len).sum();
+        stretches.sort_by_key(|s| std::cmp::Reverse(s.len()));
         stretches.truncate(2);
-        stretches.sort_unstable();
-        let deepest = self.all.iter().enumerate().max_by(|a, b| a.1.depth_m.total_cmp(&b.1.depth_m)).map_or(0, |d| d.0);
-        let place = |&(from, to): &(usize, usize)| {
-            let (a, b) = (1e3 * self.all[from].depth_m, 1e3 * self.all[to - 1].depth_m);
-            let way = if from > deepest { "on the way out" } else { "on the way in" };
-            if a == b { format!("at {a:.1} mm {way}") } else { format!("from {a:.1} to {b:.1} mm {way}") }
-        };
-        let places: Vec<String> = stretches.iter().map(place).collect();
-        let worst = deviations.iter().map(|z| z.abs()).fold(0.0, f64::max);
+        stretches.sort_by_key(|s| s.start);
+        let places: Vec<String> = stretches.iter().map(|s| self.place(s)).collect();
         if places.is_empty() {
             return "the residuals follow each other more than noise, load cell and discretisation make them: they have a \
                     pattern that the model lacks"
                 .to_owned();
         }
+        let worst = deviations.iter().map(|z| z.abs()).fold(0.0, f64::max);
         format!(
-            "{:.0} % of the readings under load are within what noise, load cell and discretisation explain; outside {}, by up to \
-             {worst:.0} standard deviations",
-            100.0 * explained,
+            "{:.0} % of the readings under load are outside what noise, load cell and discretisation explain, most of them {}, by up \
+             to {worst:.0} standard deviations",
+            100.0 * outside as f64 / deviations.len() as f64,
             places.join(" and ")
         )
+    }
+
+    /// The factor on the force that would explain the measurement, if one does.
+    fn factor(&self, r: &DVector<f64>, v: &DMatrix<f64>, fitted: usize) -> Option<String> {
+        let f = DVector::from_iterator(r.len(), self.all.iter().map(|b| b.predicted_n));
+        let solved = v.clone().cholesky()?.solve(&f);
+        let change = -solved.dot(r) / solved.dot(&f);
+        let left = r + &f * change;
+        (chi(&left, v, 0..r.len(), fitted + 1)? <= EXPLAINED).then(|| {
+            format!(
+                "a force {:.3} times the predicted one would explain it: calibrate material.shear_modulus_pa, or \
+                 instrument.deformation_coefficient of a needle",
+                1.0 + change
+            )
+        })
     }
 }
 

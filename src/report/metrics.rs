@@ -1,7 +1,7 @@
 //! `metrics.json`: the figures of merit of a run, for programs.
 
 use crate::compare::alignment::{Alignment, Found};
-use crate::compare::{ForceMetrics, Run, Verdict};
+use crate::compare::{Answer, ForceMetrics, Run, Verdict};
 use crate::twin::Event;
 use serde_json::{Map, Value, json};
 
@@ -28,6 +28,7 @@ pub fn metrics_json(run: &Run) -> String {
         "effective_radius_m":
             nulls.number("effective_radius_m", run.effective_radius_m, "the instrument is no needle"),
         "puncture_depth_m": nulls.puncture_depth(),
+        "events": events(run),
         "measured_source": run.measured_source,
         "losses": run.losses,
         "verdict": verdict_json(&run.verdict()),
@@ -123,6 +124,22 @@ impl Nulls<'_> {
         let depth = self.run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| depth_m));
         self.number("puncture_depth_m", depth, "the surface was not punctured")
     }
+}
+
+/// What happened to the tissue: kind, where, and the predicted force at the pose before and at the pose that saw it.
+fn events(run: &Run) -> Value {
+    let force = |i: Option<usize>| i.and_then(|i| run.answers.get(i)).map(|a| a.predicted_n).filter(|f| f.is_finite());
+    let event = |(i, a): (usize, &Answer)| {
+        let Event::Puncture { depth_m } = a.event?;
+        Some(json!({
+            "kind": "puncture",
+            "region": "sample",
+            "depth_m": Some(depth_m).filter(|d| d.is_finite()),
+            "force_before_n": force(i.checked_sub(1)),
+            "force_after_n": force(Some(i)),
+        }))
+    };
+    run.answers.iter().enumerate().filter_map(event).collect()
 }
 
 /// The verdict as `metrics.json` and `calibration.json` have it.

@@ -196,10 +196,12 @@ fn what_was_held_out_and_another_bag_are_predicted() {
 #[test]
 fn a_bound_holds_and_is_said() {
     let fit = format!("{MODULUS}=2000..3000");
-    let (result, said) = json(&[&shipped("compression"), "--fit", &fit]);
+    let (code, out, said) = run(&[&shipped("compression"), "--fit", &fit, "--json"]);
+    let result: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((code, &result["verdict"]["explains"]), (3, &Value::from("no")), "a fifth off is not explained");
     let found = &result["fit"][MODULUS];
     assert_eq!((number(&found["value"]), &found["at_bound"]), (2000.0, &Value::Bool(true)));
-    assert!(said.contains("ended at its bound 2000"), "{said}");
+    assert!(said.contains("ended at its bound 2000") && found["interval_95"].is_null(), "{said}");
 }
 
 #[test]

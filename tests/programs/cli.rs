@@ -28,10 +28,13 @@ fn needle_twin() -> Command {
     Command::new(env!("CARGO_BIN_EXE_needle_twin"))
 }
 
+/// What a command prints that has nothing to remark but that a small model's stability table doesn't hold.
 fn stdout(arguments: &[&str]) -> String {
     let output = needle_twin().args(arguments).output().unwrap();
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    assert!(output.stderr.is_empty(), "no diagnostics without a terminal: {}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.lines().all(|line| line.contains("does not hold")), "no diagnostics without a terminal: {said}");
+    let code = if said.is_empty() { 0 } else { 3 };
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
     String::from_utf8(output.stdout).unwrap()
 }
 

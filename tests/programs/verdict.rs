@@ -7,11 +7,11 @@ use std::time::Instant;
 
 use crate::wrong::{self, Fault, recorded};
 use assert_cmd::Command;
-use needle_twin::bag::Recording;
-use needle_twin::bag::make::RigScene;
 use needle_twin::compare::scale::mistaken;
 use needle_twin::compare::uncertainty::FORCE_ERROR;
 use needle_twin::compare::{Answer, At, Explains, ForceSeries, Reading, Watch};
+use needle_twin::input::Recording;
+use needle_twin::rig::make::RigScene;
 use needle_twin::scene::Scene;
 use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
 use needle_twin::twin::Twin;
@@ -138,7 +138,7 @@ fn a_right_recording_is_explained_and_left_as_it_is() {
         };
         assert_eq!((found.verdict.explains, found.realigned), (Explains::Yes, [false; 2]), "{:?}", found.verdict);
         assert!(found.verdict.reasons.is_empty(), "{:?}", found.verdict);
-        assert!(found.runs <= 6, "a key that the force is proportional to needs hardly a run: {}", found.runs);
+        assert!(found.runs <= 10, "a key that the force is proportional to needs hardly a run: {}", found.runs);
     }
 }
 
@@ -196,13 +196,13 @@ fn a_rejected_model_gives_its_reason_and_picture_and_no_scene() {
     std::fs::write(out.join("scene.toml"), "old").unwrap();
     let (code, summary, said) = run(&arguments);
     assert_eq!(code, 3, "{summary} {said}");
-    assert!(summary.lines().next().unwrap().contains("does not explain") || summary.contains("in part"), "{summary}");
+    assert!(summary.lines().next().unwrap().contains("does not explain"), "{summary}");
     assert!(summary.lines().next().unwrap().contains("verdict  rejected"), "{summary}");
     assert!(summary.contains("without an interval") && !summary.contains("95 %"), "{summary}");
     assert!(said.starts_with("warning: rejected"), "{said}");
     assert!(out.join("calibration.png").exists() && !out.join("scene.toml").exists());
     let json: Value = serde_json::from_str(&std::fs::read_to_string(out.join("calibration.json")).unwrap()).unwrap();
-    assert!(json["verdict"]["explains"] != "yes" && !json["verdict"]["reasons"].as_array().unwrap().is_empty());
+    assert!(json["verdict"]["explains"] == "no" && !json["verdict"]["reasons"].as_array().unwrap().is_empty());
     assert!(json["fit"][COEFFICIENT]["interval_95"].is_null() && json["fit"][COEFFICIENT]["standard_error"].is_null());
     let (code, ..) = run(&[&arguments[..], &["--force"]].concat());
     assert!(code == 3 && out.join("scene.toml").exists(), "whoever means it gets the scene");
@@ -219,7 +219,7 @@ fn a_replay_says_first_whether_the_model_explains_the_measurement() {
     let (code, out, said) = run(&["replay", bag, "--json", "--set", "material.shear_modulus_pa=2500"]);
     let metrics: Value = serde_json::from_str(&out).unwrap();
     assert_eq!((code, &metrics["verdict"]["explains"]), (3, &Value::from("no")), "{said}");
-    assert!(said.contains("0.67") && said.contains("calibrate"), "the factor that is missing: {said}");
+    assert!(said.contains("a force 0.6") && said.contains("calibrate"), "the factor that is missing: {said}");
     let alignment = &metrics["alignment"];
     assert!(
         alignment["contact_depth_m"].as_f64().unwrap().abs() < 1e-4,
@@ -244,5 +244,39 @@ fn a_table_that_does_not_hold_is_said_and_its_spike_is_no_peak() {
     println!("{} {said}", metrics["stability"]);
     assert_eq!(code, 3, "{said}");
     assert!(said.contains("does not hold"), "{said}");
-    let _ = metrics;
+    assert!(metrics["force"]["peak_predicted_n"].is_null() && metrics["force"]["largest_predicted_n"].is_number());
+    let (code, summary, said) =
+        run(&[&["solve", "--scene", "needle_insertion", "--pose-hz", "100"][..], &set].concat());
+    assert!(
+        code == 3 && summary.contains("no peak, since the run fails") && said.contains("does not hold"),
+        "{summary}"
+    );
+    assert!(summary.lines().next().unwrap().contains("the stability table does not hold"), "{summary}");
+}
+
+#[test]
+fn a_modulus_that_is_a_tenth_off_is_not_explained() {
+    let bag = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("bags");
+    for scene in ["compression", "indentation", "needle_insertion"] {
+        let bag = bag.join(scene);
+        for (modulus, explains, exit) in [("1678", "yes", 0), ("1850", "no", 3), ("1510", "no", 3)] {
+            let set = format!("{MODULUS}={modulus}");
+            let (code, out, _) = run(&["replay", bag.to_str().unwrap(), "--json", "--set", &set]);
+            let verdict = &serde_json::from_str::<Value>(&out).unwrap()["verdict"];
+            println!("{scene} {modulus}: {verdict}");
+            assert_eq!((code, verdict["explains"].as_str().unwrap()), (exit, explains), "{scene} {modulus}: {verdict}");
+        }
+    }
+}
+
+#[test]
+fn a_motion_whose_way_out_is_not_modelled_is_explained_in_part() {
+    // as a needle that rubs: on the way out the force is another one
+    let folder = tempfile::tempdir().unwrap();
+    let bag = folder.path().join("rubs");
+    wrong::write(&recorded(RigScene::NeedleInsertion, Fault::Rubs, 3), "needle_insertion", &bag);
+    let (code, out, said) = run(&["replay", bag.to_str().unwrap(), "--json"]);
+    let metrics: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((code, &metrics["verdict"]["explains"]), (0, &Value::from("in part")), "{said}");
+    assert!(said.contains("on the way out"), "{said}");
 }

@@ -3,12 +3,13 @@
 
 use std::path::Path;
 
-use needle_twin::bag::make::{RigRecording, RigScene};
-use needle_twin::bag::{BagWriter, Qos, Recording, TopicNames, WriterOptions};
-use needle_twin::ros::messages::builtin_interfaces::Time;
-use needle_twin::ros::messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
-use needle_twin::ros::messages::sensor_msgs::JointState;
-use needle_twin::ros::messages::std_msgs::Header;
+use needle_twin::input::{Recording, TopicNames};
+use needle_twin::rig::make::{RigRecording, RigScene};
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
+use rosbag2_mcap::{BagWriter, Qos, WriterOptions};
 
 /// What is wrong with a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +30,8 @@ pub enum Fault {
     DepthTurned,
     /// The force drops now and then as tissue gives way, as in liver.
     Drops,
+    /// Friction on the way out.
+    Rubs,
 }
 
 impl Fault {
@@ -46,6 +49,7 @@ pub fn recorded(scene: RigScene, fault: Fault, seed: u64) -> Recording {
     let deepest = recording.depths.iter().map(|d| d.depth_m).fold(0.0, f64::max);
     let times: Vec<(f64, f64)> = recording.depths.iter().map(|d| (d.time_s, d.depth_m)).collect();
     let depth_at = |t: f64| times[times.partition_point(|p| p.0 < t).min(times.len() - 1)].1;
+    let last_deep = times[times.iter().rposition(|p| p.1 > 0.999 * deepest).unwrap()].0;
     let turn = times.iter().position(|p| p.1 > 0.999 * deepest).unwrap();
     for d in &mut recording.depths {
         d.depth_m = match fault {
@@ -61,6 +65,7 @@ pub fn recorded(scene: RigScene, fault: Fault, seed: u64) -> Recording {
             Fault::Millinewtons => f.force_n[2] *= 1e3,
             Fault::ForceTurned => f.force_n[2] *= -1.0,
             Fault::Drops if f.time_s < times[turn].0 => f.force_n[2] *= held_share(depth_at(f.time_s) / deepest, seed),
+            Fault::Rubs if f.time_s > last_deep => f.force_n[2] -= 0.02 * (depth_at(f.time_s) / deepest).max(0.0),
             _ => {}
         }
     }
