@@ -5,8 +5,20 @@
 set -eu
 here=$(CDPATH= cd -- "$(dirname -- "$0")" && pwd)
 programs=${PROGRAMS:-$here/../target/release}
+# The node of a name: the program, or the same of needle_twin, which `cargo run --release` has built.
+node() {
+    name=$1
+    shift
+    if [ -x "$programs/$name" ]; then
+        exec "$programs/$name" "$@"
+    elif [ -x "$programs/needle_twin" ]; then
+        exec "$programs/needle_twin" "$(echo "$name" | tr _ -)" "$@"
+    fi
+    echo "error: no $name in $programs: run cargo build --release first, or set PROGRAMS" >&2
+    exit 1
+}
 
-"$programs/rig_node" --ros-args --params-file "$here/parameters/rig_driver.yaml" &
+node rig_node --ros-args --params-file "$here/parameters/rig_driver.yaml" &
 rig=$!
 trap 'kill -INT "$rig" 2>/dev/null || true; wait "$rig" 2>/dev/null || true' EXIT INT TERM
-"$programs/twin_node" "$@" --ros-args --params-file "$here/parameters/twin.yaml"
+(node twin_node "$@" --ros-args --params-file "$here/parameters/twin.yaml")

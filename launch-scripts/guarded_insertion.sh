@@ -5,10 +5,22 @@
 set -eu
 here=$(CDPATH= cd -- "$(dirname -- "$0")" && pwd)
 programs=${PROGRAMS:-$here/../target/release}
+# The node of a name: the program, or the same of needle_twin, which `cargo run --release` has built.
+node() {
+    name=$1
+    shift
+    if [ -x "$programs/$name" ]; then
+        exec "$programs/$name" "$@"
+    elif [ -x "$programs/needle_twin" ]; then
+        exec "$programs/needle_twin" "$(echo "$name" | tr _ -)" "$@"
+    fi
+    echo "error: no $name in $programs: run cargo build --release first, or set PROGRAMS" >&2
+    exit 1
+}
 
-"$programs/rig_node" --ros-args --params-file "$here/parameters/rig_driver.yaml" &
+node rig_node --ros-args --params-file "$here/parameters/rig_driver.yaml" &
 rig=$!
-"$programs/twin_node" --ros-args --params-file "$here/parameters/twin.yaml" &
+node twin_node --ros-args --params-file "$here/parameters/twin.yaml" &
 twin=$!
 trap 'kill -INT "$rig" "$twin" 2>/dev/null || true; wait "$rig" "$twin" 2>/dev/null || true' EXIT INT TERM
 "$programs/needle_twin" guard --ros-args --params-file "$here/parameters/guard.yaml" "$@"

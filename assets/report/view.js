@@ -124,6 +124,7 @@ class View {
     const { points, displacement, displacement_unit: unit, edge_a, edge_b, edge_t, jacobian } = this.data;
     const base = 3 * this.nodes * frame, p = this.positions, v = this.values;
     const ratio = this.field === 'jacobian' && jacobian;
+    const other = this.data[this.field === 'strain' || this.field === 'stress' ? this.field : ''];
     const [low, high] = this.limits();
     for (let i = 0; i < this.nodes; i++) {
       let square = 0;
@@ -132,7 +133,8 @@ class View {
         p[3 * i + c] = points[3 * i + c] + u;
         square += u * u;
       }
-      v[i] = ratio ? this.data.jacobian_low + this.data.jacobian_unit * jacobian[this.nodes * frame + i] : Math.sqrt(square);
+      v[i] = ratio ? this.data.jacobian_low + this.data.jacobian_unit * jacobian[this.nodes * frame + i]
+        : other ? this.data[`${this.field}_unit`] * other[this.nodes * frame + i] : Math.sqrt(square);
     }
     for (let e = 0; e < edge_t.length; e++) {
       const [a, b, t, i] = [edge_a[e], edge_b[e], edge_t[e], this.nodes + e];
@@ -151,18 +153,21 @@ class View {
   /// What the ends of the colour scale stand for, over all moments.
   limits() {
     if (this.field === 'jacobian') return [1 - this.data.jacobian_span, 1 + this.data.jacobian_span];
+    if (this.data[`${this.field}_max`]) return [0, this.data[`${this.field}_max`]];
     return [0, this.data.displacement_max || 1e-9];
   }
 
   legend(low, high) {
     const stops = this.field === 'jacobian' ? DIVERGING : SEQUENTIAL;
     this.colours = table(stops);
-    const [from, to] = this.field === 'jacobian' ? [`≤ ${this.number(low, 3)}`, `≥ ${this.number(high, 3)}`] : ['0 mm', `${this.number(1e3 * high, 3)} mm`];
+    const ends = { strain: () => ['0', `≥ ${this.number(high, 3)}`], stress: () => ['0 Pa', `≥ ${this.number(high, 3)} Pa`] }[this.field];
+    const [from, to] = ends ? ends() : this.field === 'jacobian' ? [`≤ ${this.number(low, 3)}`, `≥ ${this.number(high, 3)}`] : ['0 mm', `${this.number(1e3 * high, 3)} mm`];
     const scale = this.place.querySelector('.scale');
     scale.children[0].textContent = from;
     scale.children[1].style.background = `linear-gradient(90deg, ${stops.map((s) => `rgb(${s})`).join(',')})`;
     scale.children[2].textContent = to;
-    scale.children[3].textContent = this.field === 'jacobian' ? 'Volume ratio J: below 1 compressed, above 1 stretched' : 'Displacement since the start';
+    const words = { jacobian: 'Volume ratio J: below 1 compressed, above 1 stretched', strain: 'Equivalent strain', stress: 'Von Mises stress' };
+    scale.children[3].textContent = words[this.field] || 'Displacement since the start';
   }
 
   paint(moving) {

@@ -44,8 +44,12 @@ pub enum CliError {
         shortest: f64,
     },
     /// The bag can't be read.
-    #[error(transparent)]
-    Bag(#[from] BagError),
+    #[error("{source}{}", bag_remedy(.source))]
+    Bag {
+        /// What is wrong with it.
+        #[from]
+        source: BagError,
+    },
     /// The recording can hardly be one of the scene.
     #[error("{0}. Nothing was run; go on all the same with --force")]
     Mistaken(String),
@@ -94,4 +98,14 @@ pub enum CliError {
     /// stdout can't be written.
     #[error("stdout: {0}")]
     Stdout(io::Error),
+}
+
+/// What to do where there is no bag at all.
+fn bag_remedy(error: &BagError) -> &'static str {
+    match error {
+        BagError::Open { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+            ". Name a rosbag2 folder or an .mcap file; `needle_twin bag make --scene needle_insertion --out DIR` makes one"
+        }
+        _ => "",
+    }
 }

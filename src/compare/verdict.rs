@@ -12,7 +12,7 @@
 //! share s of itself, varying over the depth (`uncertainty`), and what a load cell's zero may be off and drift by.
 //! The reduced chi-square is r^T V^-1 r over the blocks less what was fitted: near or under 1 where the model explains the measurement.
 //! A force that is wrong by one factor everywhere is one deviation among many blocks there, so each block is judged alone as well: the
-//! mean of r_a^2 / V_aa, of which 9 (three standard deviations) counts as much as [`EXPLAINED`]. The larger of the two is the figure.
+//! mean of r_a^2 / V_aa, zero and drift taken out as far as they are likely, of which 9 (three standard deviations) counts as much as [`EXPLAINED`]. The larger of the two is the figure.
 //! Where it is too large, the longest beginning or end of the motion that is explained is looked for.
 
 use std::ops::Range;
@@ -124,11 +124,10 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
         let reasons = if too_little { vec![too_few(rows)] } else { Vec::new() };
         return Verdict { reasons, too_little, ..Verdict::default() };
     };
-    let v = blocks.covariance(force_error);
-    let r = blocks.residuals();
-    let n = r.len();
-    let Some(chi) = chi(&r, &v, 0..n, fitted) else { return Verdict::default() };
-    let part = if chi > EXPLAINED { explained_part(&r, &v) } else { None };
+    let expected = blocks.expected(force_error);
+    let n = expected.residuals.len();
+    let Some((chi, deviations)) = expected.chi(0..n, fitted) else { return Verdict::default() };
+    let part = if chi > EXPLAINED { expected.explained_part() } else { None };
     let explains = match (chi <= EXPLAINED, &part) {
         (true, _) => Explains::Yes,
         (false, Some(_)) => Explains::InPart,
@@ -144,30 +143,49 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
         too_little: false,
     };
     if explains != Explains::Yes {
-        let deviations = DVector::from_fn(n, |a, _| r[a] / v[(a, a)].sqrt());
         verdict.reasons.extend(part.map(|part| blocks.explained(&part)));
         verdict.reasons.push(blocks.misfit(&deviations));
-        verdict.reasons.extend(blocks.factor(&r, &v, fitted));
+        verdict.reasons.extend(blocks.factor(&expected, fitted));
     }
     verdict
 }
 
-/// The figure of the module's head for some of the blocks.
-fn chi(r: &DVector<f64>, v: &DMatrix<f64>, of: Range<usize>, fitted: usize) -> Option<f64> {
-    let (from, n) = (of.start, of.len());
-    let r = r.rows(from, n).into_owned();
-    let v = v.view((from, from), (n, n)).into_owned();
-    let alone = (0..n).map(|a| r[a] * r[a] / v[(a, a)]).sum::<f64>() / n as f64;
-    let together = r.dot(&v.cholesky()?.solve(&r)) / n.saturating_sub(fitted).max(1) as f64;
-    Some(together.max(alone * EXPLAINED / (FAR * FAR)))
+/// The blocks' residuals, and what is expected of them.
+#[derive(Clone)]
+struct Expected {
+    residuals: DVector<f64>,
+    /// V without the load cell's zero and drift.
+    covariance: DMatrix<f64>,
+    /// What zero and drift add to each block, one standard deviation of each.
+    cell: DMatrix<f64>,
 }
 
-/// The longest beginning or end of the blocks that is explained, if it is long enough.
-fn explained_part(r: &DVector<f64>, v: &DMatrix<f64>) -> Option<Range<usize>> {
-    let n = r.len();
-    let lengths = (0..CUTS).map(|k| n - 1 - k * (n - 1) / CUTS).take_while(|length| *length as f64 >= PART * n as f64);
-    let parts = lengths.flat_map(|length| [0..length, n - length..n]);
-    parts.into_iter().find(|part| chi(r, v, part.clone(), 0).is_some_and(|chi| chi <= EXPLAINED))
+impl Expected {
+    /// The figure of the module's head for some of the blocks, and how far each is off, in standard deviations, once zero and drift
+    /// are taken out as far as they are likely.
+    fn chi(&self, of: Range<usize>, fitted: usize) -> Option<(f64, DVector<f64>)> {
+        let (from, n) = (of.start, of.len());
+        let r = self.residuals.rows(from, n).into_owned();
+        let v = self.covariance.view((from, from), (n, n)).into_owned();
+        let cell = self.cell.rows(from, n).into_owned();
+        let variance = v.diagonal();
+        let factor = v.cholesky()?;
+        let (solved, projected) = (factor.solve(&r), factor.solve(&cell));
+        let likely = (DMatrix::identity(2, 2) + cell.transpose() * projected).cholesky()?.solve(&(cell.transpose() * &solved));
+        let left = &r - &cell * &likely;
+        let together = (r.dot(&solved) - (cell.transpose() * &solved).dot(&likely)) / n.saturating_sub(fitted).max(1) as f64;
+        let deviations = DVector::from_fn(n, |a, _| left[a] / variance[a].sqrt());
+        let alone = deviations.norm_squared() / n as f64;
+        Some((together.max(alone * EXPLAINED / (FAR * FAR)), deviations))
+    }
+
+    /// The longest beginning or end of the blocks that is explained, if it is long enough.
+    fn explained_part(&self) -> Option<Range<usize>> {
+        let n = self.residuals.len();
+        let lengths = (0..CUTS).map(|k| n - 1 - k * (n - 1) / CUTS).take_while(|length| *length as f64 >= PART * n as f64);
+        let mut parts = lengths.flat_map(|length| [0..length, n - length..n]);
+        parts.find(|part| self.chi(part.clone(), 0).is_some_and(|(chi, _)| chi <= EXPLAINED))
+    }
 }
 
 fn too_few(rows: &Rows) -> String {
@@ -223,20 +241,21 @@ impl Blocks {
         })
     }
 
-    fn residuals(&self) -> DVector<f64> {
-        DVector::from_iterator(self.all.len(), self.all.iter().map(|b| b.residual_n))
-    }
-
-    fn covariance(&self, share: f64) -> DMatrix<f64> {
+    fn expected(&self, share: f64) -> Expected {
+        let n = self.all.len();
         let doubtful: Vec<f64> = self.all.iter().map(|b| share * (b.predicted_n.abs() + FLOOR * self.peak_n)).collect();
-        let (zero, drift) = ((ZERO * self.peak_n).powi(2), (DRIFT * self.peak_n).powi(2));
-        DMatrix::from_fn(self.all.len(), self.all.len(), |i, j| {
+        let covariance = DMatrix::from_fn(n, n, |i, j| {
             let (a, b) = (&self.all[i], &self.all[j]);
             let apart = (a.depth_m - b.depth_m) / self.deepest_m.max(f64::MIN_POSITIVE);
             let alike: f64 = LENGTHS.iter().map(|(part, length)| part * (-0.5 * (apart / length).powi(2)).exp()).sum();
             let own = if i == j { a.variance + RIPPLE * doubtful[i] * doubtful[i] } else { 0.0 };
-            own + doubtful[i] * doubtful[j] * alike + zero + drift * a.time * b.time
-        })
+            own + doubtful[i] * doubtful[j] * alike
+        });
+        Expected {
+            residuals: DVector::from_iterator(n, self.all.iter().map(|b| b.residual_n)),
+            covariance,
+            cell: DMatrix::from_fn(n, 2, |i, k| self.peak_n * if k == 0 { ZERO } else { DRIFT * self.all[i].time }),
+        }
     }
 
     /// Depths of some of the blocks, in words.
@@ -282,12 +301,13 @@ impl Blocks {
     }
 
     /// The factor on the force that would explain the measurement, if one does.
-    fn factor(&self, r: &DVector<f64>, v: &DMatrix<f64>, fitted: usize) -> Option<String> {
-        let f = DVector::from_iterator(r.len(), self.all.iter().map(|b| b.predicted_n));
-        let solved = v.clone().cholesky()?.solve(&f);
-        let change = -solved.dot(r) / solved.dot(&f);
-        let left = r + &f * change;
-        (chi(&left, v, 0..r.len(), fitted + 1)? <= EXPLAINED).then(|| {
+    fn factor(&self, expected: &Expected, fitted: usize) -> Option<String> {
+        let f = DVector::from_iterator(self.all.len(), self.all.iter().map(|b| b.predicted_n));
+        let whole = &expected.covariance + &expected.cell * expected.cell.transpose();
+        let solved = whole.cholesky()?.solve(&f);
+        let change = -solved.dot(&expected.residuals) / solved.dot(&f);
+        let scaled = Expected { residuals: &expected.residuals + &f * change, ..expected.clone() };
+        (scaled.chi(0..self.all.len(), fitted + 1)?.0 <= EXPLAINED).then(|| {
             format!(
                 "a force {:.3} times the predicted one would explain it: calibrate material.shear_modulus_pa, or \
                  instrument.deformation_coefficient of a needle",

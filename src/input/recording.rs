@@ -210,7 +210,10 @@ fn topic_error(bag: &BagReader, topic: &Topic, reason: String) -> BagError {
 fn no_motion(bag: &BagReader) -> BagError {
     let lost: Vec<String> = bag.losses().iter().map(ToString::to_string).collect();
     let remedy = if lost.is_empty() {
-        "Name the topics with the depth or the pose, or remap them when recording".to_owned()
+        "Name the topics with the depth or the pose (--measured-js, --measured-cp), or remap them when recording. Of other types \
+         (std_msgs/Float64, sensor_msgs/Range, ...), units or signs the rig makes these: `rig_node BAG --ros-args -p \
+         position_topic:=TOPIC -p position_m_per_unit:=0.001`, recorded by `-p record:=FOLDER`"
+            .to_owned()
     } else {
         format!("The bag is damaged: {}", lost.join("; "))
     };

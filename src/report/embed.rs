@@ -8,6 +8,7 @@ use super::{
     page::FILE,
     phases::{self, Stretch},
     section::Section,
+    strain::{Strains, shear_modulus_pa},
     thin::thin,
     unit::Scale,
 };
@@ -171,7 +172,7 @@ fn view(run: &Run) -> Result<Option<Value>, ReportError> {
     if usable.is_empty() || too_large {
         return Ok(None);
     }
-    let most = (FIELD_BYTES / (8 * section.nodes.len())).max(1);
+    let most = (FIELD_BYTES / (10 * section.nodes.len())).max(1);
     let shown = evenly(&usable, most);
     let mut view = json!({
         "points": pack_f32(section.nodes.iter().flat_map(|&i| state.points[i as usize])),
@@ -187,6 +188,7 @@ fn view(run: &Run) -> Result<Option<Value>, ReportError> {
     });
     displacement(&mut view, &section, &shown);
     jacobian(&mut view, &section, &shown);
+    strains(&mut view, &section, &shown, run);
     Ok(Some(view))
 }
 
@@ -230,6 +232,28 @@ fn jacobian(view: &mut Value, section: &Section, shown: &[&Snapshot]) {
     view["jacobian_unit"] = json!(unit);
     view["jacobian_span"] = json!(span);
     view["jacobian"] = pack(values().map(|j| ((j - low) / unit).round() as u16));
+}
+
+/// Strain and von Mises stress in 255 steps from 0 to what all but the last half per cent are under: at the tip a few cells are
+/// strained without bound.
+fn strains(view: &mut Value, section: &Section, shown: &[&Snapshot], run: &Run) {
+    let state = &run.final_state;
+    let strains = Strains::new(&state.points, &state.cells, shear_modulus_pa(&run.scene_toml));
+    let mut fields: [Vec<f64>; 2] = Default::default();
+    for snapshot in shown {
+        for (field, values) in fields.iter_mut().zip(strains.at(&snapshot.displacement)) {
+            field.extend(section.nodes.iter().filter_map(|&i| values.get(i as usize)));
+        }
+    }
+    for (name, field) in ["strain", "stress"].iter().zip(fields) {
+        let mut sorted: Vec<f64> = field.iter().copied().filter(|v| v.is_finite()).collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let Some(most) = sorted.get(sorted.len() * 199 / 200).filter(|most| **most > 0.0) else { continue };
+        view[format!("{name}_max")] = json!(most);
+        view[format!("{name}_unit")] = json!(most / 255.0);
+        view[*name] =
+            pack(field.iter().map(|v| if v.is_finite() { (255.0 * v / most).min(255.0).round() as u8 } else { 0 }));
+    }
 }
 
 fn instrument(instrument: &Instrument, points: &[[f64; 3]]) -> Value {

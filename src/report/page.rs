@@ -2,7 +2,7 @@
 //!
 //! Text, figures and tables stand in the page itself; its script draws the curves and the deformed sample.
 
-use super::{ReportError, embed, settings::settings_html, svg::escaped, tables};
+use super::{ReportError, embed, line_plot, settings::settings_html, strain, svg::escaped, tables};
 use crate::compare::Run;
 use std::fmt::Write as _;
 
@@ -66,7 +66,7 @@ fn body(run: &Run, drawn: bool) -> String {
     if drawn {
         html.push_str("<div class=\"pair\">\n");
     }
-    let fallback = format!("<noscript>{}</noscript>", super::force_svg(run));
+    let fallback = without_scripts(super::force_svg(run));
     chart(
         &mut html,
         "force-depth",
@@ -76,7 +76,8 @@ fn body(run: &Run, drawn: bool) -> String {
         &fallback,
     );
     if drawn {
-        html.push_str(VIEW);
+        let stress = strain::shear_modulus_pa(&run.scene_toml).map_or("", |_| STRESS);
+        html.push_str(&VIEW.replace("{{fields}}", &format!("{STRAIN}{stress}")));
         html.push_str("</div>\n");
     }
     chart(
@@ -85,7 +86,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "Force over time",
         "Shaded by phase. Click to show that moment of the sample.",
         &legend(measured, false),
-        "",
+        &without_scripts(line_plot::force(run)),
     );
     chart(
         &mut html,
@@ -93,7 +94,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "Cost of each pose",
         "Explicit steps taken, and wall time from the pose's arrival to its answer. The dashed line is the time between poses.",
         "",
-        "",
+        &without_scripts(line_plot::cost(run)),
     );
     if !run.target_names.is_empty() && !run.targets.is_empty() {
         chart(
@@ -102,13 +103,18 @@ fn body(run: &Run, drawn: bool) -> String {
             "Targets",
             "How far the tissue has taken each target.",
             &tables::target_legend(run),
-            &tables::targets(run),
+            &(without_scripts(line_plot::targets(run)) + &tables::targets(run)),
         );
     }
     tables::stability(&mut html, run);
     settings(&mut html, run);
     footer(&mut html, run);
     html
+}
+
+/// A picture for browsers that run no scripts.
+fn without_scripts(picture: String) -> String {
+    format!("<noscript>{picture}</noscript>")
 }
 
 fn header(html: &mut String, run: &Run) {
@@ -153,12 +159,15 @@ fn legend(measured: bool, legs: bool) -> String {
     format!("<ul class=\"legend\">{}</ul>", items.concat())
 }
 
+const STRAIN: &str = r#"<option value="strain">strain</option>"#;
+const STRESS: &str = r#"<option value="stress">von Mises stress</option>"#;
+
 const VIEW: &str = r#"<section id="sample" class="view">
 <h2>Deformed sample</h2>
 <p>Drag to turn, pinch or use the wheel to zoom. Dotted: the undeformed outline.</p>
 <div class="controls">
 <select data-control="mode" aria-label="What to show"><option value="half">cut open</option><option value="whole">whole</option></select>
-<select data-control="field" aria-label="Colour"><option value="displacement">displacement</option><option value="jacobian">volume ratio</option></select>
+<select data-control="field" aria-label="Colour"><option value="displacement">displacement</option><option value="jacobian">volume ratio</option>{{fields}}</select>
 <button type="button" data-control="mesh" aria-pressed="false">Mesh</button>
 <button type="button" data-control="out" aria-label="Zoom out">−</button>
 <button type="button" data-control="in" aria-label="Zoom in">+</button>

@@ -93,7 +93,7 @@ pub(super) fn cards(html: &mut String, run: &Run) {
         card(html, "Effective radius", Some(significant(1e3 * radius_m, 3)), "mm", Some(below));
     }
     let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
-    if let Some((depth_m, time_s)) = puncture {
+    if let Some((depth_m, time_s)) = puncture.filter(|(depth_m, _)| depth_m.is_finite()) {
         let at_once = if depth_m < FIRST_CONTACT_M { "at first contact, " } else { "" };
         let when = format!("{at_once}{} s after the first pose", significant(time_s, 3));
         // a micrometre is what a displacement sensor sees

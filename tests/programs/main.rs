@@ -6,6 +6,7 @@ mod calibrate;
 mod cli;
 mod demo;
 mod docs;
+mod readme;
 mod replay;
 mod report;
 mod report_browser;

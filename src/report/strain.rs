@@ -1,0 +1,98 @@
+//! Strain and von Mises stress at the points of a mesh, from their displacement: what the page's 3D view shows at every moment.
+//!
+//! In each tetrahedron F = I + du/dX is constant. Means over the cells at a point, weighted by their volumes, of
+//!
+//! ```text
+//! strain  sqrt(2/3 e:e),   e = dev E,   E = 1/2 (F^T F - I)
+//! stress  sqrt(3/2 s:s),   s = mu J^(-5/3) dev(F F^T)         neo-Hooke's Cauchy stress
+//! ```
+
+use nalgebra::Matrix3;
+
+/// Corners with their volume and the inverse of their edges in the undeformed body.
+struct Cell {
+    corners: [usize; 4],
+    volume: f64,
+    inverse: Matrix3<f64>,
+}
+
+/// A mesh, ready for many moments.
+pub(super) struct Strains {
+    cells: Vec<Cell>,
+    weights: Vec<f64>,
+    shear_modulus_pa: Option<f64>,
+}
+
+/// Matrix with the edges from the first corner as columns.
+fn edges(x: [[f64; 3]; 4]) -> Matrix3<f64> {
+    Matrix3::from_fn(|row, k| x[k + 1][row] - x[0][row])
+}
+
+/// Square root of m:m for the deviator of a symmetric matrix.
+fn deviator(m: Matrix3<f64>) -> f64 {
+    (m - Matrix3::identity() * (m.trace() / 3.0)).norm()
+}
+
+impl Strains {
+    /// Flat cells are left out. Without a shear modulus there is no stress.
+    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], shear_modulus_pa: Option<f64>) -> Self {
+        let mut weights = vec![0.0; points.len()];
+        let cell = |c: &[u32; 4]| {
+            let corners = c.map(|i| i as usize);
+            let edges = edges(corners.map(|i| points[i]));
+            let (volume, inverse) = (edges.determinant().abs(), edges.try_inverse()?);
+            corners.iter().for_each(|&i| weights[i] += volume);
+            Some(Cell { corners, volume, inverse })
+        };
+        Self { cells: cells.iter().filter_map(cell).collect(), weights, shear_modulus_pa }
+    }
+
+    /// Strain and stress (Pa; empty without a modulus) at every point.
+    pub fn at(&self, displacement: &[[f64; 3]]) -> [Vec<f64>; 2] {
+        let mut sums = [vec![0.0; self.weights.len()], vec![0.0; self.weights.len()]];
+        for cell in &self.cells {
+            let f = Matrix3::identity() + edges(cell.corners.map(|i| displacement[i])) * cell.inverse;
+            let strain = (2.0_f64 / 3.0).sqrt() * 0.5 * deviator(f.transpose() * f);
+            let j = f.determinant().abs().max(1e-3);
+            let stress = 1.5_f64.sqrt() * j.powf(-5.0 / 3.0) * deviator(f * f.transpose());
+            for i in cell.corners {
+                sums[0][i] += cell.volume * strain;
+                sums[1][i] += cell.volume * stress;
+            }
+        }
+        let mean = |sum: &[f64], by: f64| -> Vec<f64> {
+            sum.iter().zip(&self.weights).map(|(s, w)| if *w > 0.0 { by * s / w } else { 0.0 }).collect()
+        };
+        [mean(&sums[0], 1.0), self.shear_modulus_pa.map_or_else(Vec::new, |mu| mean(&sums[1], mu))]
+    }
+}
+
+/// Shear modulus of a scene file whose material is neo-Hookean and doesn't relax, Pa.
+pub(super) fn shear_modulus_pa(scene_toml: &str) -> Option<f64> {
+    let scene: toml::Table = scene_toml.parse().ok()?;
+    let material = scene.get("material")?.as_table()?;
+    let plain = material.get("model").is_none_or(|m| m.as_str() == Some("neo_hookean"));
+    let relaxes = material.get("prony_shares").and_then(|s| s.as_array()).is_some_and(|s| !s.is_empty());
+    let modulus = material.get("shear_modulus_pa")?;
+    modulus.as_float().filter(|_| plain && !relaxes)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn simple_shear_has_the_strain_and_stress_of_the_books() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let gamma = 0.01;
+        let sheared = points.map(|p| [gamma * p[2], 0.0, 0.0]);
+        let strains = Strains::new(&points, &[[0, 1, 2, 3]], Some(1678.0));
+        let [strain, stress] = strains.at(&sheared);
+        // small strains: gamma / sqrt(3), and sqrt(3) mu gamma
+        assert!((strain[1] / (gamma / 3_f64.sqrt()) - 1.0).abs() < 1e-2, "{strain:?}");
+        assert!((stress[2] / (3_f64.sqrt() * 1678.0 * gamma) - 1.0).abs() < 1e-2, "{stress:?}");
+        assert_eq!(shear_modulus_pa("[material]\nshear_modulus_pa = 1678.0\n"), Some(1678.0));
+        assert_eq!(shear_modulus_pa("[material]\nmodel = \"ogden\"\nshear_modulus_pa = 1.0\n"), None);
+    }
+}
