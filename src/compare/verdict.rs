@@ -171,9 +171,11 @@ impl Expected {
         let variance = v.diagonal();
         let factor = v.cholesky()?;
         let (solved, projected) = (factor.solve(&r), factor.solve(&cell));
-        let likely = (DMatrix::identity(2, 2) + cell.transpose() * projected).cholesky()?.solve(&(cell.transpose() * &solved));
+        let likely =
+            (DMatrix::identity(2, 2) + cell.transpose() * projected).cholesky()?.solve(&(cell.transpose() * &solved));
         let left = &r - &cell * &likely;
-        let together = (r.dot(&solved) - (cell.transpose() * &solved).dot(&likely)) / n.saturating_sub(fitted).max(1) as f64;
+        let together =
+            (r.dot(&solved) - (cell.transpose() * &solved).dot(&likely)) / n.saturating_sub(fitted).max(1) as f64;
         let deviations = DVector::from_fn(n, |a, _| left[a] / variance[a].sqrt());
         let alone = deviations.norm_squared() / n as f64;
         Some((together.max(alone * EXPLAINED / (FAR * FAR)), deviations))
@@ -182,7 +184,8 @@ impl Expected {
     /// The longest beginning or end of the blocks that is explained, if it is long enough.
     fn explained_part(&self) -> Option<Range<usize>> {
         let n = self.residuals.len();
-        let lengths = (0..CUTS).map(|k| n - 1 - k * (n - 1) / CUTS).take_while(|length| *length as f64 >= PART * n as f64);
+        let lengths =
+            (0..CUTS).map(|k| n - 1 - k * (n - 1) / CUTS).take_while(|length| *length as f64 >= PART * n as f64);
         let mut parts = lengths.flat_map(|length| [0..length, n - length..n]);
         parts.find(|part| self.chi(part.clone(), 0).is_some_and(|(chi, _)| chi <= EXPLAINED))
     }
