@@ -1,4 +1,4 @@
-//! Watches, while it runs, whether the recording that comes in lies to the model as it should: units, signs, contact depth, clocks.
+//! Watches, while it runs, whether what is measured fits the model: units, signs, contact depth, clocks, and the verdict on it all.
 //!
 //! Samples of the comparison are kept, at most one per [`SPACING_S`]; the housekeeping thread looks at them now and then, beside the
 //! solver. A forecast is never changed by it.
@@ -9,6 +9,9 @@ use crate::compare::alignment::align;
 use crate::compare::path::ForcePath;
 use crate::compare::rows::Rows;
 use crate::compare::scale::glance;
+use crate::compare::uncertainty::FORCE_ERROR;
+use crate::compare::verdict::judge;
+use crate::compare::{Explains, Verdict};
 use crate::ros::messages::needle_twin::ForceComparison;
 
 /// Least time between two samples, s.
@@ -19,7 +22,7 @@ const KEPT: usize = 1500;
 const FIRST: usize = 25;
 const ENOUGH: usize = 200;
 /// Between two looks.
-const LOOK: Duration = Duration::from_secs(2);
+const LOOK: Duration = Duration::from_secs(4);
 
 /// (time in s, depth in m, predicted and measured force in N).
 type Sample = [f64; 4];
@@ -46,6 +49,11 @@ impl Samples {
         self.0.push([time_s, message.depth_m, message.predicted_n, message.measured_n]);
     }
 
+    /// Time of the latest, s.
+    fn newest_s(&self) -> Option<f64> {
+        self.0.last().map(|s| s[0])
+    }
+
     fn rows(&self) -> Rows {
         let start = self.0.first().map_or(0.0, |s| s[0]);
         let column = |k: usize| self.0.iter().map(|s| s[k]).collect();
@@ -57,52 +65,64 @@ impl Samples {
 #[derive(Debug)]
 pub(super) struct Watch {
     due: Instant,
-    /// What the last look saw of the alignment: it counts when it is seen twice.
+    /// Whether the last look saw something.
     seen: bool,
     said: Vec<String>,
+    /// Time of the latest sample at the last look, s.
+    newest_s: Option<f64>,
 }
 
 impl Watch {
     pub fn new() -> Self {
-        Self { due: Instant::now() + LOOK, seen: false, said: Vec::new() }
+        Self { due: Instant::now() + LOOK, seen: false, said: Vec::new(), newest_s: None }
     }
 
-    /// Whether a look is due.
-    pub fn is_due(&mut self) -> bool {
-        let due = Instant::now() >= self.due;
+    /// Whether a look is due: some time has passed, and something has come since the last one.
+    pub fn is_due(&mut self, samples: &Samples) -> bool {
+        let due = Instant::now() >= self.due && samples.newest_s() != self.newest_s;
         if due {
             self.due = Instant::now() + LOOK;
+            self.newest_s = samples.newest_s();
         }
         due
     }
 
-    /// What is to be doubted of the samples; new doubts go to the log.
-    pub fn look(&mut self, samples: &Samples) -> Vec<String> {
-        let doubts = self.doubts(&samples.rows());
+    /// What is to be doubted of the samples, and the verdict on them; new doubts go to the log. While something is `identified` a
+    /// scene that is off is what it is for.
+    pub fn look(&mut self, samples: &Samples, identified: bool) -> (Vec<String>, Verdict) {
+        let rows = samples.rows();
+        let verdict = judge(&rows, 1, FORCE_ERROR);
+        let seen = self.doubts(&rows, if identified { Explains::Yes } else { verdict.explains }, &verdict);
+        // a doubt counts when it is there at two looks in a row
+        let doubts = if self.seen && !seen.is_empty() { seen.clone() } else { Vec::new() };
+        self.seen = !seen.is_empty();
         // numbers change from look to look; the log has each kind once
         if doubts.len() > self.said.len() {
             doubts.iter().for_each(|doubt| tracing::warn!("{doubt}"));
         }
         self.said.clone_from(&doubts);
-        doubts
+        (doubts, verdict)
     }
 
-    fn doubts(&mut self, rows: &Rows) -> Vec<String> {
+    fn doubts(&self, rows: &Rows, explains: Explains, verdict: &Verdict) -> Vec<String> {
         let in_contact = rows.loaded(0.02).len();
         if in_contact < FIRST {
-            self.seen = false;
             return Vec::new();
         }
         if let Some(doubt) = glance(rows) {
             return vec![doubt];
         }
-        if in_contact < ENOUGH {
-            return Vec::new();
+        let mut doubts = Vec::new();
+        if in_contact >= ENOUGH {
+            let path = ForcePath::new(rows.time_s.clone(), rows.depth_m.clone(), rows.predicted_n.clone());
+            let reasons = path.and_then(|path| align(&path, rows)).map(|found| found.reasons());
+            doubts.extend(reasons.unwrap_or_default());
         }
-        let path = ForcePath::new(rows.time_s.clone(), rows.depth_m.clone(), rows.predicted_n.clone());
-        let reasons = path.and_then(|path| align(&path, rows)).map(|found| found.reasons()).unwrap_or_default();
-        let before = std::mem::replace(&mut self.seen, !reasons.is_empty());
-        if before { reasons } else { Vec::new() }
+        if explains == Explains::No {
+            let why = verdict.reasons.first().map_or("", String::as_str);
+            doubts.push(format!("{}: {why}. Calibrate the scene with a recording of this rig", verdict.line()));
+        }
+        doubts
     }
 }
 
@@ -135,8 +155,8 @@ mod tests {
 
     fn doubts(samples: &Samples) -> Vec<String> {
         let mut watch = Watch::new();
-        watch.look(samples);
-        watch.look(samples)
+        watch.look(samples, true);
+        watch.look(samples, true).0
     }
 
     #[test]
@@ -149,5 +169,10 @@ mod tests {
             let found = doubts(&samples(factor, late_s));
             assert!(found.len() == 1 && found[0].contains(word), "{factor} {late_s}: {found:?}");
         }
+        let mut watch = Watch::new();
+        let softer = samples(1.3, 0.0);
+        assert!(watch.look(&softer, false).0.is_empty(), "one look is none");
+        let found = watch.look(&softer, false).0;
+        assert!(found.len() == 1 && found[0].contains("does not explain"), "{found:?}");
     }
 }

@@ -226,10 +226,15 @@ impl Housekeeping {
 
     /// Looks at units, signs and alignment of what is measured; the lock is held for a copy only.
     fn watch_measurement(&mut self) {
-        if self.watch.is_due() {
-            let samples = self.shared.lock().samples.clone();
-            let doubts = self.watch.look(&samples);
-            self.shared.lock().doubts = doubts;
+        let seen = {
+            let live = self.shared.lock();
+            self.watch.is_due(&live.samples).then(|| (live.samples.clone(), live.identified.is_some()))
+        };
+        if let Some((samples, identified)) = seen {
+            let (doubts, verdict) = self.watch.look(&samples, identified);
+            let mut live = self.shared.lock();
+            live.doubts = doubts;
+            live.verdict = verdict;
         }
     }
 

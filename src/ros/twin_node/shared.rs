@@ -11,6 +11,7 @@ use super::declared::Settings;
 use super::doubts::Samples;
 use super::inbox::Handoff;
 use super::solver::Answer;
+use crate::compare::Verdict;
 use crate::input::Refusal;
 use crate::ros::clock::NodeClock;
 use crate::ros::lifecycle::State;
@@ -140,6 +141,7 @@ pub(super) struct Live {
     /// What was compared lately, and what is to be doubted of it.
     pub samples: Samples,
     pub doubts: Vec<String>,
+    pub verdict: Verdict,
     pub window: Window,
     pub last_window: Window,
     window_begun: Option<Instant>,

@@ -204,6 +204,7 @@ fn input_values(live: &Live) -> Vec<KeyValue> {
 
 fn load_cell_values(live: &Live) -> Vec<KeyValue> {
     let mut values = vec![value("readings", live.measured)];
+    values.push(value("verdict", live.verdict.line()));
     if let Some((residual, rmse, max)) = live.residual {
         values.push(value("residual (N)", format!("{residual:.6}")));
         values.push(value("rmse (N)", format!("{rmse:.6}")));
