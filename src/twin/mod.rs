@@ -280,13 +280,13 @@ impl Twin {
     /// Height of the body under the instrument, m.
     #[must_use]
     pub fn height_m(&self) -> f64 {
-        self.height
+        self.fixed.height
     }
 
     /// Depth from which on poses are refused, m.
     #[must_use]
     pub fn reach_m(&self) -> f64 {
-        self.reach
+        self.fixed.reach
     }
 
     /// Number of integration points.
