@@ -1,18 +1,21 @@
-//! Ctrl-C as a flag, so that a run ends between two poses with its files closed. A second one ends at once.
+//! Ctrl-C and SIGTERM as a flag, so that a run ends between two poses with its files closed. A second one ends at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-/// Exit code of a program that Ctrl-C ended, as shells have it.
-const INTERRUPTED: i32 = 130;
+use tokio::signal::unix::{Signal, SignalKind, signal};
 
-/// Whether Ctrl-C was pressed.
+/// Exit codes of a program that SIGINT or SIGTERM ended, as shells have them.
+const INTERRUPTED: i32 = 130;
+const TERMINATED: i32 = 143;
+
+/// Whether the run is to end.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Listens from now on. Where that isn't possible, Ctrl-C ends the process as ever.
+    /// Listens from now on. Where that isn't possible, a signal ends the process as ever.
     pub(super) fn listen() -> Self {
         let interrupt = Self::default();
         let flag = interrupt.clone();
@@ -21,21 +24,31 @@ impl Interrupt {
         };
         let listen = move || {
             runtime.block_on(async {
-                if tokio::signal::ctrl_c().await.is_ok() {
-                    flag.0.store(true, Ordering::Relaxed);
-                }
-                if tokio::signal::ctrl_c().await.is_ok() {
-                    std::process::exit(INTERRUPTED);
-                }
+                let (Ok(mut interrupt), Ok(mut terminate)) =
+                    (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
+                else {
+                    return;
+                };
+                next(&mut interrupt, &mut terminate).await;
+                flag.0.store(true, Ordering::Relaxed);
+                std::process::exit(next(&mut interrupt, &mut terminate).await);
             });
         };
-        // Without the thread, Ctrl-C ends the process as ever.
-        let _ = thread::Builder::new().name("ctrl-c".to_owned()).spawn(listen);
+        // Without the thread, a signal ends the process as ever.
+        let _ = thread::Builder::new().name("signals".to_owned()).spawn(listen);
         interrupt
     }
 
-    /// Whether it was pressed.
+    /// Whether a signal came.
     pub(super) fn pressed(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Waits for the next of both signals and gives its exit code.
+async fn next(interrupt: &mut Signal, terminate: &mut Signal) -> i32 {
+    tokio::select! {
+        _ = interrupt.recv() => INTERRUPTED,
+        _ = terminate.recv() => TERMINATED,
     }
 }

@@ -26,6 +26,7 @@ use clap::{Parser, Subcommand};
 
 pub use error::CliError;
 
+use crate::report::printable;
 use crate::ros::{guard_node, rig_node, twin_node};
 use crate::scene::file as scene_file;
 
@@ -120,7 +121,11 @@ fn exit_code(result: Result<Outcome, CliError>) -> ExitCode {
         // the reader of the output has closed the pipe (`| head`)
         Err(CliError::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            let _ = writeln!(io::stderr(), "error: {error}"); // a failure to write can't be reported either
+            let text = error.to_string();
+            // The end of a node's log has lines of its own, each of which has been through the same door.
+            let text =
+                if matches!(error, CliError::Demo(_)) { printable::block(&text) } else { printable::line(&text) };
+            let _ = writeln!(io::stderr(), "error: {text}"); // a failure to write can't be reported either
             ExitCode::FAILURE
         }
     }
@@ -129,12 +134,12 @@ fn exit_code(result: Result<Outcome, CliError>) -> ExitCode {
 /// Writes a result to stdout.
 fn print(text: &str) -> Result<(), CliError> {
     let mut stdout = io::stdout().lock();
-    stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()).map_err(CliError::Stdout)
+    stdout.write_all(printable::block(text).as_bytes()).and_then(|()| stdout.flush()).map_err(CliError::Stdout)
 }
 
 /// Writes a diagnostic to stderr.
 fn warn(message: &str) {
-    let _ = writeln!(io::stderr(), "warning: {message}"); // a failure to write can't be reported either
+    let _ = writeln!(io::stderr(), "warning: {}", printable::line(message)); // a failure to write can't be reported either
 }
 
 #[cfg(test)]

@@ -159,6 +159,7 @@ fn replay(
     progress.count(readings.len());
     let mut collector = Collector::new(&twin, "replay", build_s, keep);
     recording.losses.iter().for_each(|loss| collector.lost(loss.to_string()));
+    measured.loss().into_iter().for_each(|loss| collector.lost(loss));
     if !measured.is_empty() {
         collector.measured_source(&recording.source);
     }

@@ -92,7 +92,7 @@ impl Show {
 }
 
 fn scene_json(scene: &Scene) -> String {
-    let entries = scene.paths().into_iter().filter_map(|path| scene.get(&path).map(|value| (path, value_json(value))));
+    let entries = scene.entries().into_iter().map(|(path, value)| (path, value_json(value)));
     format!("{:#}\n", serde_json::Value::Object(entries.collect::<Map<_, _>>()))
 }
 

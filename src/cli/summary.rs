@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use crate::compare::{Run, Verdict};
+use crate::report::printable;
 use crate::twin::Event;
 
 /// What a user wants to know of a run, at most one screen.
@@ -45,7 +46,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
 pub(super) fn screen(lines: &[(&str, String)]) -> String {
     let mut out = String::new();
     for (label, text) in lines {
-        let _ = writeln!(out, "{label:>9}  {text}"); // writing to a String can't fail
+        let _ = writeln!(out, "{label:>9}  {}", printable::line(text)); // writing to a String can't fail
     }
     out
 }

@@ -41,6 +41,7 @@ pub struct Collector {
     snapshot_interval_s: f64,
     refused: u64,
     first_refusal: String,
+    unanswered: u64,
 }
 
 impl Collector {
@@ -78,6 +79,7 @@ impl Collector {
                 .unwrap_or_else(|| keep.duration_s.map_or(FIRST_INTERVAL_S, |duration| duration / SNAPSHOTS)),
             refused: 0,
             first_refusal: String::new(),
+            unanswered: 0,
         }
     }
 
@@ -166,9 +168,10 @@ impl Collector {
         }
     }
 
-    /// Notes that the model diverged: the run ends here.
+    /// Notes a pose that had no answer since the model had diverged; the run says why the first.
     pub fn diverged(&mut self, reason: String) {
-        self.run.diverged = Some(reason);
+        self.unanswered += 1;
+        self.run.diverged.get_or_insert(reason);
     }
 
     /// Notes that an answer came later than the next pose.
@@ -204,6 +207,9 @@ impl Collector {
             self.run
                 .losses
                 .push(format!("{} of the poses refused and left out; the first {}", self.refused, self.first_refusal));
+        }
+        if self.unanswered > 1 {
+            self.run.losses.push(format!("{} poses without an answer since the model diverged", self.unanswered));
         }
         self.run.recoveries = twin.recoveries();
         self.run.repaired_supports = twin.repaired_supports();

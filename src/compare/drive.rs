@@ -44,7 +44,7 @@ pub fn build(scene: &Scene) -> Result<(Twin, f64), BuildError> {
 }
 
 /// Sends readings into a fresh twin, in their order, and collects a [`Run`]. A pose that the twin refuses is counted
-/// and left out; a model that diverges ends the run, which then holds what came before.
+/// and left out, and so is one that a model that diverged has no answer to: see [`Twin::step`] for how it comes back.
 ///
 /// Only the steps are timed. A deadline counts as missed where a step took longer than the time to the next reading.
 pub fn drive(
@@ -63,7 +63,7 @@ pub fn drive(
         }
         let pose = stamped(twin, reading);
         let start = Instant::now();
-        let result = twin.step(pose);
+        let result = twin.follow(pose);
         let latency_s = start.elapsed().as_secs_f64();
         done += 1;
         match result {
@@ -85,7 +85,7 @@ pub fn drive(
             }
             Err(halt) => {
                 collector.diverged(halt.to_string());
-                break;
+                watch.progress(done, None);
             }
         }
     }

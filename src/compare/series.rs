@@ -1,5 +1,7 @@
 //! The measured force as a function of time: what the load cell read, brought to the stamps of the poses.
 
+use crate::instrument::reading::{FORCE_N, TIME_S, is_force};
+
 /// A pause of more than this many ordinary sampling intervals is a gap, across which nothing is interpolated.
 const GAP_INTERVALS: f64 = 5.0;
 /// Gaps shorter than this are bridged in any case, s.
@@ -10,14 +12,17 @@ const LEAST_GAP_S: f64 = 0.1;
 pub struct ForceSeries {
     samples: Vec<(f64, [f64; 3])>,
     longest_gap_s: f64,
+    left_out: usize,
 }
 
 impl ForceSeries {
-    /// Takes samples of (time in s, force in N) in any order. Samples that are not finite are left out; of several
-    /// at one time the last counts.
+    /// Takes samples of (time in s, force in N) in any order. Samples that no load cell gives (see
+    /// [`crate::instrument::reading`]) are left out; of several at one time the last counts.
     #[must_use]
     pub fn new(mut samples: Vec<(f64, [f64; 3])>) -> Self {
-        samples.retain(|(time, force)| time.is_finite() && force.iter().all(|f| f.is_finite()));
+        let all = samples.len();
+        samples.retain(|(time, force)| TIME_S.contains(*time) && is_force(force));
+        let left_out = all - samples.len();
         samples.sort_by(|a, b| a.0.total_cmp(&b.0)); // stable: the last of equal times stays last
         samples.dedup_by(|next, kept| {
             let same = next.0 == kept.0;
@@ -29,7 +34,18 @@ impl ForceSeries {
         let mut intervals: Vec<f64> = samples.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         intervals.sort_unstable_by(f64::total_cmp);
         let median = intervals.get(intervals.len() / 2).copied().unwrap_or(0.0);
-        Self { samples, longest_gap_s: (GAP_INTERVALS * median).max(LEAST_GAP_S) }
+        Self { samples, longest_gap_s: (GAP_INTERVALS * median).max(LEAST_GAP_S), left_out }
+    }
+
+    /// What was left out, in one sentence, if anything was.
+    #[must_use]
+    pub fn loss(&self) -> Option<String> {
+        let n = self.left_out;
+        (n > 0).then(|| {
+            format!(
+                "{n} readings of the load cell left out: a component is not in {FORCE_N} N, or a time not in {TIME_S} s"
+            )
+        })
     }
 
     /// Whether there is no sample at all.

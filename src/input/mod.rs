@@ -1,6 +1,7 @@
 //! What comes in: depths, poses and forces, from messages live or recorded.
 
 mod adapter;
+mod order;
 mod recording;
 mod series;
 

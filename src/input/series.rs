@@ -3,12 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
+use super::order::Ordered;
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::{RosMessage, std_msgs::Header};
 use rosbag2_mcap::{BagReader, Loss};
 
-/// Largest step back in time that is taken for disorder and sorted, s. A larger one is a second recording.
-const DISORDER_S: f64 = 1.0;
 /// Reasons that are told apart; further ones are counted together.
 const REASONS: usize = 8;
 
@@ -75,29 +74,24 @@ impl Reading<'_> {
         samples.into_iter().map(|(stamp, sent, v)| (time(stamp, sent), v)).collect()
     }
 
-    /// Sorts small disorder, drops repeated stamps, and cuts at a large step back.
-    fn in_order<V>(&mut self, topic: &str, mut samples: Vec<(i64, V)>) -> Vec<(i64, V)> {
-        let mut latest = i64::MIN;
-        let back = samples.iter().position(|(time, _)| {
-            latest = latest.max(*time);
-            (latest - time) as f64 * 1e-9 > DISORDER_S
-        });
-        if let Some(at) = back {
-            let count = (samples.len() - at) as u64;
-            let reason = "their stamps step back by more than a second: only what lies before is used".to_owned();
-            self.losses.push(Loss::Samples { topic: topic.to_owned(), count, reason });
-            samples.truncate(at);
-        }
-        if !samples.is_sorted_by_key(|(time, _)| *time) {
-            samples.sort_by_key(|(time, _)| *time);
+    /// Samples in the order of their stamps, without those that are of another time.
+    fn in_order<V>(&mut self, topic: &str, samples: Vec<(i64, V)>) -> Vec<(i64, V)> {
+        let ordered = Ordered::new(samples);
+        let mut lose = |count: usize, reason: &str| {
+            if count > 0 {
+                let (topic, count) = (topic.to_owned(), count as u64);
+                self.losses.push(Loss::Samples { topic, count, reason: reason.to_owned() });
+            }
+        };
+        lose(ordered.strays, "their stamps are of another time than those of the messages round them");
+        lose(ordered.second, "their stamps step back by more than a second: only what lies before is used");
+        if ordered.sorted {
             self.warnings.push(format!("{topic}: messages are not in the order of their stamps; they were sorted"));
         }
-        let before = samples.len();
-        samples.dedup_by_key(|(time, _)| *time);
-        if samples.len() < before {
-            let count = before - samples.len();
+        if ordered.repeated > 0 {
+            let count = ordered.repeated;
             self.warnings.push(format!("{topic}: {count} messages repeat a stamp; the first of each was taken"));
         }
-        samples
+        ordered.samples
     }
 }

@@ -4,6 +4,7 @@ mod bonded;
 mod needle;
 mod phase;
 mod puncture;
+pub mod reading;
 
 pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
@@ -72,6 +73,14 @@ impl Contact {
     pub fn take_over(&mut self, other: &Self) {
         if let (Self::Needle(own), Self::Needle(other)) = (self, other) {
             own.take_over(other);
+        }
+    }
+
+    /// Goes back to an earlier state of the same contact, and the solver's roles with it. The solver's own state is to have gone
+    /// back already.
+    pub fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
+        if let (Self::Needle(own), Self::Needle(earlier)) = (self, earlier) {
+            own.return_to(earlier, solver);
         }
     }
 

@@ -200,6 +200,16 @@ impl NeedlePath {
         self.withdrawn = other.withdrawn;
     }
 
+    pub(super) fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
+        self.take_over(earlier);
+        for (hold, (n, _)) in self.hold.iter().zip(&self.nodes) {
+            solver.set_role(*n as usize, if *hold == Hold::Free { Role::Free } else { Role::Instrument });
+        }
+        for ((point, _), filled) in self.inner.iter().zip(&self.filled) {
+            solver.set_active(*point as usize, 1.0 - filled);
+        }
+    }
+
     pub(super) fn reset(&mut self, solver: &mut Solver) {
         self.release_all(solver);
         // a solver that was reset has all cells filled with tissue again

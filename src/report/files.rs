@@ -33,6 +33,9 @@ pub fn prepare(out: &Path) -> Result<(), ReportError> {
 
 /// Writes all files under temporary names beside their places, then renames them. If one can't be written, the
 /// temporary ones are removed and what lay there before is untouched.
+///
+/// The first file is the seal of the set: that of an earlier set goes before the others are replaced, and the new one comes
+/// last. So where it lies, the others are of the same run, whenever the process or the machine ended.
 pub(super) fn write(out: &Path, files: &[Rendered]) -> Result<Vec<PathBuf>, ReportError> {
     let paths: Vec<PathBuf> = files.iter().map(|f| out.join(&f.name)).collect();
     let result = write_and_rename(files, &paths);
@@ -51,10 +54,25 @@ fn write_and_rename(files: &[Rendered], paths: &[PathBuf]) -> Result<(), ReportE
         write_through(&temporary(path), &file.content)
             .map_err(|source| ReportError::File { path: path.clone(), source })?;
     }
-    for path in paths {
-        fs::rename(temporary(path), path).map_err(|source| ReportError::File { path: path.clone(), source })?;
+    if let ([seal, others @ ..], true) = (paths, paths.len() > 1) {
+        remove(seal)?;
+        others.iter().try_for_each(|path| put_in_place(path))?;
+        return put_in_place(seal);
     }
-    Ok(())
+    paths.iter().try_for_each(|path| put_in_place(path))
+}
+
+fn put_in_place(path: &Path) -> Result<(), ReportError> {
+    fs::rename(temporary(path), path).map_err(|source| ReportError::File { path: path.to_owned(), source })
+}
+
+fn remove(path: &Path) -> Result<(), ReportError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(ReportError::File { path: path.to_owned(), source })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Removes a file of an earlier run, if there is one.

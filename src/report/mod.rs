@@ -20,6 +20,7 @@ mod phases;
 mod picture;
 mod place;
 mod plot;
+pub mod printable;
 mod raster;
 mod rest_plot;
 mod section;

@@ -48,13 +48,19 @@ impl Picture {
 
 /// The text, cut with an ellipsis if it is wider than `room` px.
 pub(super) fn fitted(text: &str, typ: Type, room: f64) -> String {
-    let width = |text: &str| text_width(text, typ.size, typ.bold);
-    if width(text) <= room {
-        return text.to_owned();
+    let Ok(fonts) = Fonts::load() else { return text.to_owned() };
+    let (mut width, mut cut) = (0.0_f32, 0);
+    for (at, advance) in fonts.advances(text, typ.size, typ.bold) {
+        if f64::from(width) + f64::from(typ.size) <= room {
+            cut = at;
+        }
+        width += advance;
+        // one look at each character that fits: a name may be as long as it likes
+        if f64::from(width) > room {
+            return format!("{}…", text[..cut].trim_end());
+        }
     }
-    let mut cut = text.to_owned();
-    while cut.pop().is_some() && width(&cut) + f64::from(typ.size) > room {}
-    format!("{}…", cut.trim_end())
+    text.to_owned()
 }
 
 /// Width of a text, px.
@@ -83,8 +89,13 @@ impl Fonts {
     }
 
     fn width(&self, text: &str, size: f32, bold: bool) -> f32 {
+        self.advances(text, size, bold).map(|(_, advance)| advance).sum()
+    }
+
+    /// Where each character begins, in bytes, and its width, px.
+    fn advances<'a>(&'a self, text: &'a str, size: f32, bold: bool) -> impl Iterator<Item = (usize, f32)> + 'a {
         let face = self.face(bold).as_scaled(self.scale(size, bold));
-        text.chars().map(|c| face.h_advance(face.glyph_id(c))).sum()
+        text.char_indices().map(move |(at, c)| (at, face.h_advance(face.glyph_id(c))))
     }
 
     fn outline(&self, at: [f64; 2], text: &str, typ: Type) -> Option<Path> {
@@ -161,5 +172,21 @@ fn stroke(pen: Pen) -> Stroke {
         line_join: LineJoin::Round,
         dash: pen.dash.and_then(|[on, off]| StrokeDash::new(vec![on, off], 0.0)),
         ..Stroke::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::plot::{INK, label};
+
+    /// The time to cut grows with what is shown and not with what is cut: the squared number of these would take days.
+    #[test]
+    fn a_name_may_be_as_long_as_it_likes() {
+        let typ = Type { colour: INK, ..label(Anchor::Start) };
+        let cut = fitted(&"wide ".repeat(1_000_000), typ, 300.0);
+        assert!(cut.ends_with('…') && text_width(&cut, typ.size, typ.bold) <= 300.0, "{cut}");
+        assert!(text_width(&cut, typ.size, typ.bold) > 250.0, "{cut}");
+        assert_eq!(fitted("short", typ, 300.0), "short");
     }
 }

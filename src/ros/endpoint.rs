@@ -9,7 +9,7 @@ use byteorder::{BigEndian, LittleEndian};
 
 use super::messages::RosMessage;
 use super::recorder::Tap;
-use ros2_guarded::{Delivery, Link, Mailbox, Unsent, cdr, publication, times_of};
+use ros2_guarded::{Delivery, Link, Mailbox, Unsent, cdr, origin_of, publication, times_of};
 
 /// A publisher that knows how many subscriptions it has.
 pub struct Output<M: serde::Serialize> {
@@ -155,10 +155,15 @@ impl<M: RosMessage + 'static> Input<M> {
 
     /// Waits for the next message. One that can't be decoded is reported and skipped.
     pub async fn next(&self) -> M {
+        self.next_from().await.0
+    }
+
+    /// As [`Input::next`], with a number that stands for the publisher.
+    pub async fn next_from(&self) -> (M, u64) {
         loop {
             let delivery = self.mailbox.next().await;
             if let Some((message, _)) = self.read(&delivery) {
-                return message;
+                return (message, origin_of(&delivery.stamp));
             }
         }
     }

@@ -16,6 +16,8 @@ use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
 use super::arguments::LogArguments;
+use crate::report::printable;
+
 pub use ros2_guarded::Throttle;
 
 /// Severity as ROS 2 numbers it.
@@ -244,7 +246,7 @@ impl<S: Subscriber> Layer<S> for RosLayer {
         let record = Record {
             wall_nanos: i64::try_from(wall.as_nanos()).unwrap_or(i64::MAX),
             severity: Severity::of(*metadata.level()),
-            message: text.0,
+            message: printable::line(&text.0).into_owned(),
             file: metadata.file().unwrap_or(""),
             line: metadata.line().unwrap_or(0),
         };

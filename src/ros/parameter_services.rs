@@ -7,7 +7,7 @@ use ros2_client::parameters::{ParameterDescriptor, ParameterValue, raw};
 use ros2_client::rcl_interfaces as rcl;
 
 use super::clock::NodeClock;
-use super::parameters::Parameters;
+use super::parameters::{Parameters, shown};
 use super::participant::{Output, Participant, ParticipantError};
 use super::service::Service;
 
@@ -58,7 +58,7 @@ impl ParameterServices {
             values: q
                 .names
                 .iter()
-                .map(|n| parameters.describe(n).unwrap_or_else(|| ParameterDescriptor::unknown(n)).into())
+                .map(|n| parameters.describe(n).unwrap_or_else(|| ParameterDescriptor::unknown(&shown(n))).into())
                 .collect(),
         });
         self.set.answer(|q| rcl::SetParametersResponse {
@@ -87,7 +87,7 @@ impl ParameterServices {
                 raw::SetParametersResult { successful: true, reason: String::new() }
             }
             Err((name, reason)) => {
-                raw::SetParametersResult { successful: false, reason: format!("parameter `{name}` {reason}") }
+                raw::SetParametersResult { successful: false, reason: format!("parameter `{}` {reason}", shown(&name)) }
             }
         }
     }

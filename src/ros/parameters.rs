@@ -293,7 +293,21 @@ impl Parameters {
     }
 }
 
+/// Longest name that is compared with those that are known, and said again in a message, in characters.
+const LONGEST_NAME: usize = 200;
+
+/// A name as a message says it: a caller's may be as long as it likes.
+pub(super) fn shown(name: &str) -> String {
+    match name.char_indices().nth(LONGEST_NAME) {
+        None => name.to_owned(),
+        Some((end, _)) => format!("{}...", &name[..end]),
+    }
+}
+
 fn unknown<'a>(name: &str, known: impl Iterator<Item = &'a String>) -> String {
+    if name.chars().nth(LONGEST_NAME).is_some() {
+        return format!("is not declared; no name has more than {LONGEST_NAME} characters");
+    }
     let nearest = known.min_by_key(|k| strsim::damerau_levenshtein(k, name));
     nearest.map_or_else(|| "is not declared".to_owned(), |n| format!("is not declared; the nearest name is `{n}`"))
 }
@@ -340,6 +354,14 @@ mod tests {
             let message = declare(line).unwrap_err().to_string();
             assert!(message.contains(word), "{line}: {message}");
         }
+    }
+
+    /// Comparing a megabyte with every known name would take minutes and hundreds of megabytes.
+    #[test]
+    fn a_name_of_any_length_is_refused_in_a_line() {
+        let (p, _) = declare("").unwrap();
+        let (name, reason) = p.set(&[("x".repeat(4 << 20), ParameterValue::NotSet)]).unwrap_err();
+        assert!(shown(&name).len() < 300 && reason.len() < 300, "{reason}");
     }
 
     #[test]

@@ -20,11 +20,11 @@ pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
 #[must_use]
 pub fn declarations(scene: &Scene) -> Vec<Declaration> {
     scene
-        .paths()
+        .entries()
         .into_iter()
-        .filter_map(|path| {
+        .filter_map(|(path, value)| {
             let key = keys::find(&path)?;
-            let default = to_parameter(&scene.get(&path)?);
+            let default = to_parameter(&value);
             let range = match key.kind {
                 // The closed interval; ends that are not allowed are refused by the scene itself.
                 Kind::Real(range) => Range::Double(range.low, range.high),

@@ -63,6 +63,10 @@ pub struct Caller {
     header: Vec<u8>,
 }
 
+/// Longest call and answer, bytes: what goes into one UDP packet. The fragments of longer ones are malformed for other
+/// implementations of DDS.
+const LONGEST_CALL: usize = 60_000;
+
 /// A service server.
 pub struct Service<Q, R> {
     mailbox: Mailbox,
@@ -105,6 +109,9 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
     }
 
     fn split(&self, id: Stamp, bytes: &[u8]) -> Result<(Caller, Q), String> {
+        if bytes.len() > LONGEST_CALL {
+            return Err(format!("it has {} bytes, and {LONGEST_CALL} are taken", bytes.len()));
+        }
         let split = if self.mapping.of(&id) == ServiceMapping::Cyclone { CYCLONE_HEADER } else { 0 };
         let (header, body) = bytes.split_at_checked(split).ok_or_else(|| format!("it has {} bytes", bytes.len()))?;
         let (request, _) = cdr_encoding::from_bytes::<Q, LittleEndian>(body).map_err(|e| e.to_string())?;
@@ -126,7 +133,14 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         let sent = self.link.send(Head::of(Kind::Response, self.endpoint, caller.id), false, |bytes| {
             bytes.extend(&caller.header);
             // The header's 16 bytes keep the alignment of what follows.
-            cdr(bytes, response)
+            let before = bytes.len();
+            cdr(bytes, response)?;
+            match bytes.len() - before {
+                length if length > LONGEST_CALL => {
+                    Err(format!("it has {length} bytes, and {LONGEST_CALL} are sent: ask for less at once"))
+                }
+                _ => Ok(()),
+            }
         });
         if let Err(reason) = sent {
             tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);

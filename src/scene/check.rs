@@ -1,11 +1,18 @@
 //! Consistency of a scene: whether its parts fit together, beyond the ranges of single keys.
 
+use std::collections::BTreeSet;
+
 use super::size::MEMORY_LIMIT;
 use super::values::Values;
 use super::{Dimension, Instrument, InstrumentKind, MaterialModel, Scene, SceneError, Shape, Value};
 
 /// Most poses that a scene's own motion may have.
 const MOST_POSES: f64 = 1e7;
+
+/// Largest Poisson's ratio for which the law's accuracy was shown (`docs/lab/poisson_ratio.md`): up to there the force on plate,
+/// indenter and needle goes on its flat way to that of an incompressible tissue. At 0.49999 the round-off of the pressure shows,
+/// from 0.499999 on it governs.
+pub const LARGEST_POISSON_RATIO: f64 = 0.4999;
 
 /// Smallest size of an Ogden exponent: below it, differences of the powers are lost in round-off.
 const LEAST_EXPONENT: f64 = 0.01;
@@ -38,6 +45,15 @@ impl Check<'_> {
 
     fn material(&self) -> Result<(), SceneError> {
         let material = &self.scene.material;
+        if material.poisson_ratio.get() > LARGEST_POISSON_RATIO {
+            return self.refuse(
+                "material.poisson_ratio",
+                format!(
+                    "the law's accuracy was shown in (-1, {LARGEST_POISSON_RATIO}]; beyond, the pressure drowns in round-off, while the \
+                     force at {LARGEST_POISSON_RATIO} is within some 0.2 % of that of an incompressible tissue"
+                ),
+            );
+        }
         if let MaterialModel::Ogden(ogden) = &material.model {
             const KEY: &str = "material.ogden_exponents";
             if ogden.terms().is_empty() {
@@ -218,11 +234,12 @@ impl Check<'_> {
     }
 
     fn targets(&self) -> Result<(), SceneError> {
+        let mut names = BTreeSet::new();
         for (i, target) in self.scene.targets.iter().enumerate() {
             if target.name.trim().is_empty() {
                 return self.refuse(&format!("targets.{i}.name"), "a target needs a name".to_owned());
             }
-            if self.scene.targets[..i].iter().any(|other| other.name == target.name) {
+            if !names.insert(target.name.as_str()) {
                 return self.refuse(&format!("targets.{i}.name"), "two targets have this name".to_owned());
             }
             if !is_inside(&self.scene.sample.shape, target.position) {

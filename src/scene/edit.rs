@@ -137,6 +137,13 @@ impl Scene {
         self.to_values().get(path).cloned()
     }
 
+    /// Every key that applies to this scene with its value, as [`Scene::paths`] and [`Scene::get`] give them one by one.
+    #[must_use]
+    pub fn entries(&self) -> Vec<(String, Value)> {
+        let values = self.to_values();
+        self.paths().into_iter().filter_map(|path| values.get(&path).cloned().map(|value| (path, value))).collect()
+    }
+
     /// Paths of every key that applies to this scene, targets by their index, in the order of the registry.
     #[must_use]
     pub fn paths(&self) -> Vec<String> {

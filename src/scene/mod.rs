@@ -34,6 +34,7 @@ mod value;
 mod values;
 mod words;
 
+pub use check::LARGEST_POISSON_RATIO;
 pub use discretisation::{Dimension, Discretisation, Grading, Method};
 pub use edit::{NewValue, Override};
 pub use error::SceneError;

@@ -12,7 +12,7 @@ const QUOTED: usize = 60;
 
 /// Reads and checks every key of a scene file.
 pub(super) fn parse(text: &str, origin: &str) -> Result<Values, SceneError> {
-    let source = Source { text, origin };
+    let source = Source { text, origin, lines: text.match_indices('\n').map(|(at, _)| at + 1).collect() };
     let document = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
     let mut values = Values::new(origin);
     for (name, value) in in_file_order(document.get_ref()) {
@@ -33,6 +33,8 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Values, SceneError> {
 struct Source<'a> {
     text: &'a str,
     origin: &'a str,
+    /// Where each line but the first begins, in bytes.
+    lines: Vec<usize>,
 }
 
 impl Source<'_> {
@@ -106,10 +108,10 @@ impl Source<'_> {
 
     /// Line and column of a byte offset, both from 1.
     fn line_column(&self, offset: usize) -> (usize, usize) {
-        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
-        let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
-        let column = before.iter().rev().take_while(|&&byte| byte != b'\n').count() + 1;
-        (line, column)
+        let offset = offset.min(self.text.len());
+        let before = self.lines.partition_point(|&start| start <= offset);
+        let start = before.checked_sub(1).map_or(0, |last| self.lines[last]);
+        (before + 1, offset - start + 1)
     }
 
     /// The value as the file has it, shortened.

@@ -106,11 +106,12 @@ impl Values {
 
     /// Number of targets: the length of the unbroken run of indices from 0.
     pub(super) fn targets(&self) -> usize {
-        let named = |i: usize| {
-            let prefix = format!("targets.{i}.");
-            self.entries.range(prefix.clone()..).next().is_some_and(|(path, _)| path.starts_with(&prefix))
-        };
-        (0..).take_while(|&i| named(i)).count()
+        (0..).take_while(|&i| self.has_target(i)).count()
+    }
+
+    fn has_target(&self, i: usize) -> bool {
+        let prefix = format!("targets.{i}.");
+        self.entries.range(prefix.clone()..).next().is_some_and(|(path, _)| path.starts_with(&prefix))
     }
 
     /// Refuses keys that don't go with the word of the key that selects them.
@@ -183,7 +184,7 @@ impl Values {
     /// Refuses an index of `targets` that would leave a hole.
     pub(super) fn check_target_index(&self, path: &str, place: &str) -> Result<(), SceneError> {
         match split_target(path) {
-            Some((index, _)) if index > self.targets() => Err(SceneError::Inconsistent {
+            Some((index, _)) if index > 0 && !self.has_target(index - 1) => Err(SceneError::Inconsistent {
                 place: place.to_owned(),
                 key: path.to_owned(),
                 value: format!("index {index}"),

@@ -10,6 +10,7 @@ use mtled::cloud::{BASE, Cloud, TOP};
 use mtled::solver::{Role, Solver, SolverSettings};
 
 use super::pace::Pace;
+use super::recover::Saved;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
 use super::{Body, BuildError, Fixed, Progress, Twin, axisymmetric, edge};
@@ -53,6 +54,7 @@ impl Twin {
         Ok(Self {
             fixed: Arc::new(fixed),
             solver,
+            saved: Saved::new(contact.clone()),
             contact,
             progress: Progress::new(pace),
             counters: Counters::default(),

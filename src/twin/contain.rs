@@ -7,12 +7,18 @@
 use mtled::material::neo_hookean::{cofactor, determinant};
 use mtled::solver::{Advance, Balance};
 
-use super::{Halt, Trouble, Twin};
+use crate::instrument::Tip;
+
+use super::{Halt, Phase, Trouble, Twin};
 
 /// Steps between two saved states.
 const SAVE: u32 = 64;
 /// Attempts after a divergence, each with twice the mass and twice the steps of the one before.
 pub(super) const TRIES: u32 = 6;
+/// Steps of all tries together, if one pose alone has fewer: six tries of a pose of [`SAVE`] steps.
+const MOST_STEPS: u32 = 128 * SAVE;
+/// The same over what one pose may cost, where there is a limit on that: a live twin is back within a second.
+const MOST_POSES: u32 = 100;
 /// Volume ratio at which a point counts as inverted.
 const INVERTED: f64 = 1e-3;
 /// Kinetic over strain energy beyond which a motion is not quasi-static.
@@ -26,7 +32,8 @@ impl Twin {
         &mut self,
         steps: u32,
         travel: f64,
-        depth_m: f64,
+        tip: &Tip,
+        phase: Phase,
         time_s: f64,
     ) -> Result<Balance, Halt> {
         self.solver.refresh_if_due();
@@ -36,13 +43,17 @@ impl Twin {
         self.progress.steps_since_save += steps;
         let mut balance = self.solver.balance();
         let mut finer = steps.max(SAVE);
-        for _ in 0..TRIES {
+        let mut left = self.progress.pace.limit.saturating_mul(MOST_POSES).clamp(2 * finer, MOST_STEPS.max(4 * finer));
+        let mut tries = 0;
+        while tries < TRIES && left > finer {
             if self.trouble(&balance).is_none() {
-                self.keep(time_s);
+                self.keep(tip, phase, time_s);
                 return Ok(balance);
             }
+            tries += 1;
             self.progress.recoveries += 1;
             finer = finer.saturating_mul(2);
+            left = left.saturating_sub(finer);
             self.solver.restore(2.0);
             self.solver.relax_again(time_s);
             self.solver.refresh_step();
@@ -52,18 +63,19 @@ impl Twin {
         }
         match self.trouble(&balance) {
             None => {
-                self.keep(time_s);
+                self.keep(tip, phase, time_s);
                 Ok(balance)
             }
-            Some(trouble) => Err(Halt::Diverged { trouble, tries: TRIES, step: self.progress.steps, depth_m }),
+            Some(trouble) => Err(Halt::Diverged { trouble, tries, step: self.progress.steps, depth_m: tip.depth }),
         }
     }
 
     /// The present state is good.
-    fn keep(&mut self, time_s: f64) {
+    fn keep(&mut self, tip: &Tip, phase: Phase, time_s: f64) {
         self.solver.commit(time_s);
         if self.progress.steps_since_save >= SAVE {
             self.solver.save();
+            self.keep_place(tip.offset, tip.axis_at(0.0), tip.depth, phase);
             self.progress.steps_since_save = 0;
         }
     }
@@ -135,5 +147,19 @@ mod tests {
             panic!("{:?}", twin.trouble(&good));
         };
         assert!(volume_ratio < INVERTED && (0.0..=twin.fixed.height).contains(&place[2]), "{volume_ratio} {place:?}");
+    }
+
+    /// The tries of a live twin cost no more than a second of its poses, and those that hold no numbers end at once.
+    #[test]
+    fn the_tries_are_bounded() {
+        let mut twin = Twin::new(&Scene::preset("compression").unwrap()).unwrap();
+        let tip = Tip { offset: [0.0, 0.0, -1e-3], depth: 1e-3, slope: [0.0; 2] };
+        for (limit, tries) in [(1, 1), (10, 3), (u32::MAX, TRIES)] {
+            twin.limit_steps(limit);
+            (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, [f64::NAN; 3]));
+            let lost = twin.advance_safely(limit.min(SAVE), 1e-3, &tip, Phase::Indentation, 0.0);
+            assert!(matches!(lost, Err(Halt::Diverged { tries: t, .. }) if t == tries), "{limit}: {lost:?}");
+            twin.reset();
+        }
     }
 }

@@ -61,6 +61,7 @@ impl Twin {
             solver: self.solver.branch(),
             contact: self.contact.clone(),
             progress: self.progress.clone(),
+            saved: self.saved.clone(),
             counters: super::Counters::default(),
         }
     }
@@ -74,6 +75,7 @@ impl Twin {
         }
         self.progress.clone_from(&live.progress);
         self.progress.steps_since_save = 0;
+        self.progress.lost = None;
     }
 
     /// Makes a further motion from the pose at which the state was taken over, and says what every pose of it would
@@ -85,6 +87,8 @@ impl Twin {
     pub fn look_ahead(&mut self, from: &StampedPose, motion: &Motion, out: &mut Vec<Prediction>) -> Result<(), Halt> {
         out.clear();
         self.solver.settle();
+        let (tip, shaft, phase) = (self.progress.tip, self.progress.shaft, self.progress.phase);
+        self.keep_place(tip, shaft, self.depth_of(&from.pose), phase);
         self.limit_steps(motion.steps_per_pose);
         for i in 1..=motion.poses {
             out.push(self.step(motion.pose(from, i))?);

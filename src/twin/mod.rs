@@ -9,10 +9,12 @@ mod look_ahead;
 mod mesh;
 mod observe;
 mod pace;
+mod recover;
 mod step;
 #[cfg(test)]
 mod tests;
 mod tissue;
+mod way;
 mod work;
 
 use std::sync::Arc;
@@ -28,6 +30,7 @@ pub use look_ahead::Motion;
 pub use work::Work;
 
 use pace::Pace;
+use recover::{Lost, Saved};
 use tissue::Tissue;
 use work::Counters;
 
@@ -84,7 +87,7 @@ pub struct Prediction {
     pub health: Health,
 }
 
-/// Why the twin can't go on. The state is unusable until [`Twin::reset`].
+/// Why a pose has no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Halt {
@@ -94,7 +97,8 @@ pub enum Halt {
         /// What is wrong with it.
         reason: String,
     },
-    /// The solution diverged.
+    /// The solution diverged. The twin is back in its last saved state and tries the next poses from there: a few of any depth,
+    /// then those that are no deeper, at the latest when the instrument is out of the tissue. Those that it doesn't try get this.
     #[error(
         "the solution diverged at step {step}, depth {depth_m:.6} m, after {tries} tries with ever smaller steps: {trouble}"
     )]
@@ -179,6 +183,8 @@ pub struct Twin {
     solver: Solver,
     contact: Option<Contact>,
     progress: Progress,
+    /// Where the instrument was at the solver's saved state.
+    saved: Saved,
     /// What was computed beside the force.
     counters: Counters,
 }
@@ -215,6 +221,10 @@ struct Progress {
     /// Where the instrument's axis met the undeformed top at the last pose, relative to the entry point, m.
     shaft: [f64; 2],
     phase: Phase,
+    /// Time of the last pose that was answered, s.
+    seen_s: Option<f64>,
+    /// The loss of the solution that the twin has not come back from.
+    lost: Option<Lost>,
 }
 
 impl Progress {
@@ -229,6 +239,8 @@ impl Progress {
             tip: [0.0; 3],
             shaft: [0.0; 2],
             phase: Phase::Approach,
+            seen_s: None,
+            lost: None,
         }
     }
 }

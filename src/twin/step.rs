@@ -1,6 +1,7 @@
 //! A pose in, a prediction out.
 
 use crate::instrument::Tip;
+use crate::instrument::reading::not_a_place;
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
@@ -17,9 +18,6 @@ const INSERTED_ALIGNMENT: f64 = 0.35;
 const SYMMETRIC: f64 = 2e-3;
 /// Steps between two measurements of the constraint error.
 const LOOK: u64 = 64;
-/// Length of the moves into which a large jump of the instrument is divided, over the height of the body. A jump of less
-/// than two of them is made at once.
-const STRIDE: f64 = 0.0125;
 
 impl Twin {
     /// Advances the tissue to a pose and predicts the force.
@@ -31,34 +29,38 @@ impl Twin {
     /// [`Halt::Pose`] if the pose can't be used (state untouched), [`Halt::Diverged`] if the solution is lost.
     pub fn step(&mut self, pose: StampedPose) -> Result<Prediction, Halt> {
         let tip = self.admit(&pose)?;
+        self.try_again(&tip)?;
+        let outcome = self.walk(pose, tip);
+        match &outcome {
+            Ok(_) => (self.progress.lost, self.progress.seen_s) = (None, Some(pose.time_s)),
+            Err(halt) => self.fall_back(halt, tip.depth),
+        }
+        outcome
+    }
+
+    /// As [`Twin::step`], for a stream that comes from an instrument: a jump that no instrument makes is refused. What it
+    /// may make in the time since the last pose is in [`crate::instrument::reading::SPEED_M_PER_S`], or twice the speed of the
+    /// scene's own motion.
+    ///
+    /// # Errors
+    /// As [`Twin::step`]; [`Halt::Pose`] for a jump.
+    pub fn follow(&mut self, pose: StampedPose) -> Result<Prediction, Halt> {
+        let tip = self.admit(&pose)?;
+        if let Some(reason) = self.too_fast(&tip, pose.time_s) {
+            return Err(Halt::Pose { reason });
+        }
+        self.step(pose)
+    }
+
+    fn walk(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
         let (mut steps, mut event) = (0_u32, None);
-        for between in self.way(tip) {
+        for between in self.way(&tip).places() {
             let prediction = self.go(pose, between)?;
             steps = steps.saturating_add(prediction.steps);
             event = event.or(prediction.event);
         }
         let last = self.go(pose, tip)?;
         Ok(Prediction { steps: steps.saturating_add(last.steps), event: event.or(last.event), ..last })
-    }
-
-    /// Intermediate positions on the straight line to a distant one, without its end. In one move the needle preset's
-    /// solution is lost in half of the jumps of 1.0 mm. Only the part below the surface counts; the sample bounds it.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
-    fn way(&self, to: Tip) -> impl Iterator<Item = Tip> + use<> {
-        let (from, stride) = (self.progress.tip, STRIDE * self.fixed.height);
-        let (start, end) = (from[2], to.offset[2]);
-        // shares of the line at which it crosses the surface
-        let enters = if start > 0.0 { start / (start - end) } else { 0.0 };
-        let leaves = if end > 0.0 { start / (start - end) } else { 1.0 };
-        let inside = if start.min(end) < 0.0 { leaves - enters } else { 0.0 };
-        let far = inside * (0..3).map(|k| (to.offset[k] - from[k]).powi(2)).sum::<f64>().sqrt();
-        let strides = if far > 2.0 * stride { (far / stride).ceil() as u32 } else { 0 };
-        let secant = (1.0 + to.slope.iter().map(|s| s * s).sum::<f64>()).sqrt();
-        let share = move |i: u32| enters + inside * f64::from(i) / f64::from(strides);
-        (0..=strides).map(share).filter(|share| (f64::MIN_POSITIVE..1.0).contains(share)).map(move |share| {
-            let offset: [f64; 3] = std::array::from_fn(|k| from[k] + share * (to.offset[k] - from[k]));
-            Tip { offset, depth: -offset[2] * secant, slope: to.slope }
-        })
     }
 
     /// Takes the tissue to a place at once.
@@ -79,7 +81,7 @@ impl Twin {
             let relaxed = self.solver.stress_relaxation(pose.time_s);
             let steps = self.progress.pace.steps(distance, self.solver.slowest(), relaxed);
             if steps > 0 {
-                let balance = self.advance_safely(steps, travel, tip.depth, pose.time_s)?;
+                let balance = self.advance_safely(steps, travel, &tip, phase, pose.time_s)?;
                 self.progress.pace.judge(&balance, distance > 0.0);
                 advanced = Some(balance);
                 taken = steps;
@@ -129,11 +131,7 @@ impl Twin {
 
     /// Back to the undeformed state.
     pub fn reset(&mut self) {
-        self.solver.reset();
-        if let Some(contact) = &mut self.contact {
-            contact.reset(&mut self.solver);
-        }
-        self.progress.pace.reset();
+        self.undeform();
         self.progress = Progress::new(self.progress.pace.clone());
     }
 
@@ -154,6 +152,11 @@ impl Twin {
         if !(pose.time_s.is_finite() && tip.iter().chain(&axis).all(|x| x.is_finite())) {
             return refuse("it holds a number that is not finite".into());
         }
+        let path = self.path();
+        let offset = [tip[0] - path.entry[0], tip[1] - path.entry[1], tip[2] - self.fixed.top];
+        if let Some(reason) = not_a_place(&offset, pose.time_s) {
+            return refuse(reason);
+        }
         let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
         if (length - 1.0).abs() > 1e-3 {
             return refuse(format!("its axis has length {length:.4}, not 1"));
@@ -172,8 +175,6 @@ impl Twin {
                 axis[0], axis[1], axis[2], own[0], own[1], own[2]
             ));
         }
-        let path = self.path();
-        let offset = [tip[0] - path.entry[0], tip[1] - path.entry[1], tip[2] - self.fixed.top];
         let depth = self.depth_of(&pose.pose);
         if depth >= self.fixed.reach {
             return refuse(format!(

@@ -247,9 +247,17 @@ fn a_reader_who_has_had_enough_is_no_failure() {
     assert!(stderr.is_empty(), "{stderr}");
 }
 
-#[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_what_is_done() {
+    a_signal_keeps_what_is_done("-INT");
+}
+
+#[test]
+fn so_does_sigterm() {
+    a_signal_keeps_what_is_done("-TERM");
+}
+
+fn a_signal_keeps_what_is_done(signal: &str) {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("out");
     let child = std::process::Command::new(env!("CARGO_BIN_EXE_needle_twin"))
@@ -262,7 +270,7 @@ fn ctrl_c_keeps_what_is_done() {
     // long enough for a line of how it goes, where there is no terminal
     sleep(Duration::from_secs(8));
     let pid = child.id().to_string();
-    assert!(std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    assert!(std::process::Command::new("kill").args([signal, &pid]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(3), "finished, but not all of it: {stderr}");
@@ -271,4 +279,7 @@ fn ctrl_c_keeps_what_is_done() {
     assert!(line.contains(" of 1000001 poses, indentation: depth ") && line.contains("times real time"), "{stderr}");
     let metrics: Value = serde_json::from_slice(&std::fs::read(out.join("metrics.json")).unwrap()).unwrap();
     assert!(metrics["losses"][0].as_str().unwrap().contains("interrupted"));
+    let names = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let partial: Vec<String> = names.filter(|name| name.contains("partial")).collect();
+    assert!(partial.is_empty(), "{partial:?}");
 }

@@ -167,3 +167,54 @@ fn what_can_be_read_of_a_truncated_bag_is_used() {
         assert!(!metrics["losses"].as_array().unwrap().is_empty());
     }
 }
+
+/// The checksum at the end of the data is another one than that of the data; each chunk is sound by itself.
+#[test]
+fn a_bag_that_was_altered_is_said_wherever_it_is_read() {
+    const DATA_END: u8 = 0x0f;
+    let folder = TempDir::new().unwrap();
+    let bag = RigBag::default().write(folder.path(), "rig");
+    let mcap = bag.join("rig_0.mcap");
+    let mut bytes = std::fs::read(&mcap).unwrap();
+    // records after the mark of 8 bytes: kind u8, length u64, content
+    let mut record = 8;
+    while bytes[record] != DATA_END {
+        record += 9 + u64::from_le_bytes(bytes[record + 1..record + 9].try_into().unwrap()) as usize;
+    }
+    bytes[record + 9] ^= 1;
+    std::fs::write(&mcap, bytes).unwrap();
+    let (code, metrics, stderr) = replay(&bag, &[]);
+    assert_eq!((code, metrics["poses"].as_u64()), (3, Some(50)), "{stderr}");
+    assert!(stderr.contains("checksum") && stderr.contains("rig_0.mcap"), "{stderr}");
+    for (command, expected) in [(&["bag", "info"][..], 3), (&["bag", "check"], 3)] {
+        let output = Command::new(env!("CARGO_BIN_EXE_needle_twin")).args(command).arg(&bag).output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        assert!(String::from_utf8_lossy(&said).contains("checksum"), "{command:?}");
+        assert_eq!(output.status.code(), Some(expected), "{command:?}");
+    }
+}
+
+/// A reading of an instrument that has no such range, in place of one reading: left out, said, and the rest as without.
+#[test]
+fn a_reading_that_no_instrument_gives_costs_itself_only() {
+    let folder = TempDir::new().unwrap();
+    for (name, nonsense) in [("far", -1e300), ("deep", 1e300), ("up", -1e9)] {
+        let bag = RigBag { nonsense: Some((20, nonsense)), ..RigBag::default() }.write(folder.path(), name);
+        let (code, metrics, stderr) = replay(&bag, &[]);
+        assert_eq!((code, metrics["poses"].as_u64()), (3, Some(49)), "{stderr}");
+        assert!(stderr.contains("1 of the poses refused") && stderr.contains("[-10, 10] m"), "{stderr}");
+    }
+}
+
+/// Names from a file reach the terminal as text.
+#[test]
+fn a_name_is_shown_and_not_obeyed() {
+    let folder = TempDir::new().unwrap();
+    let topic = "/a\u{1b}[2Jb\nerror: c/measured_js";
+    let bag = RigBag { depth_topic: Some(topic), ..RigBag::default() }.write(folder.path(), "rig");
+    for command in [&["bag", "info"][..], &["bag", "check"], &["replay"]] {
+        let output = Command::new(env!("CARGO_BIN_EXE_needle_twin")).args(command).arg(&bag).output().unwrap();
+        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(!said.contains('\u{1b}') && !said.lines().any(|line| line.starts_with("error: c")), "{said:?}");
+    }
+}

@@ -9,6 +9,7 @@ mod coarse;
 #[path = "../common/mod.rs"]
 mod common;
 mod determinism;
+mod door;
 mod force_balance;
 mod invariance;
 mod least_work;
@@ -19,6 +20,7 @@ mod relaxation;
 mod scenes;
 mod stable_step;
 mod supports;
+mod sweep;
 #[path = "../synthetic_run/mod.rs"]
 mod synthetic_run;
 mod twin;

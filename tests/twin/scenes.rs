@@ -258,6 +258,8 @@ fn values_out_of_range_are_named_with_the_range() {
         ("material.poisson_ratio", "0.5", &["0.5", "(-1, 0.5)", "bulk modulus", "infinite"] as &[&str]),
         ("material.poisson_ratio", "-1", &["-1", "(-1, 0.5)"]),
         ("material.poisson_ratio", "nan", &["nan", "(-1, 0.5)"]),
+        ("material.poisson_ratio", "0.49991", &["0.49991", "(-1, 0.4999]", "round-off"]),
+        ("material.poisson_ratio", "0.49999999999999994", &["(-1, 0.4999]"]),
         ("material.shear_modulus_pa", "-5", &["-5", "(0, ", "Pa"]),
         ("material.shear_modulus_pa", "soft", &["soft", "text", "number in"]),
         ("discretisation.spacing_m", "0", &["0.0", "(0, "]),

@@ -20,6 +20,7 @@ mod graph;
 mod health;
 mod keeper;
 mod link;
+mod loopback;
 mod process;
 pub mod qos;
 mod raw;
@@ -38,7 +39,7 @@ pub use link::{Delivery, Inlets, Link, Mailbox, Unsent, cdr, publication};
 pub use process::serve;
 pub use raw::RawCdr;
 pub use throttle::Throttle;
-pub use wire::{Endpoint, Head, Kind, Plan, Quality, Role, Stamp, times_of, wall_nanos};
+pub use wire::{Endpoint, Head, Kind, Plan, Quality, Role, Stamp, origin_of, times_of, wall_nanos};
 
 /// First argument of the program when it is to be a middleware process.
 const ARGUMENT: &str = "__middleware";

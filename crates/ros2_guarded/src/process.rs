@@ -3,6 +3,7 @@
 
 use std::ffi::OsString;
 use std::future::Future;
+use std::hash::{Hash as _, Hasher as _};
 use std::io::{self, Write as _};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::os::fd::AsFd;
@@ -22,6 +23,7 @@ use ros2_client::{
 
 use super::ARGUMENT;
 use super::graph::{EndpointRecord, Graph};
+use super::loopback;
 use super::services::{ORDERS, Order, ReplyReaders, Served, be_answered, be_asked, obey, reply_topic};
 use super::uplink::Uplink;
 use super::watch::{Finding, LOOK, Voice, Watch, threads};
@@ -116,6 +118,9 @@ impl Domain {
         let participant = builder.build().map_err(|e| what(&e))?;
         let ear = ear(plan.domain, participant.participant_id());
         let context = Context::from_domain_participant(participant).map_err(|e| what(&e))?;
+        if plan.localhost {
+            confine_to_loopback(uplink);
+        }
         let full = format!("{}/{}", plan.namespace.trim_end_matches('/'), plan.node);
         let of_node = |e: &dyn std::fmt::Display| format!("{full}: {e}");
         let name = NodeName::new(&plan.namespace, &plan.node).map_err(|e| of_node(&e))?;
@@ -244,6 +249,19 @@ impl Domain {
     }
 }
 
+/// Leaves no socket open to other machines, or says so.
+fn confine_to_loopback(uplink: &Uplink) {
+    if let Err(error) = loopback::confine() {
+        uplink.log(
+            log::Level::Warn,
+            &format!(
+                "sockets can't be bound to the loopback device ({error}): packets that others send to this machine's RTPS ports \
+                 are read; keep them out with a firewall"
+            ),
+        );
+    }
+}
+
 /// Where RustDDS listens for the participant's messages (RTPS: 7400 + 250 domain + 11 + 2 participant).
 fn ear(domain: u16, participant: u16) -> SocketAddr {
     SocketAddr::from((Ipv4Addr::LOCALHOST, 7411_u16.wrapping_add(250 * domain).wrapping_add(2 * participant)))
@@ -287,11 +305,18 @@ fn stamps(info: &MessageInfo) -> [i64; 2] {
     [received, info.source_timestamp().map_or(received, |t| t.to_nanos())]
 }
 
+/// A number that stands for the publisher.
+fn origin(info: &MessageInfo) -> u64 {
+    let mut hasher = std::hash::DefaultHasher::new();
+    info.publisher_gid().hash(&mut hasher);
+    hasher.finish()
+}
+
 async fn hear(number: u16, subscription: &Subscription<RawCdr>, uplink: &Uplink) {
     loop {
         match subscription.async_take().await {
             Ok((raw, info)) => {
-                let head = Head::of(Kind::Message, number, times(stamps(&info)));
+                let head = Head::of(Kind::Message, number, times(stamps(&info), origin(&info)));
                 uplink.send(Head { flag: u8::from(raw.is_big_endian()), ..head }, raw.as_slice());
             }
             // a representation that is not plain CDR

@@ -68,7 +68,8 @@ impl Kind {
     }
 }
 
-/// Times of a message (ns since 1970: received, sent), or who asked (GUID and number of the request).
+/// Times of a message (ns since 1970: received, sent) and a number that stands for its publisher, or who asked (GUID and number of
+/// the request).
 pub type Stamp = [u8; 24];
 
 /// Wall time, ns since 1970.
@@ -79,9 +80,10 @@ pub fn wall_nanos() -> i64 {
         .map_or(0, |elapsed| i64::try_from(elapsed.as_nanos()).unwrap_or(i64::MAX))
 }
 
-/// Two times as a stamp.
-pub fn times([received, sent]: [i64; 2]) -> Stamp {
+/// Two times and a publisher as a stamp.
+pub fn times([received, sent]: [i64; 2], origin: u64) -> Stamp {
     let mut stamp = [0; 24];
+    stamp[16..].copy_from_slice(&origin.to_ne_bytes());
     stamp[..8].copy_from_slice(&received.to_ne_bytes());
     stamp[8..16].copy_from_slice(&sent.to_ne_bytes());
     stamp
@@ -93,6 +95,14 @@ pub fn times_of(stamp: &Stamp) -> [i64; 2] {
     received.copy_from_slice(&stamp[..8]);
     sent.copy_from_slice(&stamp[8..16]);
     [i64::from_ne_bytes(received), i64::from_ne_bytes(sent)]
+}
+
+/// The publisher of a stamp.
+#[must_use]
+pub fn origin_of(stamp: &Stamp) -> u64 {
+    let mut origin = [0; 8];
+    origin.copy_from_slice(&stamp[16..]);
+    u64::from_ne_bytes(origin)
 }
 
 /// A caller as a stamp.
@@ -365,6 +375,7 @@ mod tests {
         for profile in [qos::sensor(5), qos::reliable(7), qos::latched(), qos::service()] {
             assert_eq!(QosProfile::from(Quality::from(&profile)), profile);
         }
-        assert_eq!(times_of(&times([-1, i64::MAX])), [-1, i64::MAX]);
+        let stamp = times([-1, i64::MAX], 7);
+        assert_eq!((times_of(&stamp), origin_of(&stamp)), ([-1, i64::MAX], 7));
     }
 }

@@ -1,11 +1,9 @@
 //! Deep check of a bag: can every reader read it, does it say the same everywhere, is all of it there.
 
 use super::error::BagError;
-use super::metadata::{Metadata, VERSION};
+use super::metadata::{Metadata, TopicCount, VERSION};
 use super::qos::Qos;
 use super::reader::{BagFile, BagReader, Topic};
-use super::record::{Fields, Footer, PREFIX, op};
-use super::source::Source;
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::schema::{missing_types, schema};
 use ros2_messages::{
@@ -15,6 +13,9 @@ use ros2_messages::{
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
+
+/// Topics of metadata.yaml by name.
+type Listed<'a> = BTreeMap<&'a str, &'a TopicCount>;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -131,7 +132,7 @@ fn check_yaml(folder: &Path, report: &mut CheckReport) -> Option<Metadata> {
     Some(metadata)
 }
 
-/// Header, own copy of metadata, checksum of the data.
+/// Header and own copy of metadata.
 fn check_file(file: &BagFile, yaml: Option<&Metadata>, report: &mut CheckReport) {
     let name = &file.name;
     if file.index.header.profile != "ros2" {
@@ -153,40 +154,14 @@ fn check_file(file: &BagFile, yaml: Option<&Metadata>, report: &mut CheckReport)
             _ => {}
         },
     }
-    match data_checksum(&file.source) {
-        Ok(Some((saved, found))) if saved != found => {
-            report.add(Severity::Lost, format!("{name}: the checksum of its data is {found:08x}, not {saved:08x}"));
-        }
-        Ok(_) => {}
-        Err(e) => report.add(Severity::Lost, format!("{name}: {e}")),
-    }
-}
-
-/// Saved and found checksum of everything before the data-end record, where there is one.
-fn data_checksum(source: &Source) -> std::io::Result<Option<(u32, u32)>> {
-    const DATA_END: u64 = PREFIX + 4;
-    let Some(tail) = source.len().checked_sub(Footer::TAIL) else { return Ok(None) };
-    let Some(footer) = Footer::parse_tail(&source.read(tail, Footer::TAIL)?) else { return Ok(None) };
-    let end = if footer.summary_start == 0 { tail } else { footer.summary_start };
-    let Some(data_end) = end.checked_sub(DATA_END) else { return Ok(None) };
-    let bytes = source.read(data_end, DATA_END)?;
-    let mut f = Fields(&bytes);
-    let (kind, length, saved) = (f.u8(), f.u64(), f.u32());
-    let Some(saved) = saved.filter(|s| *s != 0 && kind == Some(op::DATA_END) && length == Some(4)) else {
-        return Ok(None);
-    };
-    let mut hasher = crc32fast::Hasher::new();
-    let mut at = 0;
-    while at < data_end {
-        let piece = (data_end - at).min(1 << 20);
-        hasher.update(&source.read(at, piece)?);
-        at += piece;
-    }
-    Ok(Some((saved, hasher.finalize())))
 }
 
 /// Encodings, schemas, hashes and quality of service of each topic.
 fn check_topics(bag: &BagReader, yaml: Option<&Metadata>, report: &mut CheckReport) {
+    let listed: Option<Listed<'_>> = yaml.map(|yaml| {
+        // of several of one name the first counts
+        yaml.topics_with_message_count.iter().rev().map(|t| (t.topic_metadata.name.as_str(), t)).collect()
+    });
     for topic in bag.topics() {
         let name = &topic.name;
         if topic.encoding != "cdr" {
@@ -219,16 +194,16 @@ fn check_topics(bag: &BagReader, yaml: Option<&Metadata>, report: &mut CheckRepo
                 format!("{name}: its quality of service is written in numbers, as before Jazzy"),
             );
         }
-        if let Some(yaml) = yaml {
-            compare_topic(topic, yaml, report);
+        if let Some(listed) = &listed {
+            compare_topic(topic, listed, report);
         }
     }
 }
 
 /// One topic in the file and in metadata.yaml.
-fn compare_topic(topic: &Topic, yaml: &Metadata, report: &mut CheckReport) {
+fn compare_topic(topic: &Topic, listed: &Listed<'_>, report: &mut CheckReport) {
     let name = &topic.name;
-    let Some(entry) = yaml.topics_with_message_count.iter().find(|t| t.topic_metadata.name == *name) else {
+    let Some(entry) = listed.get(name.as_str()) else {
         report.error(format!("{name} is not listed in metadata.yaml: readers will not see it"));
         return;
     };

@@ -144,6 +144,18 @@ pub enum Loss {
         /// How many.
         messages: u64,
     },
+    /// A file was altered or damaged since it was written. What was read of it may be false.
+    #[error(
+        "{file}: the checksum of its data is {found:08x}, not {saved:08x}: it was altered or damaged, and what is read may be false"
+    )]
+    Checksum {
+        /// Name of the file.
+        file: String,
+        /// The checksum that was written.
+        saved: u32,
+        /// That of what is there.
+        found: u32,
+    },
     /// A file that metadata.yaml lists is not there.
     #[error("{file} is listed in metadata.yaml but is not there")]
     MissingFile {

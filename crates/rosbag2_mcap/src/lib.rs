@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod check;
+mod checksum;
 mod chunk;
 mod error;
 mod folder;

@@ -4,6 +4,7 @@
 //! three times (16 MiB + 64 times the file's size), whatever lengths the file declares; a sound recording takes a few
 //! chunks (megabytes).
 
+use super::checksum::data_checksum;
 use super::error::{BagError, Loss};
 use super::folder::{self, Located};
 use super::index::{FileIndex, read_index};
@@ -24,8 +25,8 @@ pub struct Topic {
     pub name: String,
     /// `package/msg/Type`.
     pub type_name: String,
-    /// Definition of the type, and its encoding (`ros2msg`).
-    pub schema: String,
+    /// Definition of the type, which topics of one type share.
+    pub schema: Arc<str>,
     /// Encoding of the definition.
     pub schema_encoding: String,
     /// Encoding of the messages, `cdr`.
@@ -97,8 +98,7 @@ impl BagReader {
             let index = read_index(&source, &name).map_err(open)?;
             bag.add(name, source, index);
         }
-        bag.compare_with_metadata();
-        Ok(Self(Arc::new(bag)))
+        bag.finish()
     }
 
     /// Opens an MCAP file that is in memory; `name` stands for it in messages.
@@ -123,8 +123,7 @@ impl BagReader {
         let (metadata, losses, warnings) = (None, Vec::new(), Vec::new());
         let mut bag = Bag { name: name.to_owned(), files: Vec::new(), topics: Vec::new(), metadata, losses, warnings };
         bag.add(name.to_owned(), source, index);
-        bag.compare_with_metadata();
-        Ok(Self(Arc::new(bag)))
+        bag.finish()
     }
 
     /// The path as it was given.
@@ -235,7 +234,7 @@ impl Bag {
             let topic = Topic {
                 name: channel.topic.clone(),
                 type_name: schema.map_or(String::new(), |s| s.name.clone()),
-                schema: schema.map_or(String::new(), |s| s.text.clone()),
+                schema: schema.map_or_else(|| Arc::from(""), |s| Arc::clone(&s.text)),
                 schema_encoding: schema.map_or(String::new(), |s| s.encoding.clone()),
                 encoding: channel.encoding.clone(),
                 qos: channel
@@ -246,30 +245,53 @@ impl Bag {
                 hash: channel.metadata.get("topic_type_hash").cloned().unwrap_or_default(),
                 messages: index.statistics.per_channel.get(&channel.id).copied().unwrap_or(0),
             };
-            let same = |t: &&mut Topic| t.name == topic.name && t.type_name == topic.type_name;
-            if let Some(known) = self.topics.iter_mut().find(same) {
-                known.messages += topic.messages;
-            } else {
-                self.topics.push(topic);
-            }
+            self.topics.push(topic);
         }
-        self.topics.sort_by(|a, b| (&a.name, &a.type_name).cmp(&(&b.name, &b.type_name)));
         if self.metadata.is_none() {
             let record = index.metadata.iter().find(|m| m.name == "rosbag2");
             let yaml = record.and_then(|m| m.entries.get("serialized_metadata"));
             self.metadata = yaml.and_then(|yaml| Metadata::parse_inner(yaml).ok());
         }
         self.files.push(BagFile { name, source, index, topics: BTreeMap::new() });
-        self.number_channels();
     }
 
-    /// Topic index of each channel; again for all files, since a new file may have moved the topics.
+    /// Once all files are in it: each topic once, sorted, and what is odd or lost.
+    fn finish(mut self) -> Result<BagReader, BagError> {
+        // stable: of several channels of one topic the first says what it is
+        self.topics.sort_by(|a, b| (&a.name, &a.type_name).cmp(&(&b.name, &b.type_name)));
+        self.topics.dedup_by(|next, kept| {
+            let same = (&next.name, &next.type_name) == (&kept.name, &kept.type_name);
+            kept.messages += if same { next.messages } else { 0 };
+            same
+        });
+        self.number_channels();
+        self.compare_with_metadata();
+        self.compare_with_checksums()?;
+        Ok(BagReader(Arc::new(self)))
+    }
+
+    /// Says which files are not as they were written.
+    fn compare_with_checksums(&mut self) -> Result<(), BagError> {
+        for file in &self.files {
+            let checksum = data_checksum(&file.source);
+            match checksum.map_err(|source| BagError::Open { path: file.name.clone().into(), source })? {
+                Some((saved, found)) if saved != found => {
+                    self.losses.push(Loss::Checksum { file: file.name.clone(), saved, found });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Topic index of each channel.
     fn number_channels(&mut self) {
         for file in &mut self.files {
             let index = &file.index;
             let number = |c: &ChannelRecord| {
                 let type_name = index.schemas.get(&c.schema_id).map_or("", |s| s.name.as_str());
-                self.topics.iter().position(|t| t.name == c.topic && t.type_name == type_name)
+                let key = (c.topic.as_str(), type_name);
+                self.topics.binary_search_by(|t| (t.name.as_str(), t.type_name.as_str()).cmp(&key)).ok()
             };
             file.topics = index.channels.values().filter_map(|c| Some((c.id, number(c)?))).collect();
         }
@@ -288,7 +310,8 @@ impl Bag {
         }
         for entry in &metadata.topics_with_message_count {
             let said = &entry.topic_metadata;
-            match self.topics.iter().find(|t| t.name == said.name) {
+            let first = self.topics.partition_point(|t| t.name < said.name);
+            match self.topics.get(first).filter(|t| t.name == said.name) {
                 None => {
                     self.warnings.push(format!("metadata.yaml lists topic {}, which the files don't have", said.name))
                 }

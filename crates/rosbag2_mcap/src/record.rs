@@ -4,6 +4,7 @@
 //! than there are bytes, and go on behind a damaged part.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// First and last bytes of every MCAP file.
 pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
@@ -97,14 +98,14 @@ pub(super) struct SchemaRecord {
     pub id: u16,
     pub name: String,
     pub encoding: String,
-    pub text: String,
+    pub text: Arc<str>,
 }
 
 impl SchemaRecord {
     pub(super) fn parse(body: &[u8]) -> Option<Self> {
         let mut f = Fields(body);
         let (id, name, encoding) = (f.u16()?, f.string()?, f.string()?);
-        Some(Self { id, name, encoding, text: String::from_utf8_lossy(f.block()?).into_owned() })
+        Some(Self { id, name, encoding, text: String::from_utf8_lossy(f.block()?).as_ref().into() })
     }
 }
 

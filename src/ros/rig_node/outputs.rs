@@ -154,7 +154,8 @@ fn as_recorded(
         );
         return Ok(None);
     };
-    let schema = Schema { type_name: topic.type_name.clone(), text: topic.schema.clone(), hash: topic.hash.clone() };
+    let schema =
+        Schema { type_name: topic.type_name.clone(), text: topic.schema.to_string(), hash: topic.hash.clone() };
     let schema = Some(&schema).filter(|s| topic.schema_encoding == "ros2msg" && !s.text.is_empty());
     participant.publisher_of(name, &MessageTypeName::new(package, type_name), schema, recorded(topic)).map(Some)
 }

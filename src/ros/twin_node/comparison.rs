@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::identification::Identification;
 use super::solver::Answer;
+use crate::instrument::reading::is_force;
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Header;
 use crate::twin::Phase;
@@ -57,7 +58,7 @@ impl Comparator {
 
     /// Takes a reading.
     pub fn measured(&mut self, stamp_nanos: i64, force_n: [f64; 3]) {
-        if force_n.iter().any(|f| !f.is_finite()) {
+        if !is_force(&force_n) {
             self.not_finite_nanos = Some(stamp_nanos);
             return;
         }
@@ -85,11 +86,11 @@ impl Comparator {
         self.waiting.push_back((answer, Instant::now()));
     }
 
-    /// Takes the readings of the last tenth of a second as zero.
+    /// Takes the readings of the last tenth of a second as zero. `range_n`: where the load cell ends, N; 0 if that is not known.
     ///
     /// # Errors
-    /// Why there is no such reading.
-    pub fn tare(&mut self) -> Result<[f64; 3], String> {
+    /// Why there is no such reading, or why it can't be taken.
+    pub fn tare(&mut self, range_n: f64) -> Result<[f64; 3], String> {
         let newest = self.readings.back().ok_or("no load-cell reading has come")?.stamp_nanos;
         let recent = self.readings.iter().rev().take_while(|r| newest - r.stamp_nanos <= TARE_NANOS);
         let (mut sum, mut n) = ([0.0; 3], 0.0);
@@ -99,7 +100,13 @@ impl Comparator {
             }
             n += 1.0;
         }
-        self.tare_n = sum.map(|total| total / n);
+        let tare_n = sum.map(|total| total / n);
+        if range_n > 0.0 && tare_n.iter().any(|f| f.abs() >= range_n) {
+            return Err(format!(
+                "the load cell reads {tare_n:?} N, at the end of its range ({range_n} N): unload it first"
+            ));
+        }
+        self.tare_n = tare_n;
         self.clear_statistics();
         // With another zero, what was learnt of the offset is not true any more.
         self.identification.iter_mut().for_each(Identification::reset);
@@ -278,9 +285,9 @@ mod tests {
     #[test]
     fn tare_is_the_present_reading() {
         let mut c = Comparator::default();
-        assert!(c.tare().is_err());
+        assert!(c.tare(0.0).is_err());
         c.measured(1_000_000_000, [0.0, 0.0, 0.5]);
-        assert_eq!(c.tare().unwrap(), [0.0, 0.0, 0.5]);
+        assert_eq!(c.tare(0.0).unwrap(), [0.0, 0.0, 0.5]);
         c.predicted(answer(1_000_000_000, 0.0));
         let m = c.next("sample", 0.0).unwrap();
         assert!(m.valid && m.measured_n == 0.0 && m.measured_force_n.z == 0.5);
@@ -312,5 +319,23 @@ mod tests {
             let m = c.next("sample", 0.0).unwrap();
             assert_eq!(m.load_cell == ForceComparison::LOAD_CELL_STUCK, i > 100, "{i}");
         }
+    }
+
+    #[test]
+    fn a_reading_that_no_load_cell_gives_counts_for_nothing() {
+        let mut c = Comparator::default();
+        c.measured(1_000_000_000, [0.0, 0.0, 0.10]);
+        c.measured(1_000_100_000, [0.0, 0.0, 1e200]);
+        c.measured(1_000_200_000, [0.0, 0.0, 0.10]);
+        c.predicted(answer(1_000_200_000, 0.25));
+        let m = c.next("sample", 0.0).unwrap();
+        assert!(!m.valid && m.load_cell == ForceComparison::LOAD_CELL_NOT_FINITE);
+        c.measured(1_200_000_000, [0.0, 0.0, 0.10]);
+        c.predicted(answer(1_200_000_000, 0.25));
+        let m = c.next("sample", 0.0).unwrap();
+        assert!(m.valid && m.rmse_n < 0.2, "{}", m.rmse_n);
+        c.measured(2_000_000_000, [0.0, 0.0, 1e308]);
+        assert!(c.tare(0.0).unwrap()[2] < 0.2, "it is of the readings before");
+        assert!(c.tare(0.05).unwrap_err().contains("unload"));
     }
 }

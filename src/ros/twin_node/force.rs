@@ -67,6 +67,10 @@ pub(super) fn run(
             }
             Ok(Event::Refused { depth_m, reason }) => refused(shared, depth_m, reason),
             Ok(Event::Halted(reason)) => halted(shared, reason),
+            Ok(Event::Recovered) => {
+                shared.lock().halted = None;
+                tracing::warn!("the twin is back from its last good state: predicted_cf goes on");
+            }
             Ok(Event::Reset(reason)) => {
                 comparator.reset();
                 said = Said::default();
@@ -75,7 +79,7 @@ pub(super) fn run(
             }
             Ok(Event::Tare(reply)) => {
                 // Fails only if the caller has given up.
-                let _ = reply.send(comparator.tare());
+                let _ = reply.send(comparator.tare(shared.settings().load_cell_range_n));
             }
             Err(RecvTimeoutError::Timeout) => {}
             Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => {
@@ -192,7 +196,7 @@ fn refused(shared: &Shared, depth_m: f64, reason: String) {
 }
 
 fn halted(shared: &Shared, reason: String) {
-    tracing::error!("predicted_cf stops: {reason}. Retract the instrument and call ~/reset");
+    tracing::error!("predicted_cf stops: {reason}. It goes on by itself once the instrument is back, or after ~/reset");
     shared.lock().halted = Some(reason);
 }
 

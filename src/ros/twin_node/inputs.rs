@@ -8,6 +8,7 @@ use crossbeam_channel::Sender;
 use super::inbox::{Inbox, PoseInput, Where};
 use super::shared::{Reject, Shared};
 use super::solver::Event;
+use super::stretch::{Arrival, Stretch};
 use crate::input::{Adapter, Refusal};
 use crate::ros::clock::Tick;
 use crate::ros::logging::Throttle;
@@ -58,14 +59,14 @@ pub(super) fn run(
     let executor = smol::LocalExecutor::new();
     let joint = executor.spawn(async {
         loop {
-            let message = inputs.joint.next().await;
-            intake.borrow_mut().joint_state(&message);
+            let (message, origin) = inputs.joint.next_from().await;
+            intake.borrow_mut().joint_state(&message, origin);
         }
     });
     let pose = executor.spawn(async {
         loop {
-            let message = inputs.pose.next().await;
-            intake.borrow_mut().pose_stamped(&message);
+            let (message, origin) = inputs.pose.next_from().await;
+            intake.borrow_mut().pose_stamped(&message, origin);
         }
     });
     let wrench = executor.spawn(async {
@@ -95,13 +96,12 @@ fn stamp_or_now(shared: &Shared, stamp: Time) -> i64 {
     if stamp.is_zero() { shared.clock.now_nanos().unwrap_or(0) } else { stamp.nanos() }
 }
 
-/// A pose that may be taken.
-#[derive(Clone, Copy)]
-struct Arrival {
-    pose: PoseInput,
-    age_s: f64,
-    /// The node's time when it came, ns.
-    now: Option<i64>,
+/// Who sends poses.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Source {
+    topic: &'static str,
+    /// Stands for the publisher.
+    origin: u64,
 }
 
 /// Judges poses.
@@ -110,10 +110,10 @@ struct Intake<'a> {
     shared: &'a Shared,
     inbox: &'a Inbox,
     last_stamp: Option<i64>,
-    /// A pose from long before the last one: a straggler, or the first one of a time that starts again.
-    straggler: Option<Arrival>,
-    /// Topic that poses are taken from; the other one is ignored until this one is silent.
-    source: Option<(&'static str, Instant)>,
+    /// Poses from long before the last one: stragglers, or the first of a time that starts again.
+    stretch: Stretch,
+    /// Who poses are taken from; another topic or publisher is ignored until this one is silent.
+    source: Option<(Source, Instant)>,
     warnings: BTreeMap<Reject, Throttle>,
     unstamped: Throttle,
     cell_frame: Throttle,
@@ -126,7 +126,7 @@ impl<'a> Intake<'a> {
             shared,
             inbox,
             last_stamp: None,
-            straggler: None,
+            stretch: Stretch::default(),
             source: None,
             warnings: BTreeMap::new(),
             unstamped: Throttle::new(Duration::from_secs(60)),
@@ -144,11 +144,11 @@ impl<'a> Intake<'a> {
         }
     }
 
-    fn joint_state(&mut self, message: &JointState) {
+    fn joint_state(&mut self, message: &JointState, origin: u64) {
         let settings = self.shared.settings();
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
         let taken = adapter.depth(message).map(Where::Depth);
-        self.offer("measured_js", message.header.stamp, taken);
+        self.offer(Source { topic: "measured_js", origin }, message.header.stamp, taken);
     }
 
     /// A load cell may use another frame name; the user is then responsible for axes parallel to those of the sample.
@@ -162,22 +162,22 @@ impl<'a> Intake<'a> {
         }
     }
 
-    fn pose_stamped(&mut self, message: &PoseStamped) {
+    fn pose_stamped(&mut self, message: &PoseStamped, origin: u64) {
         let settings = self.shared.settings();
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
         let taken = adapter.pose(message).map(Where::Pose);
-        self.offer("measured_cp", message.header.stamp, taken);
+        self.offer(Source { topic: "measured_cp", origin }, message.header.stamp, taken);
     }
 
-    fn offer(&mut self, source: &'static str, stamp: Time, taken: Result<Where, Refusal>) {
+    fn offer(&mut self, source: Source, stamp: Time, taken: Result<Where, Refusal>) {
         match taken {
             Ok(place) => self.accept(source, stamp, place),
-            Err(refusal) => self.reject(Reject::from(&refusal), || format!("{source}: {refusal}")),
+            Err(refusal) => self.reject(Reject::from(&refusal), || format!("{}: {refusal}", source.topic)),
         }
     }
 
     #[allow(clippy::cast_precision_loss)] // an age, shown to people
-    fn accept(&mut self, source: &'static str, stamp: Time, place: Where) {
+    fn accept(&mut self, source: Source, stamp: Time, place: Where) {
         if !self.shared.is_active() {
             return;
         }
@@ -186,7 +186,7 @@ impl<'a> Intake<'a> {
         if !self.owns(source, received, settings.input_timeout_s) {
             return;
         }
-        let nanos = self.stamp(source, stamp);
+        let nanos = self.stamp(source.topic, stamp);
         let now = self.shared.clock.now_nanos();
         let age_s = now.map_or(0.0, |now| (now - nanos) as f64 * 1e-9);
         if age_s < -FUTURE_S {
@@ -207,21 +207,23 @@ impl<'a> Intake<'a> {
             Some(last) if nanos <= last => {
                 let back_s = (last - nanos) as f64 * 1e-9;
                 if back_s <= settings.input_timeout_s {
-                    return self.out_of_order(back_s, source);
+                    return self.out_of_order(back_s, source.topic);
                 }
-                // One late message does not reset the tissue: it waits until the next one, or /clock, shows whether
-                // time has gone back.
-                let Some(first) = self.straggler.replace(arrival) else { return };
-                if nanos <= first.pose.stamp.nanos() {
-                    return self.out_of_order(back_s, source);
+                // Late messages are no reason to throw the tissue's history away: they wait until a long stretch of
+                // them, or /clock, says that time has gone back.
+                for _ in 0..self.stretch.add(source.origin, arrival) {
+                    self.out_of_order(back_s, source.topic);
                 }
-                self.straggler = None;
-                self.jump_back(back_s);
-                self.take(first);
+                if self.stretch.is_long() {
+                    let held = self.stretch.end();
+                    self.jump_back(back_s);
+                    held.into_iter().for_each(|arrival| self.take(arrival));
+                }
+                return;
             }
             Some(last) => {
-                if let Some(late) = self.straggler.take() {
-                    self.out_of_order((last - late.pose.stamp.nanos()) as f64 * 1e-9, source);
+                for late in self.stretch.end() {
+                    self.out_of_order((last - late.pose.stamp.nanos()) as f64 * 1e-9, source.topic);
                 }
             }
             None => {}
@@ -241,12 +243,18 @@ impl<'a> Intake<'a> {
         self.shared.lock().pose(handoff, arrival.age_s, arrival.now);
     }
 
-    /// One topic at a time: two sensors of the same needle would make it jump.
-    fn owns(&mut self, source: &'static str, now: Instant, timeout_s: f64) -> bool {
+    /// One publisher on one topic at a time: two sensors of the same needle would make it jump.
+    fn owns(&mut self, source: Source, now: Instant, timeout_s: f64) -> bool {
         match self.source {
             Some((other, seen)) if other != source && (now - seen).as_secs_f64() < timeout_s => {
                 self.reject(Reject::SecondSource, || {
-                    format!("poses come on {other} already; remap {source} away if it is not meant for this twin")
+                    let (topic, other) = (source.topic, other.topic);
+                    if topic == other {
+                        return format!(
+                            "another publisher's come on {topic} already; stop one of the two, or remap it"
+                        );
+                    }
+                    format!("poses come on {other} already; remap {topic} away if it is not meant for this twin")
                 });
                 false
             }
@@ -280,11 +288,9 @@ impl<'a> Intake<'a> {
             Tick::Back(nanos) if clock.is_simulated() => {
                 // It arrived before the present node time.
                 self.shared.lock().last_pose = None;
-                let first = self.straggler.take();
+                let held = self.stretch.end();
                 self.jump_back(nanos as f64 * 1e-9);
-                if let Some(first) = first {
-                    self.take(first);
-                }
+                held.into_iter().for_each(|arrival| self.take(arrival));
             }
             Tick::Started if clock.is_simulated() => tracing::info!("simulated time has started"),
             _ => {}

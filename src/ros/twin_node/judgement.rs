@@ -58,7 +58,7 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
         judgement.add(TwinStatus::HEALTH_STALE, reason);
     }
     if let Some(reason) = &live.halted {
-        judgement.add(TwinStatus::HEALTH_ERROR, format!("{reason}: retract the instrument and call ~/reset"));
+        judgement.add(TwinStatus::HEALTH_ERROR, format!("{reason}: retract the instrument, or call ~/reset"));
     }
     if let Some(reason) = &live.dying {
         judgement.add(TwinStatus::HEALTH_ERROR, format!("the node ends: {reason}"));
@@ -184,7 +184,7 @@ pub(super) fn load_cell_problem(live: &Live) -> Option<&'static str> {
     match live.load_cell? {
         // It is optional: only a load cell that has been heard before can be missing.
         ForceComparison::LOAD_CELL_MISSING if live.measured > 0 => Some("load cell: no reading near the pose's stamp"),
-        ForceComparison::LOAD_CELL_NOT_FINITE => Some("load cell: the reading is not a number"),
+        ForceComparison::LOAD_CELL_NOT_FINITE => Some("load cell: the reading is no number, or beyond any load cell"),
         ForceComparison::LOAD_CELL_STUCK => Some("load cell: the reading does not change"),
         ForceComparison::LOAD_CELL_SATURATED => Some("load cell: the reading is at the end of its range"),
         _ => None,

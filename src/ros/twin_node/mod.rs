@@ -26,6 +26,7 @@ mod rivals;
 mod shared;
 mod solver;
 mod status;
+mod stretch;
 mod supervisor;
 mod tissue;
 
@@ -94,7 +95,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match start::start("twin", arguments).and_then(|start| twin(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("twin_node: {error}");
+            eprintln!("twin_node: {}", crate::report::printable::line(&error.to_string()));
             error.exit_code()
         }
     }

@@ -33,8 +33,10 @@ pub(super) enum Event {
     Answer(Answer),
     /// A pose was refused by the twin.
     Refused { depth_m: f64, reason: String },
-    /// The solution is lost until the next reset.
+    /// The solution is lost, until the twin has come back or is reset.
     Halted(String),
+    /// The twin has come back: the pose that is answered next is in its reach.
+    Recovered,
     /// The twin is undeformed again.
     Reset(&'static str),
     /// The load cell spoke.
@@ -136,13 +138,12 @@ impl Solver {
 
     fn take(&mut self, work: Work, events: &Sender<Event>, snapshots: &Sender<Box<Snapshot>>) {
         match work {
-            Work::Pose(pose) if self.halted => {
-                // Counted by the force thread as refused; the status already says why.
-                let depth_m = self.depth(&pose);
-                send(events, Event::Refused { depth_m, reason: String::new() });
-            }
             Work::Pose(pose) => {
                 let event = self.answer(&pose);
+                if self.halted && matches!(event, Event::Answer(_)) {
+                    self.halted = false;
+                    send(events, Event::Recovered);
+                }
                 send(events, event);
             }
             Work::Snapshot(mut snapshot) => {
@@ -194,7 +195,7 @@ impl Solver {
         };
         let begun = Instant::now();
         let stamped = StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose };
-        let outcome = self.twin.step(stamped);
+        let outcome = self.twin.follow(stamped);
         let done = Instant::now();
         if let Ok(prediction) = &outcome
             && prediction.steps > 0
@@ -220,6 +221,8 @@ impl Solver {
                 })
             }
             Err(Halt::Pose { reason }) => Event::Refused { depth_m: self.depth(input), reason },
+            // Counted by the force thread as refused; the status already says why.
+            Err(_) if self.halted => Event::Refused { depth_m: self.depth(input), reason: String::new() },
             Err(halt) => {
                 self.halted = true;
                 Event::Halted(halt.to_string())

@@ -2,7 +2,7 @@
 
 use super::{CalibrateError, LoadCell, Wanted};
 use crate::compare::least_squares;
-use crate::scene::{Kind, Scene, keys};
+use crate::scene::{Kind, LARGEST_POISSON_RATIO, Scene, keys};
 
 /// Where a key's range has an end that isn't allowed, the search keeps this share of the start away from it.
 const OFF_THE_END: f64 = 1e-3;
@@ -110,6 +110,7 @@ fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_s
         if range.low_allowed { range.low } else { range.low + off.min(0.5 * (start - range.low)) },
         if range.high_allowed { range.high } else { range.high - off.min(0.5 * (range.high - start)) },
     ];
+    let own = if name == "material.poisson_ratio" { [own[0], own[1].min(LARGEST_POISSON_RATIO)] } else { own };
     let bounds = bounds.unwrap_or(own);
     for bound in bounds {
         if !range.contains(bound) {

@@ -45,6 +45,12 @@ pub(super) struct Sums {
     pub present: f64,
 }
 
+impl Sums {
+    /// Those of a state that holds no numbers any more.
+    pub const LOST: Self =
+        Self { instrument: [f64::NAN; 3], base: [f64::NAN; 3], kinetic: f64::NAN, learnt: f64::NAN, present: f64::NAN };
+}
+
 impl std::ops::Add for Sums {
     type Output = Self;
     fn add(self, other: Self) -> Self {

@@ -90,6 +90,12 @@ impl Model {
             self.march(state, work, &rule);
             state.control.steps_since_refresh += last + 1 - first;
             first = last + 1;
+            let strain = with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) });
+            if first <= advance.steps && !strain.is_finite() {
+                // no further step brings numbers back: the balance says so
+                state.control.sums.fill(Sums::LOST);
+                break;
+            }
         }
         // further steps at the same pose must not travel the path again
         let Constraints { role, path } = &mut state.constraints;

@@ -1,0 +1,78 @@
+//! The way from the last pose to one that is far from it, of which nothing was seen.
+//!
+//! It is taken for a straight one and walked in strides. All at once it would tear the tissue: the needle preset's solution is
+//! lost in half of the jumps of 1.0 mm. Only what is below the surface counts. A way through the air is taken for one that enters
+//! where the instrument's axis is now, and leaves where it was, so that the sample bounds the strides.
+
+use crate::instrument::Tip;
+use crate::instrument::reading::SPEED_M_PER_S;
+
+use super::Twin;
+
+/// Length of a stride over the height of the body; a way of less than two is taken at once.
+const STRIDE: f64 = 0.0125;
+/// Fastest motion over the speed of the scene's own.
+const OWN_SPEED: f64 = 2.0;
+
+/// A straight way below the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Way {
+    /// Where it begins and ends below the surface, relative to the entry point, m.
+    ends: [[f64; 3]; 2],
+    /// Whether it begins at the surface, with the instrument above it.
+    enters: bool,
+    /// Where the tip is in the end, below the surface or not.
+    to: Tip,
+    /// m
+    pub length: f64,
+    /// Number of strides, 0 for a way that is taken at once.
+    strides: u32,
+}
+
+impl Way {
+    /// The places on the way, without the one at which the tip is in the end.
+    pub fn places(self) -> impl Iterator<Item = Tip> {
+        let [from, to] = self.ends;
+        let secant = (1.0 + self.to.slope.iter().map(|s| s * s).sum::<f64>()).sqrt();
+        let share = move |i: u32| f64::from(i) / f64::from(self.strides);
+        let first = u32::from(!self.enters);
+        let last = if self.to.offset[2] > 0.0 { self.strides } else { self.strides.saturating_sub(1) };
+        (first..=last).filter(move |_| self.strides > 0).map(move |i| {
+            let offset: [f64; 3] = std::array::from_fn(|k| from[k] + share(i) * (to[k] - from[k]));
+            Tip { offset, depth: -offset[2] * secant, slope: self.to.slope }
+        })
+    }
+}
+
+impl Twin {
+    /// The way from the last pose.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
+    pub(super) fn way(&self, to: &Tip) -> Way {
+        let surface = to.axis_at(0.0);
+        let (above, leaves) = (self.progress.tip[2] > 0.0, to.offset[2] > 0.0);
+        let from = if above { [surface[0], surface[1], 0.0] } else { self.progress.tip };
+        let end = if leaves { [self.progress.shaft[0], self.progress.shaft[1], 0.0] } else { to.offset };
+        let length = (0..3).map(|k| (end[k] - from[k]).powi(2)).sum::<f64>().sqrt();
+        let length = if above && leaves { 0.0 } else { length };
+        let stride = self.care() * STRIDE * self.fixed.height;
+        let strides = if length > 2.0 * stride { (length / stride).ceil() as u32 } else { 0 };
+        Way { ends: [from, end], enters: above, to: *to, length, strides }
+    }
+
+    /// Why the way to a place is none that an instrument makes by then, if it isn't.
+    pub(super) fn too_fast(&self, to: &Tip, time_s: f64) -> Option<String> {
+        let way = self.way(to);
+        let (seen_s, true) = (self.progress.seen_s?, way.length > 2.0 * STRIDE * self.fixed.height) else {
+            return None;
+        };
+        let own = self.fixed.scene.motion.map_or(0.0, |m| OWN_SPEED * m.speed.get());
+        let (limit, elapsed) = (SPEED_M_PER_S.max(own), (time_s - seen_s).abs());
+        (way.length > limit * elapsed).then(|| {
+            format!(
+                "its tip is {:.6} m from where it was {elapsed:.6} s before; an instrument moves by at most {limit} m/s \
+                 (or twice motion.speed_m_per_s)",
+                way.length
+            )
+        })
+    }
+}
