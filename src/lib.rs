@@ -54,3 +54,6 @@ pub mod ros;
 pub mod scene;
 pub mod study;
 pub mod twin;
+
+/// Program and version, as bags name their writer.
+pub(crate) const WRITER: &str = concat!("needle_twin ", env!("CARGO_PKG_VERSION"));

@@ -41,7 +41,7 @@ pub enum Refusal {
         wanted: String,
     },
     /// The position is not finite.
-    #[error("its position is {depth_m}; check the sensor")]
+    #[error("its position {depth_m} is not finite; check the sensor")]
     Depth {
         /// What came.
         depth_m: f64,
@@ -58,7 +58,7 @@ pub enum Refusal {
         found: String,
     },
     /// A coordinate is not finite.
-    #[error("its position is {position:?}; check the sensor")]
+    #[error("its position {position:?} is not finite; check the sensor")]
     Position {
         /// What came, m.
         position: [f64; 3],

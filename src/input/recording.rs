@@ -279,6 +279,6 @@ fn force(m: &WrenchStamped) -> Result<[f64; 3], String> {
     if force.iter().all(|f| f.is_finite()) {
         Ok(force)
     } else {
-        Err(format!("its force is {force:?}; check the load cell"))
+        Err(format!("its force {force:?} is not finite; check the load cell"))
     }
 }

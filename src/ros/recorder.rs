@@ -122,7 +122,8 @@ impl Recorder {
         if folder.is_empty() {
             return Ok(None);
         }
-        let options = WriterOptions { flush_after: Some(FLUSH), ..WriterOptions::default() };
+        let options =
+            WriterOptions { flush_after: Some(FLUSH), library: crate::WRITER.to_owned(), ..WriterOptions::default() };
         let writer = BagWriter::create(Path::new(&folder), options)
             .map_err(|e| NodeError::Other(format!("parameter `record`: {e}")))?;
         let (sender, entries) = crossbeam_channel::bounded(WAITING_MESSAGES);

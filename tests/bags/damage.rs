@@ -110,6 +110,41 @@ fn a_flipped_bit_anywhere_makes_nothing_false() {
     assert!(recovered > bytes.len() * told.len() * 7 / 10, "{recovered} of {}", bytes.len() * told.len());
 }
 
+/// A bag as rosbag2 writes it: a metadata record at the start that says nothing yet, and the true one at the end.
+fn with_a_placeholder(folder: &Path, yaml: &str) {
+    let file = folder.join("bag_0.mcap");
+    let bytes = std::fs::read(&file).unwrap();
+    let record = |yaml: &str| mcap::records::Metadata {
+        name: "rosbag2".to_owned(),
+        metadata: [("serialized_metadata".to_owned(), yaml.to_owned())].into(),
+    };
+    let inner = |yaml: &str| yaml.lines().skip(1).map(|l| format!("{}\n", &l[2..])).collect::<String>();
+    let options = mcap::WriteOptions::new().profile("ros2").chunk_size(None);
+    let mut out = options.create(std::io::Cursor::new(Vec::new())).unwrap();
+    out.write_metadata(&record(&inner(yaml).replace("message_count: 2", "message_count: 0"))).unwrap();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        out.write(&message.unwrap()).unwrap();
+    }
+    out.write_metadata(&record(&inner(yaml))).unwrap();
+    out.finish().unwrap();
+    std::fs::write(&file, out.into_inner().into_inner()).unwrap();
+}
+
+#[test]
+fn the_last_metadata_record_of_a_file_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag");
+    let mut bag = BagWriter::create(&path, WriterOptions::default()).unwrap();
+    let topic = bag.add_topic::<Float64>("/number", &Qos::reliable(10)).unwrap();
+    (1..3).for_each(|i| bag.write(topic, i, i, &Float64 { data: i as f64 }).unwrap());
+    bag.finish().unwrap();
+    with_a_placeholder(&path, &std::fs::read_to_string(path.join("metadata.yaml")).unwrap());
+    let report = check(&path).unwrap();
+    assert_eq!((report.messages, report.findings), (2, vec![]));
+    let alone = BagReader::open(path.join("bag_0.mcap")).unwrap();
+    assert_eq!(alone.metadata().unwrap().message_count, 2);
+}
+
 #[test]
 fn random_bytes_are_an_error_or_nothing() {
     let mut random = Random::new(7);

@@ -57,6 +57,12 @@ fn a_killed_recorder_leaves_a_readable_bag() {
     let numbers: Vec<f64> = bag.messages().map(|m| bag.decode::<Float64>(&m).unwrap().data).collect();
     assert!(numbers.len() > 500 && numbers.iter().enumerate().all(|(i, n)| *n == i as f64));
     assert_eq!(bag.topics()[0].messages, numbers.len() as u64);
+    // What players and `ros2 bag info` go by: at most the chunk is missing behind which the process was killed.
+    let said = bag.metadata().unwrap();
+    let whole = numbers.len() as u64;
+    assert!(said.message_count > 500 && said.message_count <= whole, "{} of {whole}", said.message_count);
+    assert_eq!(said.topics_with_message_count[0].message_count, said.message_count);
+    assert_eq!(said.duration.nanoseconds as u64, said.message_count - 1, "one each nanosecond");
 }
 
 #[test]

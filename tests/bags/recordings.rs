@@ -226,7 +226,7 @@ fn bad_samples_are_left_out_and_counted() {
     assert_eq!(depths, [0.1, 0.2, 0.3, 0.5, 0.7]);
     let losses = recording.losses.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
     assert!(
-        losses.contains("its position is NaN") && losses.contains("step back") && losses.contains("hold this message"),
+        losses.contains("NaN is not finite") && losses.contains("step back") && losses.contains("hold this message"),
         "{losses}"
     );
     let warnings = recording.warnings.join("\n");

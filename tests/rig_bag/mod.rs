@@ -57,7 +57,7 @@ impl RigBag {
     /// Writes the bag into `folder/NAME` and gives that path.
     pub fn write(&self, folder: &Path, name: &str) -> PathBuf {
         let custom_data: BTreeMap<_, _> = self.scene.map(|s| ("scene".to_owned(), s.to_owned())).into_iter().collect();
-        let options = WriterOptions { chunk_bytes: 2000, flush_after: None, custom_data };
+        let options = WriterOptions { chunk_bytes: 2000, flush_after: None, custom_data, ..WriterOptions::default() };
         let mut bag = BagWriter::create(folder.join(name), options).unwrap();
         let qos = Qos::reliable(10);
         let depths = self.depth_topic.map(|topic| bag.add_topic::<JointState>(topic, &qos).unwrap());

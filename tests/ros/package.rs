@@ -5,6 +5,8 @@ use crate::ros;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde_json::{Value, json};
+
 use crate::ros::{Program, TWIN, free_domain};
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
@@ -48,6 +50,62 @@ fn parameter_files_fit_the_nodes() {
         .unwrap();
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(1) && text.contains("position_topic"), "{text}");
+}
+
+/// The parameters of each node in a launch file in YAML as launch hands them over: what is written in quotes stays a
+/// string, and what holds a variable has the type of what the variable says.
+fn launched(file: &str) -> Vec<(String, Vec<PathBuf>, Value)> {
+    let text = std::fs::read_to_string(checkout().join("launch-scripts").join(file)).unwrap();
+    let actions: Value = serde_saphyr::from_str(&text).unwrap();
+    let actions: Vec<Value> = actions["launch"].as_array().unwrap().clone();
+    let defaults: Vec<(String, String)> = actions
+        .iter()
+        .filter_map(|a| a.get("arg"))
+        .map(|a| (format!("$(var {})", a["name"].as_str().unwrap()), text_of(&a["default"])))
+        .collect();
+    let share = |folder: &str| checkout().join(folder).display().to_string();
+    let evaluate = |value: &Value| {
+        let Some(text) = value.as_str().filter(|t| t.contains("$(")) else { return value.clone() };
+        let filled = defaults.iter().fold(text.to_owned(), |t, (variable, default)| t.replace(variable, default));
+        let filled = filled.replace("$(find-pkg-share needle_twin)/parameters", &share("launch-scripts/parameters"));
+        let filled = filled.replace("$(find-pkg-share needle_twin)/bags", &share("bags"));
+        serde_saphyr::from_str(&filled).unwrap()
+    };
+    let nodes = actions.iter().filter_map(|a| a.get("node"));
+    let parameters = |node: &Value| {
+        let given: Vec<&Value> = node["param"].as_array().unwrap().iter().collect();
+        let files = given.iter().filter_map(|p| p.get("from")).map(|f| evaluate(f).as_str().unwrap().into()).collect();
+        let values = given.iter().filter(|p| p.get("from").is_none());
+        let values = values.map(|p| (p["name"].as_str().unwrap().to_owned(), evaluate(&p["value"]))).collect();
+        (node["exec"].as_str().unwrap().to_owned(), files, Value::Object(values))
+    };
+    nodes.map(parameters).collect()
+}
+
+/// A scalar as it is written.
+fn text_of(value: impl ToString) -> String {
+    value.to_string().trim_matches('"').to_owned()
+}
+
+#[test]
+fn values_in_launch_files_have_the_types_that_the_nodes_declare() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in ["twin.launch.yaml", "rig_and_twin.launch.yaml"] {
+        for (exec, files, values) in launched(file) {
+            let path = folder.path().join("given.yaml");
+            std::fs::write(&path, json!({"/**": {"ros__parameters": values}}).to_string()).unwrap();
+            let program = if exec == "twin_node" { TWIN } else { RIG };
+            let mut arguments = vec!["--ros-args".to_owned()];
+            for file in files.iter().chain([&path]) {
+                arguments.extend(["--params-file".to_owned(), file.display().to_string()]);
+            }
+            let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+            let node = Program::start(program, &arguments, free_domain(), &[]);
+            std::thread::sleep(Duration::from_millis(1200));
+            let (code, log, _) = node.stop("INT");
+            assert_eq!(code, Some(0), "{file}: {exec} with {values}: {log}");
+        }
+    }
 }
 
 #[test]

@@ -141,7 +141,7 @@ fn check_file(file: &BagFile, yaml: Option<&Metadata>, report: &mut CheckReport)
             file.index.header.profile
         ));
     }
-    match file.index.metadata.iter().find(|m| m.name == "rosbag2").and_then(|m| m.entries.get("serialized_metadata")) {
+    match file.index.own_metadata() {
         None => report
             .add(Severity::Warning, format!("{name} has no metadata record: `ros2 bag info` of the file alone fails")),
         Some(text) => match (Metadata::parse_inner(text), yaml) {

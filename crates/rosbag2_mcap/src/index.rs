@@ -42,6 +42,15 @@ pub(super) struct FileIndex {
     pub warnings: Vec<String>,
 }
 
+impl FileIndex {
+    /// The text of metadata.yaml within the file. rosbag2 writes two such records: at the start a placeholder, at the end
+    /// the true one.
+    pub fn own_metadata(&self) -> Option<&str> {
+        let record = self.metadata.iter().rfind(|m| m.name == "rosbag2")?;
+        record.entries.get("serialized_metadata").map(String::as_str)
+    }
+}
+
 /// Memory that the unpacked chunks of a file of this length may take.
 pub(super) fn unpack_limit(file_length: u64) -> u64 {
     UNPACK_BASE.saturating_add(file_length.saturating_mul(UNPACK_FACTOR))

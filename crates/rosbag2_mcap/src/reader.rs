@@ -248,8 +248,7 @@ impl Bag {
             self.topics.push(topic);
         }
         if self.metadata.is_none() {
-            let record = index.metadata.iter().find(|m| m.name == "rosbag2");
-            let yaml = record.and_then(|m| m.entries.get("serialized_metadata"));
+            let yaml = index.own_metadata();
             self.metadata = yaml.and_then(|yaml| Metadata::parse_inner(yaml).ok());
         }
         self.files.push(BagFile { name, source, index, topics: BTreeMap::new() });

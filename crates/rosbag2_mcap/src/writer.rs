@@ -1,7 +1,7 @@
 //! Writes a rosbag2 folder: `NAME/NAME_0.mcap` and `NAME/metadata.yaml`.
 //!
-//! Messages stream to the disk in compressed chunks, each written at once: a process that dies leaves a file that
-//! can be read up to its last chunk. Space for the open chunk and for the end of the file is set aside before a
+//! Messages stream to the disk in compressed chunks, each written at once, and metadata.yaml with them: a process that is
+//! killed leaves a bag that can be read up to its last chunk. Space for the open chunk and for the end of the file is set aside before a
 //! message is taken, so a full disk ends the recording, not the file.
 
 use super::error::BagError;
@@ -29,11 +29,18 @@ pub struct WriterOptions {
     pub flush_after: Option<Duration>,
     /// Said in the bag itself (`custom_data` of metadata.yaml).
     pub custom_data: BTreeMap<String, String>,
+    /// Program that writes, with its version, as the file's header has it.
+    pub library: String,
 }
 
 impl Default for WriterOptions {
     fn default() -> Self {
-        Self { chunk_bytes: 1 << 20, flush_after: Some(Duration::from_secs(1)), custom_data: BTreeMap::new() }
+        Self {
+            chunk_bytes: 1 << 20,
+            flush_after: Some(Duration::from_secs(1)),
+            custom_data: BTreeMap::new(),
+            library: concat!("rosbag2_mcap ", env!("CARGO_PKG_VERSION")).to_owned(),
+        }
     }
 }
 
@@ -136,7 +143,8 @@ impl BagWriter {
         let path = folder.join(&file_name);
         let file = File::create(&path).map_err(at(&path))?;
         let space = Reserved::new(file.try_clone().map_err(at(&path))?);
-        let mcap = mcap_options().create(BufWriter::new(file)).map_err(|e| at(&path)(io::Error::other(e)))?;
+        let mcap =
+            mcap_options(&options.library).create(BufWriter::new(file)).map_err(|e| at(&path)(io::Error::other(e)))?;
         let writer = Self {
             folder,
             file_name,
@@ -273,6 +281,8 @@ impl BagWriter {
                 self.topics.iter_mut().for_each(|t| t.on_disk = t.messages);
                 self.chunks_on_disk += 1;
                 self.chunk = OpenChunk::new();
+                // A disk that has no room for it may have room for messages; closing writes it again, and says so.
+                let _ = self.write_metadata_yaml();
                 Ok(())
             }
             Err(e) => Err(self.fail(e.to_string())),
@@ -367,7 +377,7 @@ impl BagWriter {
         Metadata::of_one_file(&self.file_name, self.span.unwrap_or((0, 0)), topics, self.options.custom_data.clone())
     }
 
-    /// Written anew with every topic, so that it is there whenever the process ends.
+    /// Written anew with every topic and chunk, so that it says what is in the file whenever the process ends.
     fn write_metadata_yaml(&self) -> io::Result<()> {
         let (path, new) = (self.folder.join("metadata.yaml"), self.folder.join("metadata.yaml.new"));
         let written = fs::write(&new, self.metadata().to_yaml()).and_then(|()| fs::rename(&new, path));
@@ -386,10 +396,10 @@ impl Drop for BagWriter {
     }
 }
 
-fn mcap_options() -> mcap::WriteOptions {
+fn mcap_options(library: &str) -> mcap::WriteOptions {
     mcap::WriteOptions::new()
         .profile("ros2")
-        .library(concat!("needle_twin ", env!("CARGO_PKG_VERSION")))
+        .library(library)
         .compression(Some(mcap::Compression::Zstd))
         // More threads would be nondeterministic in time and memory, and a chunk is compressed in milliseconds.
         .compression_threads(0)

@@ -126,7 +126,10 @@ impl<'a> Stage<'a> {
             mapping: ServiceMapping::Enhanced,
             warnings: Vec::new(),
         };
-        let writer = BagWriter::create(&self.recorded, WriterOptions::default())?;
+        let writer = BagWriter::create(
+            &self.recorded,
+            WriterOptions { library: crate::WRITER.to_owned(), ..WriterOptions::default() },
+        )?;
         let mut observer = Observer::join(&environment, Some(writer))?;
 
         let mut losses = Vec::new();
