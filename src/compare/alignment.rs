@@ -1,4 +1,4 @@
-//! How a recording lies to the model: the depth of first contact, the clock of the force against that of the position, the load cell's zero.
+//! Alignment of a recording with the model: the depth of first contact, the clock of the force against that of the position, the load cell's zero.
 //!
 //! ```text
 //! F_measured(t) = a F(d(t - tau) - c) + b + w t        c: contact depth, tau: time offset, b: zero, w: drift
@@ -231,7 +231,7 @@ fn judged(problem: &Problem, rows: &Rows, at: [f64; 2], linear: [f64; LINEAR], t
 }
 
 impl Run {
-    /// How the recording lies to the model; `None` where there is no contact, or too little is measured.
+    /// Alignment of the recording with the model; `None` where there is no contact, or too little is measured.
     #[must_use]
     pub fn alignment(&self) -> Option<Alignment> {
         let rows = Rows::of(self);

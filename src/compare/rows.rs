@@ -3,7 +3,7 @@
 use super::{Answer, Run};
 use crate::twin::Phase;
 
-/// When an instrument that sticks lets go, the twin's tissue swings back for less than this, s: no quasi-static force.
+/// After a bonded instrument has lifted off, the twin's tissue oscillates for less than this, s; the force is not quasi-static then.
 const SWINGS_S: f64 = 0.3;
 /// Fewest readings before the contact that tell the load cell's zero.
 const LEAST_IDLE: usize = 8;

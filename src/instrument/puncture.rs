@@ -1,4 +1,4 @@
-//! When the surface gives way, and which way a needle goes: seen through poses that come now and then and tremble.
+//! When the surface is punctured, and whether a needle is being withdrawn, independent of the pose rate and of sensor noise.
 
 /// Difference of depth from which a needle counts as being withdrawn, m: ten times the resolution of a magnetostrictive sensor, so
 /// that its noise at rest doesn't change the phase. Half of it ends that again.

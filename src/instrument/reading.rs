@@ -1,4 +1,4 @@
-//! Physical ranges of what comes in from outside: the one door for a live stream and for a recording.
+//! Physical ranges of inputs, checked in one place for live streams and recordings.
 //!
 //! A number beyond these ranges is finite and no reading of an instrument: a unit that was mistaken, a broken sensor, or an
 //! attack. Let in, it costs the solution (a tip 1e300 m away) or the statistics (a force of 1e200 N squared).

@@ -1,15 +1,15 @@
-//! Back from a lost solution without a reset.
+//! Recovery from a lost solution without a reset.
 //!
-//! What `contain` can't get past is given up: the twin goes back to the last saved state, with the instrument where it was
-//! then. The next poses are tried from there, on a way walked in ever shorter strides; after [`DEEPER`] of these only a pose that
-//! is no deeper than the saved state, and each time that is lost too only one of half the depth, so that the tries end. Once the
-//! instrument is out, the tissue is undeformed, whatever was lost.
+//! When the attempts of `contain` have failed, the twin goes back to the last saved state, with the instrument where it was
+//! then. The next poses are tried from there with shorter and shorter strides. After [`DEEPER`] attempts only a pose that is no
+//! deeper than the saved state is tried, and each time that fails only one of half the depth, so that the attempts end. Once
+//! the instrument is out, the tissue is undeformed.
 
 use crate::instrument::{Contact, Tip};
 
 use super::{Halt, Phase, Twin};
 
-/// Tries of poses deeper than the saved state.
+/// Attempts with poses deeper than the saved state.
 const DEEPER: u32 = 3;
 
 /// Where the instrument was when the solver's state was saved.
@@ -121,7 +121,7 @@ mod tests {
 
     fn lose(twin: &mut Twin, depth_m: f64) -> Halt {
         let halt = Halt::Diverged { trouble: Trouble::NotFinite, tries: 1, step: 0, depth_m };
-        // what a solution is like that was lost
+        // a solution that was lost
         let through = [f64::NAN; 3];
         (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, through));
         twin.solver.advance(&mtled::solver::Advance { steps: 200, travel: 1e-3 });

@@ -1,17 +1,17 @@
-//! The way from the last pose to one that is far from it, of which nothing was seen.
+//! Large jumps of the instrument between two poses: the motion in between is unknown.
 //!
-//! It is taken for a straight one and walked in strides. All at once it would tear the tissue: the needle preset's solution is
-//! lost in half of the jumps of 1.0 mm. Only what is below the surface counts. A way through the air is taken for one that enters
-//! where the instrument's axis is now, and leaves where it was, so that the sample bounds the strides.
+//! It is assumed to be straight and divided into smaller moves (strides). In one move the needle preset's solution is lost in
+//! half of the jumps of 1.0 mm. Only the part below the surface counts. A motion that was above the surface is assumed to enter
+//! at the present axis, or to leave at the former one, so that the sample bounds the strides.
 
 use crate::instrument::Tip;
 use crate::instrument::reading::SPEED_M_PER_S;
 
 use super::Twin;
 
-/// Length of a stride over the height of the body; a way of less than two is taken at once.
+/// Length of a stride over the height of the body; a jump of less than two strides is made at once.
 const STRIDE: f64 = 0.0125;
-/// Fastest motion over the speed of the scene's own.
+/// Fastest motion that is accepted, over the speed of the scene's own motion.
 const OWN_SPEED: f64 = 2.0;
 
 /// A straight way below the surface.
@@ -25,7 +25,7 @@ pub(super) struct Way {
     to: Tip,
     /// m
     pub length: f64,
-    /// Number of strides, 0 for a way that is taken at once.
+    /// Number of strides, 0 for a jump that is made at once.
     strides: u32,
 }
 
@@ -59,7 +59,7 @@ impl Twin {
         Way { ends: [from, end], enters: above, to: *to, length, strides }
     }
 
-    /// Why the way to a place is none that an instrument makes by then, if it isn't.
+    /// Why an instrument cannot have moved to a place by then, if it cannot.
     pub(super) fn too_fast(&self, to: &Tip, time_s: f64) -> Option<String> {
         let way = self.way(to);
         let (seen_s, true) = (self.progress.seen_s?, way.length > 2.0 * STRIDE * self.fixed.height) else {

@@ -87,13 +87,13 @@ impl Watch {
         due
     }
 
-    /// What is to be doubted of the samples, and the verdict on them; new doubts go to the log. While something is `identified` a
+    /// What seems wrong with the samples, and the verdict on them; new findings go to the log. While something is `identified` a
     /// scene that is off is what it is for.
     pub fn look(&mut self, samples: &Samples, identified: bool) -> (Vec<String>, Verdict) {
         let rows = samples.rows();
         let verdict = judge(&rows, 1, FORCE_ERROR);
         let seen = self.doubts(&rows, if identified { Explains::Yes } else { verdict.explains }, &verdict);
-        // a doubt counts when it is there at two looks in a row
+        // a finding counts when two checks in a row have it
         let doubts = if self.seen && !seen.is_empty() { seen.clone() } else { Vec::new() };
         self.seen = !seen.is_empty();
         // numbers change from look to look; the log has each kind once

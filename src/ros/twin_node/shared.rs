@@ -138,7 +138,7 @@ pub(super) struct Live {
     pub residual: Option<(f64, f64, f64)>,
     pub measured: u64,
     pub identified: Option<Identified>,
-    /// What was compared lately, and what is to be doubted of it.
+    /// Recent comparisons, and what seems wrong with them.
     pub samples: Samples,
     pub doubts: Vec<String>,
     pub verdict: Verdict,
