@@ -1,8 +1,10 @@
 //! What the pages say of the repository is there: links, anchors, images, paths, the table of
 //! constants. And a page of the handbook stays short enough to be read.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Most words of a page of the handbook.
 const MOST_WORDS: usize = 1500;
@@ -192,4 +194,32 @@ fn no_constant_of_the_model_is_left_out() {
         "constants on neither docs/constants.md nor docs/lab/constants.md:\n{}",
         missing.join("\n")
     );
+}
+
+/// Lines of the blocks of shell commands that run a sub-command, without their comments.
+fn commands(text: &str) -> Vec<String> {
+    let blocks = text.split("```").skip(1).step_by(2).filter_map(|block| block.strip_prefix("sh\n"));
+    let lines = blocks.flat_map(str::lines).map(|line| line.split(" #").next().unwrap_or_default().trim().to_owned());
+    lines.filter(|line| line.starts_with("needle_twin ") && !line.contains("--ros-args")).collect()
+}
+
+/// What `needle_twin SUB-COMMAND --help` says.
+fn help(command: &[&str]) -> String {
+    let program = Command::new(env!("CARGO_BIN_EXE_needle_twin")).args(command).arg("--help").output().unwrap();
+    assert!(program.status.success(), "needle_twin {command:?} --help: {}", String::from_utf8_lossy(&program.stderr));
+    String::from_utf8(program.stdout).unwrap()
+}
+
+#[test]
+fn commands_of_the_handbook_have_options_that_exist() {
+    let lines: BTreeSet<String> = pages().iter().flat_map(|page| commands(&read(page))).collect();
+    assert!(lines.len() > 20, "only {} commands were found", lines.len());
+    for line in lines {
+        let words: Vec<&str> = line.split_whitespace().skip(1).collect();
+        let depth = if ["bag", "scene", "study"].contains(&words[0]) { 2 } else { 1 };
+        let help = help(&words[..depth]);
+        for option in words.iter().filter(|word| word.starts_with("--")) {
+            assert!(help.contains(option), "{line}: {option} is no option");
+        }
+    }
 }
