@@ -27,7 +27,7 @@ enum Commands {
 }
 
 /// A joint under position control.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Driver {
     limits: DriverLimits,
     step_s: f64,

@@ -1,30 +1,8 @@
-//! A motion along one axis with limited speed, acceleration and jerk, which at every moment can come to rest at or before its
-//! goal.
-//!
-//! The position S(x, v, a) at which the motion can stop soonest increases with x, v and a. One rule makes the whole motion:
-//! in each step of length h the jerk j is the one after which S equals the goal, or the nearest that the limits allow.
-//!
-//! ```text
-//! a' = a + j h      v' = v + a h + j h^2 / 2      x' = x + v h + a h^2 / 2 + j h^3 / 6
-//! |j| <= J,  |a'| <= A,  |v' + a' n h / 2| <= V  with n = ceil(|a'| / J h),  S(x', v', a') = goal
-//! ```
-//!
-//! The third is the speed that there will be when the acceleration has been taken away in n whole steps, so that it
-//! changes its sign between steps and the speed has no peak inside one.
-//!
-//! Once S equals the goal, the motion is that stop. S never passes the goal, so neither does the motion, except when a goal is
-//! set too late to be stopped at: the motion then passes it and returns. To stop in (v, a) with v + a|a|/2J > 0, the jerk is -J until a = -p, then +J, where
-//! p = sqrt(J v + a^2 / 2); if that is above A, the deceleration stays at A in between (Biagiotti and Melchiorri,
-//! Trajectory Planning for Automatic Machines and Robots, 2008, section 3.4). The mirror image for a negative sign.
+//! A motion along one axis that can be sent elsewhere at any moment: limited speed, acceleration and jerk, planned anew from
+//! where it is (Berscheid and Kroeger, Jerk-limited Real-time Trajectory Generation with Arbitrary Target States, RSS 2021;
+//! crate `rsruckig`).
 
-/// Halvings of the interval of jerks: to the last bits of a double.
-const HALVINGS: u32 = 60;
-/// Distance to the goal, m, at which a motion whose stop ends there counts as being on it: far below any sensor.
-const ON_GOAL_M: f64 = 1e-12;
-/// Speed, m/s, that counts as none.
-const AT_REST: f64 = 1e-12;
-/// Share of a step that rounding may add to an acceleration which whole steps take away.
-const ON_STEP: f64 = 1e-9;
+use rsruckig::prelude::{ControlInterface, InputParameter, Ruckig, ThrowErrorHandler, Trajectory as Plan};
 
 /// Limits of a motion. All positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,92 +24,35 @@ impl MotionLimits {
     }
 }
 
-/// Position, velocity and acceleration.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct State {
-    x: f64,
-    v: f64,
-    a: f64,
-}
-
-impl State {
-    /// After `h` seconds with a constant jerk.
-    fn after(self, h: f64, jerk: f64) -> Self {
-        let Self { x, v, a } = self;
-        Self { x: x + h * (v + h * (a / 2.0 + h * jerk / 6.0)), v: v + h * (a + h * jerk / 2.0), a: a + h * jerk }
-    }
-
-    /// Speed once the acceleration has been taken away, m/s.
-    fn speed_at_no_acceleration(self, jerk: f64) -> f64 {
-        self.v + self.a * self.a.abs() / (2.0 * jerk)
-    }
-
-    /// Speed once the acceleration has been taken away in whole steps of `h`; one that takes speed away counts for
-    /// nothing.
-    fn coming_speed(self, h: f64, jerk: f64) -> f64 {
-        let steps = (self.a / (jerk * h) - ON_STEP).ceil().max(0.0);
-        self.v + 0.5 * self.a * steps * h
-    }
-
-    fn mirrored(self) -> Self {
-        Self { x: -self.x, v: -self.v, a: -self.a }
-    }
-}
-
-/// The quickest way to rest: durations in s of three phases, the jerk of the first and the third being -+J.
-struct Stop {
-    times: [f64; 3],
-    jerk: f64,
-}
-
-impl Stop {
-    fn of(state: State, limits: &MotionLimits) -> Self {
-        let (most, j) = (limits.acceleration_m_per_s2, limits.jerk_m_per_s3);
-        let sign = if state.speed_at_no_acceleration(j) < 0.0 { -1.0 } else { 1.0 };
-        let (v, a) = (sign * state.v, sign * state.a);
-        let peak = (j * v + a * a / 2.0).max(0.0).sqrt();
-        let p = peak.min(most.max(-a));
-        let cruise = if peak > p { (v + a * a / (2.0 * j) - p * p / j) / p } else { 0.0 };
-        Self { times: [((a + p) / j).max(0.0), cruise.max(0.0), p / j], jerk: sign * j }
-    }
-
-    fn time(&self) -> f64 {
-        self.times.iter().sum()
-    }
-
-    /// Where a state comes to rest.
-    fn end(&self, state: State) -> f64 {
-        self.after(state, f64::INFINITY).x
-    }
-
-    /// The state after `h` seconds of its stop.
-    fn after(&self, state: State, h: f64) -> State {
-        let mut left = h;
-        self.times.iter().zip([-self.jerk, 0.0, self.jerk]).fold(state, |state, (time, jerk)| {
-            let time = time.min(left);
-            left -= time;
-            state.after(time, jerk)
-        })
-    }
-}
-
 /// A motion in equal steps of time. See the module.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Trajectory {
     limits: MotionLimits,
     step_s: f64,
-    state: State,
+    /// Position, m, velocity, m/s, and acceleration, m/s^2.
+    state: [f64; 3],
     goal_m: f64,
+    plan: Plan<1>,
+    /// Where the plan ends, m.
+    end_m: f64,
+    /// Time since the plan was made, s.
+    since_s: f64,
+}
+
+/// What a plan is to end with.
+enum End {
+    /// At rest at the goal.
+    Goal,
+    /// At rest, wherever.
+    Rest,
 }
 
 impl Trajectory {
-    /// At rest. The steps are the grain of the motion: where the jerk could turn the acceleration from nothing to its
-    /// limit within one, it is taken as if that took the whole step.
+    /// At rest.
     #[must_use]
     pub fn new(limits: MotionLimits, step_s: f64, position_m: f64) -> Self {
-        let jerk_m_per_s3 = limits.jerk_m_per_s3.min(limits.acceleration_m_per_s2 / step_s);
-        let limits = MotionLimits { jerk_m_per_s3, ..limits };
-        Self { limits, step_s, state: State { x: position_m, ..State::default() }, goal_m: position_m }
+        let state = [position_m, 0.0, 0.0];
+        Self { limits, step_s, state, goal_m: position_m, plan: Plan::new(None), end_m: position_m, since_s: 0.0 }
     }
 
     /// Its limits.
@@ -143,19 +64,19 @@ impl Trajectory {
     /// Where it is, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {
-        self.state.x
+        self.state[0]
     }
 
     /// m/s.
     #[must_use]
     pub const fn velocity_m_per_s(&self) -> f64 {
-        self.state.v
+        self.state[1]
     }
 
     /// m/s^2.
     #[must_use]
     pub const fn acceleration_m_per_s2(&self) -> f64 {
-        self.state.a
+        self.state[2]
     }
 
     /// Where it goes, m.
@@ -167,88 +88,83 @@ impl Trajectory {
     /// Where it comes to rest if it is stopped now, m.
     #[must_use]
     pub fn stopping_place_m(&self) -> f64 {
-        Stop::of(self.state, &self.limits).end(self.state)
+        self.planned(&End::Rest).map_or(self.goal_m, |plan| at(&plan, plan.get_duration())[0])
     }
 
     /// Whether it has come to rest.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
-        self.state.v == 0.0 && self.state.a == 0.0
+        self.state[1] == 0.0 && self.state[2] == 0.0
     }
 
     /// Sets the goal. A number that is not finite is no goal: the old one stays.
     pub fn go_to(&mut self, goal_m: f64) {
-        if goal_m.is_finite() {
+        if goal_m.is_finite() && goal_m != self.goal_m {
             self.goal_m = goal_m;
+            self.plan_anew();
         }
     }
 
     /// Comes to rest as soon as the limits allow.
     pub fn stop(&mut self) {
-        self.goal_m = self.stopping_place_m();
+        self.go_to(self.stopping_place_m());
     }
 
     /// Changes the largest speed, m/s; a faster motion slows down to it within the other limits. Zero makes it stand.
     pub fn limit_speed(&mut self, speed_m_per_s: f64) {
-        if speed_m_per_s >= 0.0 {
+        if speed_m_per_s >= 0.0 && speed_m_per_s != self.limits.speed_m_per_s {
             self.limits.speed_m_per_s = speed_m_per_s;
+            self.plan_anew();
         }
     }
 
     /// Advances by one step.
     pub fn step(&mut self) {
-        let limits = &self.limits;
-        let stop = Stop::of(self.state, limits);
-        let missing = self.goal_m - stop.end(self.state);
-        if missing.abs() <= ON_GOAL_M && stop.time() <= self.step_s {
-            self.state = State { x: self.goal_m, ..State::default() };
-            return;
-        }
-        let next = self.state.after(self.step_s, self.jerk());
-        // The jerk of a stop changes inside a step: one jerk for the whole of it would end in an oscillation around the
-        // goal, or end beyond it. A motion away from the goal is stopped first.
-        let passed = |place: f64| (self.goal_m - place) * missing < 0.0 && (self.goal_m - place).abs() > ON_GOAL_M;
-        let away = |state: State| state.speed_at_no_acceleration(limits.jerk_m_per_s3) * missing.signum() < -AT_REST;
-        let beyond = passed(Stop::of(next, limits).end(next)) || away(next);
-        let braking = missing.abs() <= ON_GOAL_M || away(self.state) || beyond;
-        self.state = if braking { stop.after(self.state, self.step_s) } else { next };
+        self.since_s += self.step_s;
+        self.state = match self.since_s < self.plan.get_duration() {
+            true => at(&self.plan, self.since_s),
+            false => [self.end_m, 0.0, 0.0],
+        };
     }
 
-    /// The jerk of the coming step, m/s^3.
-    fn jerk(&self) -> f64 {
-        let MotionLimits { speed_m_per_s: v, acceleration_m_per_s2: a, jerk_m_per_s3: j } = self.limits;
-        let h = self.step_s;
-        let (low, high) = (-j, j);
-        let to = |jerk: f64| self.state.after(h, jerk);
-        let forth = |jerk: f64| to(jerk).coming_speed(h, j);
-        let back = |jerk: f64| to(-jerk).mirrored().coming_speed(h, j);
-        let end = |jerk: f64| Stop::of(to(jerk), &self.limits).end(to(jerk));
-        let fastest = root(low, high, v, forth);
-        let slowest = -root(low, high, v, back);
-        let wanted = root(low, high, self.goal_m, end).min(fastest).max(slowest);
-        let now = self.state.a;
-        wanted.clamp(((-a - now) / h).clamp(low, high), ((a - now) / h).clamp(low, high))
+    fn plan_anew(&mut self) {
+        let end = if self.limits.speed_m_per_s > 0.0 { End::Goal } else { End::Rest };
+        // A plan that can't be made leaves the old one, which keeps its limits and comes to rest.
+        if let Some(plan) = self.planned(&end) {
+            self.end_m = match end {
+                End::Goal => self.goal_m, // as it was given, and not as rounding left it
+                End::Rest => at(&plan, plan.get_duration())[0],
+            };
+            (self.plan, self.since_s) = (plan, 0.0);
+        }
+    }
+
+    /// The quickest way to an end from where it is now.
+    fn planned(&self, end: &End) -> Option<Plan<1>> {
+        let MotionLimits { speed_m_per_s, acceleration_m_per_s2, jerk_m_per_s3 } = self.limits;
+        let mut input = InputParameter::<1>::new(None);
+        (input.current_position[0], input.current_velocity[0]) = (self.state[0], self.state[1]);
+        input.current_acceleration[0] = self.state[2];
+        input.target_position[0] = self.goal_m;
+        if matches!(end, End::Rest) {
+            input.control_interface = ControlInterface::Velocity;
+        }
+        input.max_velocity[0] = speed_m_per_s;
+        input.max_acceleration[0] = acceleration_m_per_s2;
+        input.max_jerk[0] = jerk_m_per_s3;
+        let mut plan = Plan::new(None);
+        Ruckig::<1, ThrowErrorHandler>::new(None, self.step_s).calculate(&input, &mut plan).ok()?;
+        Some(plan)
     }
 }
 
-/// Where a rising function reaches a value; the nearer end of the interval if it doesn't.
-fn root(low: f64, high: f64, value: f64, rising: impl Fn(f64) -> f64) -> f64 {
-    if rising(low) >= value {
-        return low;
-    }
-    if rising(high) <= value {
-        return high;
-    }
-    let (mut below, mut above) = (low, high);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (below + above);
-        if rising(middle) < value {
-            below = middle;
-        } else {
-            above = middle;
-        }
-    }
-    below
+/// Position, velocity and acceleration at a time of a plan, s.
+fn at(plan: &Plan<1>, time_s: f64) -> [f64; 3] {
+    let input = InputParameter::<1>::new(None);
+    let (mut x, mut v, mut a) =
+        (input.current_position.clone(), input.current_position.clone(), input.current_position);
+    plan.at_time(time_s, &mut Some(&mut x), &mut Some(&mut v), &mut Some(&mut a), &mut None, &mut None);
+    [x[0], v[0], a[0]]
 }
 
 #[cfg(test)]
@@ -262,15 +178,15 @@ mod tests {
 
     /// Steps and checks every limit on what moved, with the rounding of the numbers themselves.
     fn step(t: &mut Trajectory, limits: &MotionLimits) -> Result<(), TestCaseError> {
-        let (before, dt) = (*t, t.step_s);
+        let (before, dt) = ([t.position_m(), t.velocity_m_per_s(), t.acceleration_m_per_s2()], t.step_s);
         t.step();
         let at = format!("{before:?} -> {t:?}");
-        let jerk = (t.acceleration_m_per_s2() - before.acceleration_m_per_s2()) / dt;
+        let jerk = (t.acceleration_m_per_s2() - before[2]) / dt;
         prop_assert!(jerk.abs() <= limits.jerk_m_per_s3 * (1.0 + 1e-6), "jerk {jerk}: {at}");
         let a = t.acceleration_m_per_s2();
         prop_assert!(a.abs() <= limits.acceleration_m_per_s2 * (1.0 + 1e-6), "acceleration: {at}");
         prop_assert!(t.velocity_m_per_s().abs() <= limits.speed_m_per_s * (1.0 + 1e-6), "speed: {at}");
-        let mean = (t.position_m() - before.position_m()) / dt;
+        let mean = (t.position_m() - before[0]) / dt;
         prop_assert!(mean.abs() <= limits.speed_m_per_s * (1.0 + 1e-6), "mean speed {mean}: {at}");
         Ok(())
     }
