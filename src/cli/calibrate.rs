@@ -9,9 +9,8 @@ use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Progress;
 use super::replay::{RecordedOptions, foreign_frame, refuse_mistaken, series};
-use super::summary::{screen, written};
+use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
-use crate::compare::alignment::{Alignment, Found};
 use crate::compare::uncertainty::FORCE_ERROR;
 use crate::compare::{self, Answer, Explains, Watch};
 use crate::input::Recording;
@@ -259,21 +258,6 @@ fn short(value: f64, error: f64) -> String {
     if error > 0.0 { format!("{value:.decimals$}") } else { format!("{value:.6}") }
 }
 
-/// How the recording lies to the model, and whether that was taken out.
-fn alignment(found: &Alignment, realigned: [bool; 2]) -> String {
-    let one = |what: &str, found: Found, factor: f64, unit: &str, taken: bool| {
-        let error = found.error.map_or_else(|| "not known".to_owned(), |e| format!("{:.3}", factor * e));
-        let taken = if taken { ", taken out" } else { "" };
-        format!("{what} {:.3} ± {error} {unit}{taken}", factor * found.value + 0.0)
-    };
-    [
-        one("contact at a recorded depth of", found.contact_depth_m, 1e3, "mm", realigned[0]),
-        one("force late by", found.time_offset_s, 1e3, "ms", realigned[1]),
-        one("load cell's zero", found.force_zero_n, 1e3, "mN", true),
-    ]
-    .join("; ")
-}
-
 fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &str, files: &[PathBuf]) -> String {
     let word = if calibration.rejected() { "rejected: " } else { "" };
     let mut lines = vec![("verdict", format!("{word}{}", calibration.verdict.line()))];
@@ -282,7 +266,11 @@ fn summary(calibration: &Calibration, prediction: Option<&Prediction>, source: &
     let cell: Vec<&Estimate> = beside.iter().filter(|e| e.name.starts_with("load_cell.")).collect();
     lines.extend(keys.iter().map(|e| ("fit", line(e))));
     lines.extend(cell.iter().map(|e| ("alongside", line(e))));
-    lines.extend(calibration.alignment.map(|a| ("alignment", alignment(&a, calibration.realigned))));
+    lines.extend(
+        calibration
+            .alignment
+            .map(|a| ("alignment", aligned(&a, [calibration.realigned[0], calibration.realigned[1], true]))),
+    );
     let tied = calibration.tied.iter();
     lines.extend(tied.map(|(key, other)| ("tied", format!("{key} = {other}, as the scene had them equal"))));
     for (a, b) in (0..keys.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {

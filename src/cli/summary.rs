@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use crate::compare::alignment::{Alignment, Found};
 use crate::compare::{Run, Verdict};
 use crate::report::printable;
 use crate::twin::Event;
@@ -28,6 +29,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
     if let Some(error) = error(run) {
         lines.push(("error", error));
     }
+    lines.extend(run.alignment().map(|found| ("alignment", aligned(&found, [false; 3]))));
     if let Some(radius_m) = run.effective_radius_m {
         lines.push(("needle", format!("effective radius {:.3} mm", 1e3 * radius_m)));
     }
@@ -127,6 +129,21 @@ fn health(run: &Run) -> String {
         run.max_kinetic_to_strain_energy,
         1e2 * run.force_imbalance
     )
+}
+
+/// How the recording lies to the model, and which of contact, clock and zero were taken out.
+pub(super) fn aligned(found: &Alignment, taken_out: [bool; 3]) -> String {
+    let one = |what: &str, found: Found, unit: &str, taken: bool| {
+        let error = found.error.map_or_else(|| "not known".to_owned(), |e| format!("{:.3}", 1e3 * e));
+        let taken = if taken { ", taken out" } else { "" };
+        format!("{what} {:.3} ± {error} {unit}{taken}", 1e3 * found.value + 0.0)
+    };
+    [
+        one("contact at a recorded depth of", found.contact_depth_m, "mm", taken_out[0]),
+        one("force late by", found.time_offset_s, "ms", taken_out[1]),
+        one("load cell's zero", found.force_zero_n, "mN", taken_out[2]),
+    ]
+    .join("; ")
 }
 
 /// The folder of the first file, and the names of all.

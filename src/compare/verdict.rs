@@ -192,6 +192,9 @@ impl Expected {
 }
 
 fn too_few(rows: &Rows) -> String {
+    if rows.deepest_m() <= 0.0 {
+        return "the instrument stays above the sample: the force says nothing of the model".to_owned();
+    }
     let n = rows.loaded(LOADED).len();
     format!("{n} readings of the load cell under load say too little; {LEAST_READINGS} are needed")
 }
@@ -216,7 +219,7 @@ struct Blocks {
 impl Blocks {
     fn of(rows: &Rows) -> Option<Self> {
         let loaded = rows.loaded(LOADED);
-        if loaded.len() < LEAST_READINGS {
+        if loaded.len() < LEAST_READINGS || rows.deepest_m() <= 0.0 {
             return None;
         }
         let size = loaded.len().div_ceil(BLOCKS).max(LEAST_IN_BLOCK);

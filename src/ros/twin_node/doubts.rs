@@ -105,7 +105,7 @@ impl Watch {
     }
 
     fn doubts(&self, rows: &Rows, explains: Explains, verdict: &Verdict) -> Vec<String> {
-        let in_contact = rows.loaded(0.02).len();
+        let in_contact = rows.depth_m.iter().filter(|d| **d > 0.0).count();
         if in_contact < FIRST {
             return Vec::new();
         }
@@ -118,7 +118,7 @@ impl Watch {
             let reasons = path.and_then(|path| align(&path, rows)).map(|found| found.reasons());
             doubts.extend(reasons.unwrap_or_default());
         }
-        if explains == Explains::No {
+        if explains == Explains::No && in_contact >= ENOUGH {
             let why = verdict.reasons.first().map_or("", String::as_str);
             doubts.push(format!("{}: {why}. Calibrate the scene with a recording of this rig", verdict.line()));
         }

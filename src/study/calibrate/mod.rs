@@ -257,6 +257,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let sought = Sought::all(task.wanted, task.load_cell);
     let mut unknowns = sought.iter().map(|s| s.unknown(task.scene, task.wanted)).collect::<Result<Vec<_>, _>>()?;
+    let begun: Vec<f64> = unknowns.iter().map(|u| u.start).collect();
     let mut problem = Recorded::new(task, sought, watch, tell);
     let mut first = problem.first(0.0)?;
     let mut realigned = [Sought::Contact, Sought::Clock].map(|s| problem.sought.contains(&s));
@@ -288,6 +289,7 @@ pub fn calibrate(
         unknowns.iter_mut().zip(&solution.x).for_each(|(u, x)| u.start = *x);
         solution = again(&mut problem, &unknowns, &solution)?;
     }
+    unknowns.iter_mut().zip(begun).for_each(|(u, start)| u.start = start);
     let changes = problem.changes(&solution.x);
     let scene = task.scene.with(&changes)?;
     let forces = problem.forces(&solution.x)?;
