@@ -127,7 +127,9 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
     let expected = blocks.expected(force_error);
     let n = expected.residuals.len();
     let Some((chi, deviations)) = expected.chi(0..n, fitted) else { return Verdict::default() };
-    let part = if chi > EXPLAINED { expected.explained_part() } else { None };
+    let factor = if chi > EXPLAINED { blocks.factor(&expected, fitted) } else { None };
+    // a force of another size is wrong everywhere, also where the load cell's zero could hide it
+    let part = if chi > EXPLAINED && factor.is_none() { expected.explained_part() } else { None };
     let explains = match (chi <= EXPLAINED, &part) {
         (true, _) => Explains::Yes,
         (false, Some(_)) => Explains::InPart,
@@ -145,7 +147,7 @@ pub fn judge(rows: &Rows, fitted: usize, force_error: f64) -> Verdict {
     if explains != Explains::Yes {
         verdict.reasons.extend(part.map(|part| blocks.explained(&part)));
         verdict.reasons.push(blocks.misfit(&deviations));
-        verdict.reasons.extend(blocks.factor(&expected, fitted));
+        verdict.reasons.extend(factor);
     }
     verdict
 }
