@@ -64,8 +64,8 @@ fn code(file: &Path) -> Vec<(usize, String)> {
         return Vec::new();
     }
     let text = fs::read_to_string(file).unwrap();
-    let lines =
-        (1..).zip(text.lines()).take_while(|(_, line)| line.trim() != "#[cfg(test)]" || !is_module(&text, line));
+    let of_tests = |line: &str| ["#[cfg(test)]", "#[cfg(all(test,"].iter().any(|attribute| line.starts_with(attribute));
+    let lines = (1..).zip(text.lines()).take_while(|(_, line)| !of_tests(line) || !is_module(&text, line));
     lines.filter(|(_, line)| !line.trim_start().starts_with("//")).map(|(n, line)| (n, line.to_owned())).collect()
 }
 
