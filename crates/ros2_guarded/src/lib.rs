@@ -60,3 +60,8 @@ pub enum GuardError {
     #[error("{0}")]
     Refused(String),
 }
+
+/// The examples of README.md.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -52,3 +52,8 @@ macro_rules! ros_messages {
     )+};
 }
 use ros_messages;
+
+/// The examples of README.md.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -27,3 +27,8 @@ pub use metadata::Metadata;
 pub use qos::{Qos, QosTime};
 pub use reader::{BagReader, Message, Topic};
 pub use writer::{BagWriter, TopicId, WriterOptions, Written};
+
+/// The examples of README.md.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
