@@ -144,6 +144,7 @@ fn found(
         progress.warn(warning);
     }
     let measured = series(recording);
+    measured.loss().iter().for_each(|loss| warn(loss));
     let (twin, _) = compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     refuse_mistaken(&twin, recording, &readings, &measured, arguments.recorded.force, &progress)?;
     drop(twin);
