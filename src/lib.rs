@@ -10,11 +10,15 @@
 //!                                               ▼
 //!                         solver state ─► twin (pace, health, observation) ─► prediction
 //!                                                                               │
-//!            bag, ros, rig, guard, compare, study, report   ◄──────────────────┘   the outer ring
+//!        compare, input, rig, guard, study, report, ros, cli   ◄────────────────┘   the outer ring
 //! ```
 //!
-//! The inner ring (`scene` to `twin`) is numbers only: no files, sockets or clocks. The outer ring is
-//! input and output around the same [`twin::Twin`].
+//! The inner ring (`scene` to `twin`) is numbers only: no sockets, no clocks, and no files but those of the scene. The outer
+//! ring is input and output around the same [`twin::Twin`]. A room uses only rooms before it: scene, mesh, instrument, twin,
+//! compare, input, rig, guard, study, report, ros, cli (`tests/rooms.rs`).
+//!
+//! Crates of their own, useful without the twin: `mtled` (the method), `rosbag2_mcap` (bags), `ros2_guarded` (ROS 2 in a
+//! guarded process), `ros2_messages`.
 //!
 //! A preset, three poses, and the force of the tissue on the indenter:
 //!
@@ -38,7 +42,7 @@
 //! # }
 //! ```
 //!
-//! The handbook, `docs/README.md` in the repository, says how to use the programs; `mtled` is the method alone.
+//! The handbook, `docs/README.md` in the repository, says how to use the programs.
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
 #![forbid(unsafe_code)]
 
