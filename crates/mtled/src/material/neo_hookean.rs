@@ -56,7 +56,7 @@ pub fn first_piola<T: Number>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p
     let a = mu * r * r;
     let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
     let b = p - a * i1 / (T::of(3.0) * j);
-    let a = a * excess(r, lack);
+    let a = mu * excess(lack) * r * r;
     std::array::from_fn(|i| a * f[i] + b * cof[i])
 }
 
@@ -67,10 +67,10 @@ pub(crate) fn clamped<T: Number>(j: T) -> (T, T) {
     (larger, larger - j)
 }
 
-/// phi(J) over J^-2/3 of the clamped J, whose inverse cube root is `r`: 1 above J_m.
+/// phi(J) over J^-2/3 of the clamped J: 1 above J_m. Needs no cube root, whose latency a step would feel.
 #[inline(always)]
-pub(crate) fn excess<T: Number>(r: T, lack: T) -> T {
-    T::of(1.0) + T::of(2.0 / 3.0) * (r * r * r) * lack
+pub(crate) fn excess<T: Number>(lack: T) -> T {
+    T::of(1.0) + T::of(2.0 / (3.0 * MIN_JACOBIAN)) * lack
 }
 
 /// Deviatoric (distortional) energy density mu/2 (J^-2/3 I1 - 3), Pa.
@@ -79,7 +79,7 @@ pub fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
     let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
-    T::of(0.5) * mu * (r * r * excess(r, lack) * i1 - T::of(3.0))
+    T::of(0.5) * mu * (r * r * (excess(lack) * i1) - T::of(3.0))
 }
 
 #[cfg(test)]

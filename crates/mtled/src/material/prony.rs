@@ -120,7 +120,7 @@ pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f
         }
     });
     let product: f64 = fh.iter().zip(f).map(|(x, y)| x * y).sum();
-    let excess = excess(r, lack);
+    let excess = excess(lack);
     let stress = std::array::from_fn(|n| scale * (excess * fh[n] - product / (3.0 * j) * cof[n]));
     (0.5 * scale * excess * product, stress)
 }
@@ -130,7 +130,7 @@ pub fn held(f: &Gradient<f64>, cof: &Gradient<f64>, j: f64, h: &Symmetric) -> (f
 pub fn unimodular(f: &Gradient<f64>, j: f64) -> Symmetric {
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
-    let scale = r * r * excess(r, lack);
+    let scale = r * r * excess(lack);
     let dot = |a: usize, b: usize| scale * (f[a] * f[b] + f[3 + a] * f[3 + b] + f[6 + a] * f[6 + b]);
     [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)]
 }

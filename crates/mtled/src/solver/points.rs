@@ -65,7 +65,7 @@ impl Constants {
             kappa if kappa > 0.0 => self.law.volumetric.curvature(self.law.volumetric.dilation(pressure / kappa)),
             _ => 0.0,
         };
-        plane_wave(f, c2, j, cube * excess(root, lack), mu, self.projected * projected + self.pointwise * pointwise)
+        plane_wave(f, c2, j, cube * excess(lack), mu, self.projected * projected + self.pointwise * pointwise)
     }
 }
 
@@ -135,7 +135,7 @@ impl<T: Real> NeoHookean<T> {
         let root = j.inverse_cube_root();
         let curvature = if self.resists_collapse { collapse_curvature(j) } else { T::of(1.0) };
         let bulk = self.projected + self.pointwise * curvature;
-        plane_wave(f, largest_square(&cof), j, root * root * excess(root, lack), self.mu, bulk)
+        plane_wave(f, largest_square(&cof), j, root * root * excess(lack), self.mu, bulk)
     }
 
     #[inline(always)]
