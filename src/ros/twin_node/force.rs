@@ -9,6 +9,8 @@ use super::comparison::Comparator;
 use super::identification::Identification;
 use super::shared::{Live, Reject, Shared};
 use super::solver::{Answer, Event};
+use crate::instrument::reading::COORDINATE_M;
+use crate::ros::logging::Throttle;
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Header;
@@ -18,6 +20,9 @@ use crate::twin::Prediction;
 
 /// A first pose deeper than this is no beginning: a driver at 100 mm/s goes so far between two poses of 100 Hz.
 const SEEN_FROM_M: f64 = 1e-3;
+
+/// Time between two lines on refused poses.
+const SAID_AGAIN: Duration = Duration::from_secs(1);
 
 /// Time between two looks whether somebody has come to listen to `safe_to_go_on`.
 const UNHEARD: Duration = Duration::from_millis(100);
@@ -53,6 +58,7 @@ pub(super) fn run(
 ) {
     let mut comparator = Comparator::new(identification);
     let mut said = Said::default();
+    let mut refusals = Throttle::new(SAID_AGAIN);
     let mut due = Instant::now();
     loop {
         match events.recv_deadline(due) {
@@ -65,7 +71,7 @@ pub(super) fn run(
                 shared.lock().measured += 1;
                 comparator.measured(stamp_nanos, force_n);
             }
-            Ok(Event::Refused { depth_m, reason }) => refused(shared, depth_m, reason),
+            Ok(Event::Refused { depth_m, reason }) => refused(shared, depth_m, reason, &mut refusals),
             Ok(Event::Halted(reason)) => halted(shared, reason),
             Ok(Event::Recovered) => {
                 shared.lock().halted = None;
@@ -182,17 +188,22 @@ fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
     }
 }
 
-fn refused(shared: &Shared, depth_m: f64, reason: String) {
+fn refused(shared: &Shared, depth_m: f64, reason: String, refusals: &mut Throttle) {
     let mut live = shared.lock();
     if reason.is_empty() {
         live.reject(Reject::Diverged);
         return;
     }
     live.reject(Reject::ByTwin);
-    if live.refused.as_ref() != Some(&reason) {
-        tracing::warn!("pose at depth {depth_m:.6} m refused by the twin: {reason}");
-        live.refused = Some(reason);
+    // a reason that holds figures is another one for each pose
+    if live.refused.as_ref() != Some(&reason)
+        && let Some(held) = refusals.pass()
+    {
+        let depth = if COORDINATE_M.contains(depth_m) { format!("{depth_m:.6}") } else { format!("{depth_m:e}") };
+        let more = if held > 0 { format!(" ({held} more since the last such message)") } else { String::new() };
+        tracing::warn!("pose at depth {depth} m refused by the twin: {reason}{more}");
     }
+    live.refused = Some(reason);
 }
 
 fn halted(shared: &Shared, reason: String) {
