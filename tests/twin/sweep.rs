@@ -179,6 +179,7 @@ fn sweep(count: u32, seed: u64) -> Vec<String> {
             && !(low..=high).contains(&(found / force))
         {
             wrong.push(format!("{i}: {changes:?}: {found} N, {force} N unchanged"));
+            wrong.last().iter().for_each(|wrong| println!("{wrong}"));
         }
         if i % 500 == 499 {
             println!("{} scenes in {:.0} s: {tally:?}, {} wrong", i + 1, begun.elapsed().as_secs_f64(), wrong.len());
