@@ -5,6 +5,7 @@ mod cloned;
 mod dilatation;
 #[allow(unsafe_code)] // parts of a slice for several threads
 mod disjoint;
+mod explicit;
 mod fold;
 #[allow(unsafe_code)] // what the owner of a phase tells its helpers
 mod gate;
@@ -20,18 +21,17 @@ mod points;
 mod pool;
 mod relax;
 mod settings;
-mod solver;
 mod state;
 mod step;
 mod strip;
 mod sync;
 mod work;
 
+pub use explicit::Solver;
 pub use kernel::{InternalForce, Kernel};
 pub use model::{Model, Workspace};
 pub use pool::Pool;
 pub use settings::{Precision, SolverSettings, VolumeRatio};
-pub use solver::Solver;
 pub use state::{Role, State};
 pub use step::{Advance, Balance};
 pub use work::StepWork;
