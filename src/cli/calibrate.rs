@@ -215,7 +215,8 @@ fn remarks(calibration: &Calibration) -> Vec<String> {
         if !e.has_effect {
             remarks.push(format!("{} does not change the force of this recording: its value means nothing", e.name));
         } else if e.at_bound() {
-            remarks.push(format!("{} ended at its bound {}: give other bounds, or doubt the model", e.name, e.value));
+            remarks
+                .push(format!("{} ended at its bound {}: give other bounds, or take another model", e.name, e.value));
         }
     }
     if !calibration.converged {

@@ -94,7 +94,7 @@ fn position_unit(twin: &Twin, shallow: f64, deep: f64) -> Option<String> {
     }
     let usual = twin.scene().motion.map_or(0.5 * twin.reach_m(), |m| m.depth.get());
     let likely = LENGTHS.iter().filter(|(_, m, _)| largest * m <= twin.reach_m());
-    let score = |(_, m, doubt): &(&str, f64, f64)| (largest * m / usual).ln().abs() + doubt;
+    let score = |(_, m, penalty): &(&str, f64, f64)| (largest * m / usual).ln().abs() + penalty;
     let likely = likely.min_by(|a, b| score(a).total_cmp(&score(b)));
     let unit = likely.map_or_else(
         || "no unit of length makes it fit".to_owned(),
@@ -232,7 +232,7 @@ fn size(twin: &Twin, pairs: &[(f64, f64)], deep: f64, named: Option<&str>) -> Op
 /// Name of the unit that a force is likely in which is `ratio` times what it should be; and how far off it is with it.
 #[must_use]
 pub fn unit_of(ratio: f64) -> (&'static str, f64) {
-    let score = |(_, n, doubt): &(&str, f64, f64)| (ratio * n).ln().abs() + doubt;
+    let score = |(_, n, penalty): &(&str, f64, f64)| (ratio * n).ln().abs() + penalty;
     let best = FORCES.iter().min_by(|a, b| score(a).total_cmp(&score(b)));
     best.map_or(("", f64::INFINITY), |unit| (unit.0, score(unit)))
 }

@@ -122,11 +122,11 @@ impl Uncertainty {
             return DMatrix::zeros(k, k);
         }
         let peak = force_n.iter().map(|f| f.abs()).fold(0.0, f64::max);
-        let doubtful = |f: f64| if f == 0.0 { 0.0 } else { f + FLOOR * peak * f.signum() };
+        let uncertain = |f: f64| if f == 0.0 { 0.0 } else { f + FLOOR * peak * f.signum() };
         let mut binned = DMatrix::<f64>::zeros(k, BINS);
         for i in 0..n {
             let bin = ((depth_m[i].max(0.0) / deepest * BINS as f64) as usize).min(BINS - 1);
-            (0..k).for_each(|a| binned[(a, bin)] += jacobian[(i, a)] * doubtful(force_n[i]));
+            (0..k).for_each(|a| binned[(a, bin)] += jacobian[(i, a)] * uncertain(force_n[i]));
         }
         let gain = self.inverse() * binned;
         let kernel = DMatrix::from_fn(BINS, BINS, |a, b| {

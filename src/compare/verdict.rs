@@ -251,13 +251,14 @@ impl Blocks {
 
     fn expected(&self, share: f64) -> Expected {
         let n = self.all.len();
-        let doubtful: Vec<f64> = self.all.iter().map(|b| share * (b.predicted_n.abs() + FLOOR * self.peak_n)).collect();
+        let uncertain: Vec<f64> =
+            self.all.iter().map(|b| share * (b.predicted_n.abs() + FLOOR * self.peak_n)).collect();
         let covariance = DMatrix::from_fn(n, n, |i, j| {
             let (a, b) = (&self.all[i], &self.all[j]);
             let apart = (a.depth_m - b.depth_m) / self.deepest_m.max(f64::MIN_POSITIVE);
             let alike: f64 = LENGTHS.iter().map(|(part, length)| part * (-0.5 * (apart / length).powi(2)).exp()).sum();
-            let own = if i == j { a.variance + RIPPLE * doubtful[i] * doubtful[i] } else { 0.0 };
-            own + doubtful[i] * doubtful[j] * alike
+            let own = if i == j { a.variance + RIPPLE * uncertain[i] * uncertain[i] } else { 0.0 };
+            own + uncertain[i] * uncertain[j] * alike
         });
         Expected {
             residuals: DVector::from_iterator(n, self.all.iter().map(|b| b.residual_n)),

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender};
 
 use super::declared::{self, Settings};
-use super::doubts::Watch;
 use super::force::ForceOutputs;
 use super::inbox::Inbox;
 use super::judgement::{Around, judge};
@@ -16,6 +15,7 @@ use super::shared::Shared;
 use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
+use super::warnings::Watch;
 use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
@@ -231,9 +231,9 @@ impl Housekeeping {
             self.watch.is_due(&live.samples).then(|| (live.samples.clone(), live.identified.is_some()))
         };
         if let Some((samples, identified)) = seen {
-            let (doubts, verdict) = self.watch.look(&samples, identified);
+            let (warnings, verdict) = self.watch.look(&samples, identified);
             let mut live = self.shared.lock();
-            live.doubts = doubts;
+            live.warnings = warnings;
             live.verdict = verdict;
         }
     }

@@ -125,8 +125,8 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
             ),
         );
     }
-    for doubt in &live.doubts {
-        judgement.add(TwinStatus::HEALTH_WARN, doubt.clone());
+    for warning in &live.warnings {
+        judgement.add(TwinStatus::HEALTH_WARN, warning.clone());
     }
     if let Some(reason) = live.identified.as_ref().map(|i| i.reason.as_str()).filter(|reason| !reason.is_empty()) {
         judgement.add(

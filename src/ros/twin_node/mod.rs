@@ -13,7 +13,6 @@
 mod assurance;
 mod comparison;
 mod declared;
-mod doubts;
 mod force;
 mod housekeeping;
 mod identification;
@@ -29,6 +28,7 @@ mod status;
 mod stretch;
 mod supervisor;
 mod tissue;
+mod warnings;
 
 use std::ffi::OsString;
 use std::sync::Arc;

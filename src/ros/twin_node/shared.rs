@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 use hdrhistogram::Histogram;
 
 use super::declared::Settings;
-use super::doubts::Samples;
 use super::inbox::Handoff;
 use super::solver::Answer;
+use super::warnings::Samples;
 use crate::compare::Verdict;
 use crate::input::Refusal;
 use crate::ros::clock::NodeClock;
@@ -140,7 +140,7 @@ pub(super) struct Live {
     pub identified: Option<Identified>,
     /// Recent comparisons, and what seems wrong with them.
     pub samples: Samples,
-    pub doubts: Vec<String>,
+    pub warnings: Vec<String>,
     pub verdict: Verdict,
     pub window: Window,
     pub last_window: Window,

@@ -92,37 +92,37 @@ impl Watch {
     pub fn look(&mut self, samples: &Samples, identified: bool) -> (Vec<String>, Verdict) {
         let rows = samples.rows();
         let verdict = judge(&rows, 1, FORCE_ERROR);
-        let seen = self.doubts(&rows, if identified { Explains::Yes } else { verdict.explains }, &verdict);
+        let seen = self.warnings(&rows, if identified { Explains::Yes } else { verdict.explains }, &verdict);
         // a finding counts when two checks in a row have it
-        let doubts = if self.seen && !seen.is_empty() { seen.clone() } else { Vec::new() };
+        let warnings = if self.seen && !seen.is_empty() { seen.clone() } else { Vec::new() };
         self.seen = !seen.is_empty();
         // numbers change from look to look; the log has each kind once
-        if doubts.len() > self.said.len() {
-            doubts.iter().for_each(|doubt| tracing::warn!("{doubt}"));
+        if warnings.len() > self.said.len() {
+            warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         }
-        self.said.clone_from(&doubts);
-        (doubts, verdict)
+        self.said.clone_from(&warnings);
+        (warnings, verdict)
     }
 
-    fn doubts(&self, rows: &Rows, explains: Explains, verdict: &Verdict) -> Vec<String> {
+    fn warnings(&self, rows: &Rows, explains: Explains, verdict: &Verdict) -> Vec<String> {
         let in_contact = rows.depth_m.iter().filter(|d| **d > 0.0).count();
         if in_contact < FIRST {
             return Vec::new();
         }
-        if let Some(doubt) = glance(rows) {
-            return vec![doubt];
+        if let Some(warning) = glance(rows) {
+            return vec![warning];
         }
-        let mut doubts = Vec::new();
+        let mut warnings = Vec::new();
         if in_contact >= ENOUGH {
             let path = ForcePath::new(rows.time_s.clone(), rows.depth_m.clone(), rows.predicted_n.clone());
             let reasons = path.and_then(|path| align(&path, rows)).map(|found| found.reasons());
-            doubts.extend(reasons.unwrap_or_default());
+            warnings.extend(reasons.unwrap_or_default());
         }
         if explains == Explains::No && in_contact >= ENOUGH {
             let why = verdict.reasons.first().map_or("", String::as_str);
-            doubts.push(format!("{}: {why}. Calibrate the scene with a recording of this rig", verdict.line()));
+            warnings.push(format!("{}: {why}. Calibrate the scene with a recording of this rig", verdict.line()));
         }
-        doubts
+        warnings
     }
 }
 
@@ -153,20 +153,20 @@ mod tests {
         samples
     }
 
-    fn doubts(samples: &Samples) -> Vec<String> {
+    fn warnings(samples: &Samples) -> Vec<String> {
         let mut watch = Watch::new();
         watch.look(samples, true);
         watch.look(samples, true).0
     }
 
     #[test]
-    fn another_unit_another_sign_and_a_late_clock_are_doubted() {
-        assert_eq!(doubts(&samples(1.0, 0.0)), Vec::<String>::new());
-        assert_eq!(doubts(&samples(1.3, 0.0)), Vec::<String>::new(), "another modulus");
+    fn another_unit_another_sign_and_a_late_clock_are_warned_of() {
+        assert_eq!(warnings(&samples(1.0, 0.0)), Vec::<String>::new());
+        assert_eq!(warnings(&samples(1.3, 0.0)), Vec::<String>::new(), "another modulus");
         for (factor, late_s, word) in
             [(1e3, 0.0, "mN"), (-1.0, 0.0, "sign of the force"), (1.0, 0.4, "later than the position")]
         {
-            let found = doubts(&samples(factor, late_s));
+            let found = warnings(&samples(factor, late_s));
             assert!(found.len() == 1 && found[0].contains(word), "{factor} {late_s}: {found:?}");
         }
         let mut watch = Watch::new();
