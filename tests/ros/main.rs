@@ -1,6 +1,5 @@
 //! Nodes on a ROS 2 graph, seen by independent peers.
 
-mod closed_loop;
 #[path = "../coarse/mod.rs"]
 mod coarse;
 #[path = "../fuzz/command_line.rs"]

@@ -6,19 +6,21 @@
 //! `measured_js`.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::ros;
+#[path = "common/ros.rs"]
+mod ros;
+
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use crate::ros::{Program, TWIN, free_domain};
 use needle_twin::ros::arguments::RosArguments;
 use needle_twin::ros::clock::wall_nanos;
 use needle_twin::ros::environment::Environment;
 use needle_twin::ros::names::Names;
 use needle_twin::ros::participant::Participant;
 use needle_twin::ros::qos;
+use ros::{Program, TWIN, free_domain};
 use ros2_messages::geometry_msgs::{PoseArray, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Bool;
@@ -164,7 +166,7 @@ impl Drop for Judge {
 
 /// The half-plane needle scene with one target.
 fn scene(folder: &std::path::Path) -> String {
-    let text = include_str!("../../src/scene/presets/needle_insertion.toml");
+    let text = include_str!("../src/scene/presets/needle_insertion.toml");
     let text = text.split("[[targets]]").next().unwrap();
     let target = format!("[[targets]]\nname = \"lesion\"\nposition_m = [0.0015, 0.0, {}]\n", TOP_M - TARGET_DEPTH_M);
     let path = folder.join("scene.toml");
@@ -347,21 +349,27 @@ fn tissue_that_is_not_as_modelled_slows_it_and_stops_it() {
     let _alone = alone();
     let cell = ["-p", "load_cell:=subminiature"];
     // a pause of the machine is a stop as well, but not the one under test
-    let guard = [&deep()[..], &["-p", "resume_after_s:=0.3"]].concat();
+    // slow, and the peer started with it: the tissue changes well before the goal, however long a peer takes to start
+    let guard = [&deep()[..], &["-p", "resume_after_s:=0.3", "-p", "speed_m_per_s:=0.0005"]].concat();
     let run = start(false, &cell, &["-p", "residual_band_n:=0.02"], &guard);
-    run.judge.wait_for(0.003, "residual");
     let mut peer = ros::Peer::start(run.judge.domain);
+    run.judge.wait_for(0.003, "residual");
     let stiffer = serde_json::json!({"parameters": [
         {"name": "tissue_stiffness", "value": {"type": 3, "double_value": 3.0}}
     ]});
     peer.ask(serde_json::json!({
         "op": "call", "service": "/rig/set_parameters", "type": "rcl_interfaces/srv/SetParameters", "request": stiffer,
     }));
-    sleep(Duration::from_millis(500));
-    let depth_m = run.judge.depth_m();
-    sleep(Duration::from_millis(500));
-    assert_eq!(run.judge.depth_m(), depth_m, "it stands");
-    assert!(depth_m < 0.008);
+    let begun = Instant::now();
+    let depth_m = loop {
+        let before = run.judge.depth_m();
+        sleep(Duration::from_secs(1));
+        if run.judge.depth_m() == before {
+            break before;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(30), "it stands");
+    };
+    assert!(depth_m < 0.0089, "it stands before its goal: at {depth_m} m");
     let (_, log) = run.guard.end();
     assert!(log.contains("does not vouch"), "{log}");
     let (_, log) = run.twin.end();
