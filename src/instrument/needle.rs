@@ -32,6 +32,7 @@ use std::f64::consts::PI;
 
 use super::{Event, Phase};
 use crate::scene::{DeformationRule, Needle};
+use mtled::cloned_field_by_field;
 use mtled::solver::{Role, Solver};
 
 use super::Tip;
@@ -65,7 +66,6 @@ pub struct Insertion {
 pub struct NeedlePath {
     /// Node and its reference depth below the top, by depth.
     nodes: Vec<(u32, f64)>,
-    hold: Vec<Hold>,
     needle: Needle,
     /// Lateral way of the path per metre of depth.
     slope: [f64; 2],
@@ -75,16 +75,26 @@ pub struct NeedlePath {
     watched: Vec<u32>,
     /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
     inner: Vec<(u32, [u32; 4])>,
-    /// Share of each of these that the needle fills.
-    filled: Vec<f64>,
     /// m; see [`NeedlePath::effective_radius`].
     effective_radius: f64,
     /// Whether the nodes are those of a half plane, whose radial displacement is no sideways motion.
     revolved: bool,
-    state: Insertion,
-    /// What pressing has done to the surface so far.
-    strained: Strained,
-    withdrawn: bool,
+    progress: Progress,
+}
+
+cloned_field_by_field! {
+    /// What an insertion changes: copied in one line, with no allocation.
+    #[derive(Debug)]
+    struct Progress {
+        /// What each node of the path is doing.
+        hold: Vec<Hold>,
+        /// Share of each of the inner points that the needle fills.
+        filled: Vec<f64>,
+        state: Insertion,
+        /// What pressing has done to the surface so far.
+        strained: Strained,
+        withdrawn: bool,
+    }
 }
 
 impl NeedlePath {
@@ -121,18 +131,20 @@ impl NeedlePath {
         let effective_radius = (filled / (PI * length)).sqrt();
         Self {
             nodes,
-            hold,
             needle,
             slope,
             layer,
             watched,
-            filled: vec![0.0; inner.len()],
+            progress: Progress {
+                hold,
+                filled: vec![0.0; inner.len()],
+                state,
+                strained: Strained::default(),
+                withdrawn: false,
+            },
             inner,
             effective_radius,
             revolved: false,
-            state,
-            strained: Strained::default(),
-            withdrawn: false,
         }
     }
 
@@ -152,39 +164,39 @@ impl NeedlePath {
     /// Present state of the insertion.
     #[must_use]
     pub fn insertion(&self) -> Insertion {
-        self.state
+        self.progress.state
     }
 
     pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
         // the nodes' depths are vertical
         let depth = -tip.offset[2];
-        if !self.state.punctured {
+        if !self.progress.state.punctured {
             if depth <= 0.0 {
                 self.release_all(solver);
-                self.strained = Strained::default();
+                self.progress.strained = Strained::default();
                 return (Phase::Approach, None);
             }
             let strain = self.strain(solver);
-            self.strained.reached(strain);
+            self.progress.strained.reached(strain);
             if strain < self.needle.puncture_strain {
                 self.indent(tip, solver);
-                self.strained.pressed(tip.depth);
+                self.progress.strained.pressed(tip.depth);
                 return (Phase::Indentation, None);
             }
             // seen at the pose after the one that did it
-            let depth_m = self.strained.passed(self.needle.puncture_strain);
-            self.state = Insertion { punctured: true, deepest: depth };
+            let depth_m = self.progress.strained.passed(self.needle.puncture_strain);
+            self.progress.state = Insertion { punctured: true, deepest: depth };
             self.penetrate(tip, solver);
             return (Phase::Penetration, Some(Event::Puncture { depth_m }));
         }
-        self.state.deepest = self.state.deepest.max(depth);
-        self.withdrawn = is_withdrawn(self.withdrawn, self.state.deepest - depth);
+        self.progress.state.deepest = self.progress.state.deepest.max(depth);
+        self.progress.withdrawn = is_withdrawn(self.progress.withdrawn, self.progress.state.deepest - depth);
         self.penetrate(tip, solver);
         if depth <= 0.0 {
             // out of the tissue: the next insertion follows the same channel from the surface
-            self.state.deepest = 0.0;
+            self.progress.state.deepest = 0.0;
         }
-        let phase = match (self.withdrawn, depth > 0.0) {
+        let phase = match (self.progress.withdrawn, depth > 0.0) {
             (_, false) => Phase::Approach,
             (true, true) => Phase::Retraction,
             (false, true) => Phase::Penetration,
@@ -193,19 +205,15 @@ impl NeedlePath {
     }
 
     pub(super) fn take_over(&mut self, other: &Self) {
-        self.hold.copy_from_slice(&other.hold);
-        self.filled.copy_from_slice(&other.filled);
-        self.state = other.state;
-        self.strained = other.strained;
-        self.withdrawn = other.withdrawn;
+        self.progress.clone_from(&other.progress);
     }
 
     pub(super) fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
         self.take_over(earlier);
-        for (hold, (n, _)) in self.hold.iter().zip(&self.nodes) {
+        for (hold, (n, _)) in self.progress.hold.iter().zip(&self.nodes) {
             solver.set_role(*n as usize, if *hold == Hold::Free { Role::Free } else { Role::Instrument });
         }
-        for ((point, _), filled) in self.inner.iter().zip(&self.filled) {
+        for ((point, _), filled) in self.inner.iter().zip(&self.progress.filled) {
             solver.set_active(*point as usize, 1.0 - filled);
         }
     }
@@ -213,14 +221,14 @@ impl NeedlePath {
     pub(super) fn reset(&mut self, solver: &mut Solver) {
         self.release_all(solver);
         // a solver that was reset has all cells filled with tissue again
-        self.filled.fill(0.0);
-        self.state = Insertion { punctured: false, deepest: 0.0 };
-        self.strained = Strained::default();
-        self.withdrawn = false;
+        self.progress.filled.fill(0.0);
+        self.progress.state = Insertion { punctured: false, deepest: 0.0 };
+        self.progress.strained = Strained::default();
+        self.progress.withdrawn = false;
     }
 
     fn release_all(&mut self, solver: &mut Solver) {
-        for (hold, (n, _)) in self.hold.iter_mut().zip(&self.nodes) {
+        for (hold, (n, _)) in self.progress.hold.iter_mut().zip(&self.nodes) {
             if *hold != Hold::Free {
                 *hold = Hold::Free;
                 solver.set_role(*n as usize, Role::Free);
@@ -230,7 +238,7 @@ impl NeedlePath {
 
     /// The surface moves with the tip.
     fn indent(&mut self, tip: &Tip, solver: &mut Solver) {
-        for (hold, (n, z)) in self.hold.iter_mut().zip(&self.nodes) {
+        for (hold, (n, z)) in self.progress.hold.iter_mut().zip(&self.nodes) {
             if *z > 1e-9 {
                 break;
             }
@@ -248,13 +256,13 @@ impl NeedlePath {
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
             if depth + window < z || depth < 0.0 {
-                if self.hold[i] != Hold::Free {
-                    self.hold[i] = Hold::Free;
+                if self.progress.hold[i] != Hold::Free {
+                    self.progress.hold[i] = Hold::Free;
                     solver.set_role(n, Role::Free);
                 }
                 continue;
             }
-            let (since, from, beside) = match self.hold[i] {
+            let (since, from, beside) = match self.progress.hold[i] {
                 Hold::Captured { since, from, beside } => (since, from, beside),
                 held => {
                     if held == Hold::Free {
@@ -263,7 +271,7 @@ impl NeedlePath {
                     let (axis, layer) = (tip.axis_at(z), self.layer_shift(z, solver));
                     let beside = [0, 1].map(|k| axis[k] - self.slope[k] * z - layer[k]);
                     let from = solver.parameters()[n];
-                    self.hold[i] = Hold::Captured { since: depth, from, beside };
+                    self.progress.hold[i] = Hold::Captured { since: depth, from, beside };
                     (depth, from, beside)
                 }
             };
@@ -296,8 +304,8 @@ impl NeedlePath {
 
     /// The needle takes the place of the tissue in the cells that it fills.
     fn fill(&mut self, depth: f64, solver: &mut Solver) {
-        for ((point, corners), filled) in self.inner.iter().zip(&mut self.filled) {
-            let least = corners.iter().map(|&c| match self.hold[c as usize] {
+        for ((point, corners), filled) in self.inner.iter().zip(&mut self.progress.filled) {
+            let least = corners.iter().map(|&c| match self.progress.hold[c as usize] {
                 Hold::Captured { since, .. } => captured_share(depth, since, WINDOW * self.layer),
                 Hold::Free | Hold::Indented => 0.0,
             });
@@ -312,7 +320,7 @@ impl NeedlePath {
     /// Displacement along the axis, into the sample, of a node at reference depth z.
     fn follow(&self, depth: f64, z: f64) -> f64 {
         let n = &self.needle;
-        let deepest = self.state.deepest;
+        let deepest = self.progress.state.deepest;
         let reached = match n.deformation_rule {
             DeformationRule::Incremental => n.deformation_coefficient * (deepest - z).max(0.0),
             DeformationRule::Absolute => n.deformation_coefficient * deepest,

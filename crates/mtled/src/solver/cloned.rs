@@ -1,7 +1,20 @@
 //! Copies of a state that allocate nothing.
 
-/// A struct whose `clone_from` is that of its fields, so that vectors keep their memory. (Derived, it would be a new
+/// Declares a struct whose `clone_from` is that of its fields, so that vectors keep their memory. (Derived, it would be a new
 /// `clone`.) Fields are named once.
+///
+/// ```
+/// mtled::cloned_field_by_field! {
+///     struct Slip {
+///         way_m: Vec<f64>,
+///     }
+/// }
+/// let now = Slip { way_m: vec![1e-3; 3] };
+/// let mut kept = Slip { way_m: vec![0.0; 3] };
+/// kept.clone_from(&now); // the vector keeps its memory
+/// assert_eq!(kept.way_m, now.way_m);
+/// ```
+#[macro_export]
 macro_rules! cloned_field_by_field {
     (
         $(#[$attribute:meta])*
@@ -25,4 +38,4 @@ macro_rules! cloned_field_by_field {
         }
     };
 }
-pub(super) use cloned_field_by_field;
+pub use cloned_field_by_field;
