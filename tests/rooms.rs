@@ -80,7 +80,7 @@ fn is_module(text: &str, attribute: &str) -> bool {
 fn named(line: &str, depth: usize) -> BTreeSet<String> {
     let word = |text: &str| text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let mut rooms = BTreeSet::new();
-    let starts = line.match_indices("crate::").filter(|(at, _)| !line[..*at].ends_with(|c: char| c == '_' || c == '$'));
+    let starts = line.match_indices("crate::").filter(|(at, _)| !line[..*at].ends_with(['_', '$']));
     for rest in starts.map(|(at, found)| &line[at + found.len()..]).collect::<Vec<_>>() {
         match rest.strip_prefix('{') {
             None => drop(rooms.insert(word(rest))),

@@ -1,5 +1,5 @@
 //! A small recording of a rig, made for a test: depth at 500 Hz, force at 200 Hz with stamps of its own.
-#![allow(dead_code)] // each test takes what it needs
+#![allow(dead_code, clippy::unwrap_used)] // each test takes what it needs
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

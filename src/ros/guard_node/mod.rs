@@ -94,7 +94,7 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
 
 fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Signals) -> Result<u8, NodeError> {
     let mut participant = start.participant()?;
-    let mapping = start::mapping(&parameters, &start.environment);
+    let mapping = start::mapping(parameters, &start.environment);
     participant.set_mapping(mapping);
     participant.set_recorder(Recorder::create(parameters)?);
     let endpoints = Endpoints::new(&mut participant)?;

@@ -154,7 +154,7 @@ fn common(
         tracing::warn!("`{unused}` names no topic of this node");
     }
     participant.start(Some(parameters))?;
-    start.announce(start::mapping(&parameters, &start.environment));
+    start.announce(start::mapping(parameters, &start.environment));
     let recording = participant.start_recording()?;
     let clock = Arc::new(NodeClock::new(false));
     let (stop, stopped) = crossbeam_channel::bounded(0);
@@ -166,7 +166,7 @@ fn common(
 
 fn participant(start: &mut Start, parameters: &Parameters) -> Result<Participant, NodeError> {
     let mut participant = start.participant()?;
-    participant.set_mapping(start::mapping(&parameters, &start.environment));
+    participant.set_mapping(start::mapping(parameters, &start.environment));
     participant.set_recorder(Recorder::create(parameters)?);
     Ok(participant)
 }

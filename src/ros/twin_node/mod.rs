@@ -156,7 +156,7 @@ impl Node {
     /// Makes every endpoint and joins the network.
     fn new(start: &mut Start, parameters: &Arc<Parameters>) -> Result<Self, NodeError> {
         let mut participant = start.participant()?;
-        let mapping = start::mapping(&parameters, &start.environment);
+        let mapping = start::mapping(parameters, &start.environment);
         participant.set_mapping(mapping);
         let rivals = Rivals::new(&mut participant)?;
         participant.set_recorder(Recorder::create(parameters)?);

@@ -244,7 +244,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// How the last run's force follows for other values: its factor and the shift of the contact from it; `None` where it can't.
-    fn from_kept(&self, x: &[f64]) -> Option<(f64, f64)> {
+    fn relative_to_kept(&self, x: &[f64]) -> Option<(f64, f64)> {
         let kept = self.kept.as_ref()?;
         let (mut factor, mut shift) = (1.0, 0.0);
         for ((sought, new), old) in self.sought.iter().zip(x).zip(&kept.x) {
@@ -260,13 +260,13 @@ impl<'a> Recorded<'a> {
 
     /// Predicted force at every row; `None` where the scene can't be, diverges or refuses poses.
     fn predicted(&mut self, x: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
-        if self.from_kept(x).is_none() {
+        if self.relative_to_kept(x).is_none() {
             match self.path_with(x)? {
                 Some(path) => self.kept = Some(Kept { x: x.to_vec(), path }),
                 None => return Ok(None),
             }
         }
-        let Some((factor, shift)) = self.from_kept(x) else { return Ok(None) };
+        let Some((factor, shift)) = self.relative_to_kept(x) else { return Ok(None) };
         let clock = self.value(x, &Sought::Clock);
         let force = |path: &ForcePath, t: &f64| factor * path.force_n(t - clock, shift);
         Ok(self.kept.as_ref().map(|kept| self.forces.time_s.iter().map(|t| force(&kept.path, t)).collect()))
@@ -303,7 +303,7 @@ impl<'a> Recorded<'a> {
 
     /// Derivative of the fitted rows' force by one unknown that needs no run.
     fn derivative(&self, x: &[f64], k: usize, force: &[f64]) -> Option<Vec<f64>> {
-        let (kept, (factor, shift)) = (self.kept.as_ref()?, self.from_kept(x)?);
+        let (kept, (factor, shift)) = (self.kept.as_ref()?, self.relative_to_kept(x)?);
         let clock = self.value(x, &Sought::Clock);
         let times = self.fitted.iter().map(|&i| self.forces.time_s[i]);
         Some(match &self.sought[k] {
