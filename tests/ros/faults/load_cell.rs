@@ -41,7 +41,7 @@ fn the_comparison_says_what_is_wrong_and_the_prediction_is_the_same() {
     type Cell<'a> = &'a dyn Fn(i64) -> Option<[Value; 3]>;
     let cases: [(&str, Cell, u64, &str); 5] = [
         ("falls silent", &|i| (i < 30).then(|| right(i)), 1, "no reading near"),
-        ("one axis is NaN", &|i| Some([json!("nan"), json!(0.0), json!(truth[i as usize])]), 2, "not a number"),
+        ("one axis is NaN", &|i| Some([json!("nan"), json!(0.0), json!(truth[i as usize])]), 2, "no number"),
         ("is stuck", &|_| Some([json!(0.0), json!(0.0), json!(0.1)]), 3, "does not change"),
         ("is at its end", &|_| Some([json!(0.0), json!(0.0), json!(6.0)]), 4, "end of its range"),
         ("is off by 0.5 N", &|i| Some([json!(0.0), json!(0.0), json!(truth[i as usize] + 0.5)]), 0, "not tared"),
