@@ -142,7 +142,7 @@ fn punctures(picture: &mut Picture, panel: &Panel, run: &Run, factor: f64) {
         let Some(Event::Puncture { depth_m }) = a.event else { continue };
         if depth_m.is_finite() && a.predicted_n.is_finite() {
             let depth = 1e3 * depth_m;
-            panel.event(picture, depth, &format!("puncture at {} mm", significant(depth, 3)), End::Upper);
+            panel.event(picture, depth, &format!("puncture at {depth:.3} mm"), End::Upper);
             picture.dot(panel.at(depth, factor * a.predicted_n), 4.5, BLUE);
         }
     }

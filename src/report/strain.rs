@@ -9,6 +9,9 @@
 
 use nalgebra::Matrix3;
 
+/// Volume ratio below which a cell of the picture holds no tissue: the needle fills it, or it is folded. It has no stress.
+const NO_TISSUE: f64 = 0.1;
+
 /// Corners with their volume and the inverse of their edges in the undeformed body.
 struct Cell {
     corners: [usize; 4],
@@ -49,21 +52,26 @@ impl Strains {
 
     /// Strain and stress (Pa; empty without a modulus) at every point.
     pub fn at(&self, displacement: &[[f64; 3]]) -> [Vec<f64>; 2] {
-        let mut sums = [vec![0.0; self.weights.len()], vec![0.0; self.weights.len()]];
+        let none = vec![0.0; self.weights.len()];
+        let (mut strains, mut stresses, mut tissue) = (none.clone(), none.clone(), none);
         for cell in &self.cells {
             let f = Matrix3::identity() + edges(cell.corners.map(|i| displacement[i])) * cell.inverse;
             let strain = (2.0_f64 / 3.0).sqrt() * 0.5 * deviator(f.transpose() * f);
-            let j = f.determinant().abs().max(1e-3);
-            let stress = 1.5_f64.sqrt() * j.powf(-5.0 / 3.0) * deviator(f * f.transpose());
-            for i in cell.corners {
-                sums[0][i] += cell.volume * strain;
-                sums[1][i] += cell.volume * stress;
+            cell.corners.iter().for_each(|&i| strains[i] += cell.volume * strain);
+            let j = f.determinant();
+            if j > NO_TISSUE {
+                let stress = 1.5_f64.sqrt() * j.powf(-5.0 / 3.0) * deviator(f * f.transpose());
+                for i in cell.corners {
+                    stresses[i] += cell.volume * stress;
+                    tissue[i] += cell.volume;
+                }
             }
         }
-        let mean = |sum: &[f64], by: f64| -> Vec<f64> {
-            sum.iter().zip(&self.weights).map(|(s, w)| if *w > 0.0 { by * s / w } else { 0.0 }).collect()
+        let mean = |sums: &[f64], weights: &[f64], by: f64| -> Vec<f64> {
+            sums.iter().zip(weights).map(|(s, w)| if *w > 0.0 { by * s / w } else { 0.0 }).collect()
         };
-        [mean(&sums[0], 1.0), self.shear_modulus_pa.map_or_else(Vec::new, |mu| mean(&sums[1], mu))]
+        let stress = |mu: f64| mean(&stresses, &tissue, mu);
+        [mean(&strains, &self.weights, 1.0), self.shear_modulus_pa.map_or_else(Vec::new, stress)]
     }
 }
 

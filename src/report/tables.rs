@@ -94,10 +94,10 @@ pub(super) fn cards(html: &mut String, run: &Run) {
     }
     let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
     if let Some((depth_m, time_s)) = puncture.filter(|(depth_m, _)| depth_m.is_finite()) {
-        let at_once = if depth_m < FIRST_CONTACT_M { "at first contact, " } else { "" };
+        let at_once = if depth_m < FIRST_CONTACT_M { "deep, at first contact, " } else { "deep, " };
         let when = format!("{at_once}{} s after the first pose", significant(time_s, 3));
         // a micrometre is what a displacement sensor sees
-        card(html, "Puncture", Some(format!("{:.3}", 1e3 * depth_m)), "mm deep", Some(when));
+        card(html, "Puncture", Some(format!("{:.3}", 1e3 * depth_m)), "mm", Some(when));
     }
     html.push_str("</div>\n");
 }
