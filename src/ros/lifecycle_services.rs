@@ -89,7 +89,10 @@ impl LifecycleServices {
     ) {
         let Some((transition, change)) = lifecycle::requested(self.state, asked) else {
             let wish = if asked.label.is_empty() { asked.id.to_string() } else { asked.label.clone() };
-            tracing::warn!("no transition `{wish}` from state `{}`", self.state.label());
+            tracing::warn!(
+                "no transition `{wish}` from state `{}`: ~/get_available_transitions says which there are",
+                self.state.label()
+            );
             if let Some(caller) = caller {
                 self.change_state.send(caller, &ChangeStateResponse { success: false });
             }

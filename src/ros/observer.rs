@@ -155,7 +155,7 @@ impl Observer {
         if !self.resumed && self.asked.is_none_or(|at| at.elapsed() > Duration::from_millis(500)) {
             self.asked = Some(Instant::now());
             if !self.resume.ask(&Empty::default()) {
-                tracing::warn!("~/resume could not be asked for");
+                tracing::warn!("~/resume could not be asked for: call it again, or `ros2 service call`");
             }
         }
         self.resumed |= self.resume.answer().is_some();

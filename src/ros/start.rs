@@ -100,7 +100,7 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
         tracing::warn!("{warning}");
     }
     for ignored in &ros.ignored {
-        tracing::warn!("`{ignored}` has no effect here");
+        tracing::warn!("`{ignored}` has no effect here: leave it out");
     }
     Ok(Start { own, ros, environment, names, rosout })
 }

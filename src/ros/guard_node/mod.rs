@@ -71,7 +71,7 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
         tracing::warn!("{warning}");
     }
     if parameters.get(start::USE_SIM_TIME) {
-        tracing::warn!("use_sim_time has no effect on the guard: it minds the wall clock");
+        tracing::warn!("use_sim_time has no effect on the guard, which minds the wall clock: leave it out");
     }
     let parameters = Arc::new(parameters);
     let orders = declared::orders(&parameters);
@@ -100,7 +100,7 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
     let endpoints = Endpoints::new(&mut participant)?;
     let housekeeping = Housekeeping::new(&mut participant, parameters)?;
     for unused in participant.unused_qos_overrides() {
-        tracing::warn!("`{unused}` names no topic of this node");
+        tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
     }
     participant.start(Some(parameters))?;
     start.announce(mapping);

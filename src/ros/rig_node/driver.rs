@@ -129,9 +129,12 @@ impl Rig {
 fn obey(driver: &mut Driver, message: &JointState, joint: &str, wrong_joint: &mut Throttle) {
     match goal(message, joint) {
         Some(goal) if driver.go_to(goal) => {}
-        Some(goal) => tracing::warn!("servo_jp: {goal} is not a position"),
+        Some(goal) => tracing::warn!("servo_jp: {goal} is not a position: send a depth in m, a finite number"),
         None if wrong_joint.pass().is_some() => {
-            tracing::warn!("servo_jp has the joints {:?}, this driver moves `{joint}`", message.name);
+            tracing::warn!(
+                "servo_jp has the joints {:?}, this driver moves `{joint}`: name that one, or set joint_name",
+                message.name
+            );
         }
         None => {}
     }

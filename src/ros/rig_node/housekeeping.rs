@@ -126,7 +126,7 @@ impl Housekeeping {
                 tracing::info!("parameter {name} is now {}", crate::ros::parameters::show(value));
                 if name == "use_sim_time" {
                     clock.set_simulated(false);
-                    tracing::warn!("use_sim_time has no effect on the rig: it makes the time");
+                    tracing::warn!("use_sim_time has no effect on the rig, which makes the time: leave it out");
                 }
             });
             if let Some(player) = &self.player {

@@ -94,7 +94,7 @@ fn rig(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     }
     let parameters = Arc::new(parameters);
     if parameters.get(start::USE_SIM_TIME) {
-        tracing::warn!("use_sim_time has no effect on the rig: it makes the time");
+        tracing::warn!("use_sim_time has no effect on the rig, which makes the time: leave it out");
     }
     if parameters.get(declared::MODE) == "driver" {
         drive(start, &parameters, signals)
@@ -151,7 +151,7 @@ fn common(
 ) -> Result<Common, NodeError> {
     let housekeeping = Housekeeping::new(&mut participant, parameters, commands.is_some())?;
     for unused in participant.unused_qos_overrides() {
-        tracing::warn!("`{unused}` names no topic of this node");
+        tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
     }
     participant.start(Some(parameters))?;
     start.announce(start::mapping(parameters, &start.environment));

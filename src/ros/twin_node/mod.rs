@@ -168,7 +168,7 @@ impl Node {
         let look_ahead = participant.server("~/look_ahead", "needle_twin", "LookAhead")?;
         let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes(), rivals)?;
         for unused in participant.unused_qos_overrides() {
-            tracing::warn!("`{unused}` names no topic of this node");
+            tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
         }
         participant.start(Some(parameters))?;
         start.announce(mapping);
