@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::curves::Curves;
 use super::interrupt::Interrupt;
+use crate::cli::summary::newtons;
 use crate::compare::{Answer, Watch};
 
 /// Answers between two looks at the bar: it must not cost time that the steps could have.
@@ -85,12 +86,12 @@ impl Watch for Progress {
             return;
         }
         self.due = Some(elapsed + if live { REDRAW } else { LINE });
-        let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {n:.4} N"));
+        let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {}", newtons(n)));
         let now = format!(
-            "{}: depth {:.2} mm, predicted {:.4} N{measured}, {:.1} times real time, {} steps per pose",
+            "{}: depth {:.2} mm, predicted {}{measured}, {:.1} times real time, {} steps per pose",
             answer.phase.as_str(),
             1e3 * answer.depth_m,
-            answer.predicted_n,
+            newtons(answer.predicted_n),
             answer.time_s / elapsed.as_secs_f64(),
             answer.steps
         );

@@ -74,7 +74,7 @@ fn poses(run: &Run) -> String {
 
 fn force(run: &Run) -> String {
     let metrics = run.force_metrics();
-    let newtons = |peak: Option<f64>| peak.map_or_else(|| "none".to_owned(), |n| format!("{:.4} N", unsigned_zero(n)));
+    let newtons = |peak: Option<f64>| peak.map_or_else(|| "none".to_owned(), newtons);
     let word = if run.has_peak() { "peak predicted" } else { "no peak, since the run fails; largest predicted" };
     let predicted = format!("{word} {}", newtons(metrics.peak_predicted_n));
     match metrics.peak_measured_n {
@@ -83,9 +83,9 @@ fn force(run: &Run) -> String {
     }
 }
 
-/// A force that rounds to zero has no sign.
-fn unsigned_zero(n: f64) -> f64 {
-    if n.abs() < 5e-5 { 0.0 } else { n }
+/// A force as every line of the terminal shows it; one that rounds to zero has no sign.
+pub(super) fn newtons(n: f64) -> String {
+    format!("{:.4} N", if n.abs() < 5e-5 { 0.0 } else { n })
 }
 
 fn error(run: &Run) -> Option<String> {

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::curves::Curves;
+use crate::cli::summary::newtons;
 use crate::ros::observer::Observations;
 use ros2_messages::needle_twin::TwinStatus;
 
@@ -70,7 +71,7 @@ impl Live {
         }
         self.next_line += Duration::from_secs(1);
         let force = |heard: Option<f64>| match heard {
-            Some(n) => format!("{n:>8.4} N {}", self.column(n)),
+            Some(n) => format!("{:>10} {}", newtons(n), self.column(n)),
             None => format!("{:>8}   {}", "-", " ".repeat(WIDTH)),
         };
         let status = heard.status.last().map(|s| &s.value);
