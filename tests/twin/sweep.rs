@@ -204,7 +204,7 @@ fn some_scenes_are_right_refused_or_said() {
 }
 
 #[test]
-#[ignore = "hours; SWEEP says how many scenes"]
+#[ignore = "hours, the long form of the short run above; SWEEP says how many scenes: .ci/long runs it"]
 fn many_scenes_are_right_refused_or_said() {
     let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse().ok());
     let wrong = sweep(number("SWEEP").unwrap_or(10_000), number("SWEEP_FROM").unwrap_or(0), 2);
