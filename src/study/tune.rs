@@ -3,11 +3,13 @@
 //!
 //! The search: coarse clouds first, with the scene's own pace, until one is within the tolerance; there and on the next
 //! coarser one other supports, more points and linear moving least squares; then, for the cheapest that are near enough, one,
-//! two, four steps per pose until the force is right; last, the other precision. The half plane comes before space,
-//! where the scene's `discretisation.dimension` leaves the choice. What counts is measured, nothing is estimated.
+//! two, four steps per pose until the force is right and the run's stability table holds; last, the other precision. The half
+//! plane comes before space, where the scene's `discretisation.dimension` leaves the choice. What counts is measured, nothing is
+//! estimated.
 
 use super::accuracy::{Case, Row, Steps, StudyError};
 use super::yardstick::Yardstick;
+use crate::compare::{self, Answer, At, Collector, Keep, Reading, Watch};
 use crate::scene::Word as _;
 use crate::scene::{Dimension, Override, Scene};
 
@@ -64,7 +66,7 @@ pub fn tune(
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Tuned>, StudyError> {
     let scene = scene.with(&[Override::text("motion.pose_hz", &goal.pose_hz.to_string(), "tune")])?;
-    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), seen, stop };
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
     let own = Case::of(&scene)?;
     let mut dimensions = vec![own.dimension.clone()];
     if scene.discretisation.dimension == Dimension::Auto && own.is_half_plane() {
@@ -74,13 +76,24 @@ pub fn tune(
         if search.dimension(&Case { dimension, ..own.clone() })?.is_none() {
             return Ok(None);
         }
-        if let Some(row) = search.best() {
+        if let Some(row) = search.best()? {
             let mut tuned = row.case.scene(&scene)?;
             tuned.name = format!("{}_tuned", scene.name);
-            return Ok(Some(Tuned { scene: tuned, row: row.clone() }));
+            return Ok(Some(Tuned { scene: tuned, row }));
         }
     }
     Err(StudyError::Untuned(search.nearest()))
+}
+
+/// Ends a run where the search is ended.
+struct Stop<'a>(&'a dyn Fn() -> bool);
+
+impl Watch for Stop<'_> {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        (self.0)()
+    }
 }
 
 struct Search<'a> {
@@ -88,6 +101,8 @@ struct Search<'a> {
     yardstick: &'a Yardstick,
     goal: Goal,
     rows: Vec<Row>,
+    /// Whether the stability table of a case's whole motion holds, of those that were asked.
+    stable: Vec<(Case, bool)>,
     seen: &'a mut dyn FnMut(&Row),
     stop: &'a dyn Fn() -> bool,
 }
@@ -124,7 +139,7 @@ impl Search<'_> {
                 return Ok(None);
             }
         }
-        if let Some(best) = self.best().map(|row| row.case.clone()) {
+        if let Some(best) = self.best()?.map(|row| row.case) {
             let other = if best.precision == "f32" { "f64" } else { "f32" };
             if self.run(&Case { precision: other.to_owned(), ..best })?.is_none() {
                 return Ok(None);
@@ -142,22 +157,45 @@ impl Search<'_> {
         near.into_iter().take(FINALISTS).map(|row| row.case.clone()).collect()
     }
 
-    /// Tries few steps per pose first, until the force is right or the pose too late.
+    /// Tries few steps per pose first, until force and stability are right or the pose too late.
     fn fewest_steps(&mut self, case: &Case) -> Result<Option<()>, StudyError> {
         for steps in STEPS {
             let Some(row) = self.run(&Case { steps: Steps::Fixed(steps), ..case.clone() })? else { return Ok(None) };
-            if self.goal.near(&row) || !self.goal.in_time(&row) {
+            if !self.goal.in_time(&row) || (self.goal.near(&row) && self.is_stable(&row.case)?) {
                 break;
             }
         }
         Ok(Some(()))
     }
 
-    /// The cheapest row that meets both.
-    fn best(&self) -> Option<&Row> {
+    /// The cheapest row that meets both and whose stability table holds.
+    fn best(&mut self) -> Result<Option<Row>, StudyError> {
         let fixed = self.rows.iter().filter(|row| matches!(row.case.steps, Steps::Fixed(_)));
-        let meeting = fixed.filter(|row| self.goal.near(row) && self.goal.in_time(row));
-        meeting.min_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()))
+        let mut meeting: Vec<Row> =
+            fixed.filter(|row| self.goal.near(row) && self.goal.in_time(row)).cloned().collect();
+        meeting.sort_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()));
+        for row in meeting {
+            if self.is_stable(&row.case)? {
+                return Ok(Some(row));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether the stability table holds over the whole motion, way out included, as `solve` goes it.
+    fn is_stable(&mut self, case: &Case) -> Result<bool, StudyError> {
+        if let Some((_, known)) = self.stable.iter().find(|(of, _)| of == case) {
+            return Ok(*known);
+        }
+        let scene = case.scene(self.scene)?;
+        let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
+        let (mut twin, build_s) = compare::build(&scene)?;
+        let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
+        let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+        let run = compare::drive(&mut twin, readings, None, collector, &mut Stop(self.stop));
+        let holds = run.diverged.is_none() && run.unstable().is_empty();
+        self.stable.push((case.clone(), holds));
+        Ok(holds)
     }
 
     /// What to say where nothing meets both.
@@ -176,11 +214,12 @@ impl Search<'_> {
         let whole = || self.rows.iter().filter(|row| row.max_force_error().is_some());
         let error = |row: &Row| row.max_force_error().unwrap_or(f64::INFINITY);
         format!(
-            "nothing that was run has both an error of {:.3} % and {:.3} ms per pose ({:.0} % of the time between two). \
+            "nothing that was run has both an error of {:.3} % and {:.3} ms per pose ({:.0} % of the time between two){}. \
              Nearest to the reference: {}. Nearest in time: {}. Ask for a wider --tolerance or a lower --pose-hz",
             100.0 * self.goal.tolerance,
             1e3 * HEADROOM / self.goal.pose_hz,
             100.0 * HEADROOM,
+            if self.stable.iter().any(|(_, holds)| !holds) { " and a stability table that holds" } else { "" },
             by(&error, whole().collect()),
             by(&error, whole().filter(|row| self.goal.in_time(row)).collect()),
         )

@@ -13,14 +13,16 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// How deep the compression preset goes.
+const OWN_DEPTH_M: &str = "0.0025";
+
 /// Force of a scene at a depth, N, and its real-time factor, by a program of its own.
 fn solved(scene: &str, depth_m: &str) -> (f64, f64) {
     let done = run(&["solve", "--scene", scene, "--threads", "1", "--depth-m", depth_m, "--json"]);
-    // Few steps a pose leave inertia in the balance of forces, which a run says of itself with 3; what was asked for is the
-    // error of the force.
+    // The table holds for the scene's own motion. An insertion that ends sooner has a smaller peak, to which the imbalance is held.
     let said = text(&done.stderr);
-    let inert = done.status.code() == Some(3) && said.contains("does not hold") && !said.contains("diverged");
-    assert!(done.status.success() || inert, "{said}");
+    let shorter = depth_m != OWN_DEPTH_M && done.status.code() == Some(3) && said.contains("Force imbalance");
+    assert!(done.status.success() || shorter, "{said}");
     let metrics: Value = serde_json::from_slice(&done.stdout).unwrap();
     let number = |group: &str, key: &str| metrics[group][key].as_f64().unwrap();
     (number("force", "peak_predicted_n"), number("timing", "real_time_factor"))
@@ -31,7 +33,7 @@ fn the_scene_that_is_written_meets_what_was_asked() {
     let folder = tempfile::tempdir().unwrap();
     let mut costs = Vec::new();
     // (depth, force) of bags/reference/compression_force.csv
-    let reference = [("0.001", 0.312_071), ("0.0025", 0.847_635)];
+    let reference = [("0.001", 0.312_071), (OWN_DEPTH_M, 0.847_635)];
     for tolerance in ["0.04", "0.005"] {
         let scene = folder.path().join(format!("{tolerance}.toml")).display().to_string();
         let asked = ["tune", "--scene", "compression", "--tolerance", tolerance, "--pose-hz", "1000"];
@@ -51,10 +53,9 @@ fn the_scene_that_is_written_meets_what_was_asked() {
         let per_pose = written.split(" ms of processor time").next().unwrap().rsplit(' ').next().unwrap();
         costs.push(per_pose.parse::<f64>().unwrap());
         assert!(written.starts_with("# Written by `needle_twin tune`"), "{written}");
-        assert!(
-            written.contains("dimension = \"axisymmetric\"") && written.contains("max_steps_per_pose = 1\n"),
-            "{written}"
-        );
+        let steps = written.split("max_steps_per_pose = ").nth(1).unwrap().lines().next().unwrap();
+        println!("{tolerance}: {steps} steps a pose");
+        assert!(written.contains("dimension = \"axisymmetric\"") && steps.parse::<u32>().unwrap() <= 4, "{written}");
     }
     assert!(costs[0] < costs[1], "a wide tolerance is cheaper than a narrow one: {costs:?}");
 }
