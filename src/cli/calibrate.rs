@@ -8,7 +8,8 @@ use clap::{Args, ValueEnum};
 use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Progress;
-use super::replay::{RecordedOptions, foreign_frame, refuse_mistaken, series};
+use super::recorded::RecordedOptions;
+use super::replay::{foreign_frame, refuse_mistaken, series};
 use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
 use crate::compare::uncertainty::FORCE_ERROR;
@@ -127,7 +128,7 @@ fn refuse_repeats(fit: &[Wanted]) -> Result<(), CliError> {
 
 /// The other bag with the scene that it names, or else the fitted one's.
 fn other(arguments: &Arguments, bag: &Path, fitted: &Scene) -> Result<(Recording, Scene), CliError> {
-    let recording = Recording::load(bag, &arguments.recorded.topics.names())?;
+    let recording = Recording::open(&[bag.to_owned()], &arguments.recorded.selection())?;
     let scene = recording.scene.as_deref().map_or_else(|| Ok(fitted.clone()), scene_file::load)?;
     Ok((recording, scene))
 }

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::input::RecordingError;
 use crate::report::ReportError;
 use crate::ros::start::NodeError;
 use crate::scene::SceneError;
@@ -50,6 +51,9 @@ pub enum CliError {
         #[from]
         source: BagError,
     },
+    /// The recording can't be read.
+    #[error("{}", recording_error(.0))]
+    Recording(#[from] RecordingError),
     /// The recording can hardly be one of the scene.
     #[error("{0}. Nothing was run; go on all the same with --force")]
     Mistaken(String),
@@ -98,6 +102,11 @@ pub enum CliError {
     /// stdout can't be written.
     #[error("stdout: {0}")]
     Stdout(io::Error),
+}
+
+fn recording_error(error: &RecordingError) -> String {
+    let remedy = if let RecordingError::Bag(bag) = error { bag_remedy(bag) } else { "" };
+    format!("{error}{remedy}")
 }
 
 /// What to do where there is no bag at all.

@@ -7,10 +7,12 @@ mod calibrate;
 mod curves;
 mod demo;
 mod error;
+mod import;
 mod interrupt;
 mod options;
 mod output;
 mod progress;
+mod recorded;
 mod replay;
 mod scene;
 mod solve;
@@ -48,6 +50,7 @@ struct Arguments {
 enum Command {
     Demo(demo::Arguments),
     Replay(replay::Arguments),
+    Import(import::Arguments),
     Calibrate(calibrate::Arguments),
     Solve(solve::Arguments),
     Study(study::Arguments),
@@ -101,6 +104,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
     match arguments.command {
         Some(Command::Demo(arguments)) => demo::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
+        Some(Command::Import(arguments)) => import::run(&arguments),
         Some(Command::Calibrate(arguments)) => calibrate::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Study(arguments)) => study::run(&arguments),

@@ -1,22 +1,18 @@
 //! `needle_twin replay`: a recording through the twin, offline and deterministic.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
-use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
+use super::options::{OutputOptions, SeriesOptions, ThreadOptions};
 use super::progress::Progress;
-use super::{CliError, Outcome, output, scene_file};
+use super::recorded::RecordedOptions;
+use super::{CliError, Outcome, output};
 use crate::compare::scale::mistaken;
 use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
-use crate::input::{Recording, TopicNames};
+use crate::input::Recording;
 use crate::scene::Scene;
 use crate::twin::Twin;
 
-/// Scene of a bag that doesn't say which it was made for.
-const DEFAULT_SCENE: &str = "needle_insertion";
-
-/// Run the recorded motion of a bag and compare with its load cell: one message at a time, as fast as the machine
+/// Run the recorded motion of a bag or table and compare with its load cell: one message at a time, as fast as the machine
 /// allows; the same bag, scene and settings give the same checksum
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -37,62 +33,6 @@ pub(super) struct Arguments {
     output: OutputOptions,
 }
 
-/// A recording and the scene that it is run with.
-#[derive(Debug, Args)]
-pub(super) struct RecordedOptions {
-    /// rosbag2 folder or .mcap file
-    bag: PathBuf,
-
-    /// Preset or scene file [default: the one that the bag names, needle_insertion if it names none]
-    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
-    scene: Option<String>,
-
-    #[command(flatten)]
-    set: SetOptions,
-
-    #[command(flatten)]
-    pub topics: TopicOptions,
-
-    /// Go on where units, signs or scene of the recording look wrong; of `calibrate`, write a rejected model's scene as well
-    #[arg(long, help_heading = "Run")]
-    pub force: bool,
-}
-
-impl RecordedOptions {
-    /// Reads both.
-    pub(super) fn load(&self) -> Result<(Recording, Scene), CliError> {
-        let recording = Recording::load(&self.bag, &self.topics.names())?;
-        let name = self.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
-        let scene = self.set.apply(&scene_file::load(name)?, [])?;
-        Ok((recording, scene))
-    }
-}
-
-/// Which topics of the bag are taken.
-#[derive(Debug, Args)]
-#[command(next_help_heading = "Bag")]
-pub(super) struct TopicOptions {
-    /// Joint whose position is the depth
-    #[arg(long, value_name = "NAME", default_value = "insertion")]
-    joint: String,
-
-    /// Frame of the tip's poses: origin at the centre of the sample's bottom face, z up
-    #[arg(long, value_name = "NAME", default_value = "sample")]
-    frame_id: String,
-
-    /// Topic of the displacement sensor, sensor_msgs/JointState [default: a measured_js]
-    #[arg(long, value_name = "TOPIC")]
-    measured_js: Option<String>,
-
-    /// Topic of the tip's pose, geometry_msgs/PoseStamped [default: a measured_cp, where there is no measured_js]
-    #[arg(long, value_name = "TOPIC")]
-    measured_cp: Option<String>,
-
-    /// Topic of the load cell, geometry_msgs/WrenchStamped [default: a measured_cf]
-    #[arg(long, value_name = "TOPIC")]
-    measured_cf: Option<String>,
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let (recording, scene) = arguments.recorded.load()?;
     let folder = output::prepare(&arguments.output)?;
@@ -111,28 +51,6 @@ pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Re
     let mut run = replay(scene, recording, readings, keep, false)?;
     command.clone_into(&mut run.command);
     Ok(run)
-}
-
-impl TopicOptions {
-    pub(super) fn names(&self) -> TopicNames {
-        TopicNames {
-            joint_state: self.measured_js.clone(),
-            pose: self.measured_cp.clone(),
-            wrench: self.measured_cf.clone(),
-            joint: self.joint.clone(),
-            frame_id: self.frame_id.clone(),
-        }
-    }
-
-    /// The depths, unless there are none or the pose was asked for by name.
-    pub(super) fn readings(&self, recording: &Recording) -> Vec<Reading> {
-        let pose_wanted = self.measured_cp.is_some() && self.measured_js.is_none();
-        if recording.depths.is_empty() || pose_wanted {
-            recording.poses.iter().map(|s| Reading { time_s: s.time_s, at: At::Pose(s.pose()) }).collect()
-        } else {
-            recording.depths.iter().map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect()
-        }
-    }
 }
 
 /// Time from the first reading to the last, s.

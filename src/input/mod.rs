@@ -1,9 +1,18 @@
-//! What comes in: depths, poses and forces, from messages live or recorded.
+//! What comes in: depths, poses and forces, from messages live or recorded, and from tables.
 
 mod adapter;
+mod foreign;
 mod order;
 mod recording;
+mod selection;
 mod series;
+mod table;
+mod unit;
+mod write;
 
 pub use adapter::{Adapter, Refusal};
-pub use recording::{DepthSample, ForceSample, PoseSample, Recording, TopicNames};
+pub use foreign::{ForceSource, ForeignError, PositionSource};
+pub use recording::{DepthSample, ForceSample, PoseSample, Recording, RecordingError, TopicNames, tables};
+pub use selection::{Quantity, Selection, TableLayout, UnknownUnit};
+pub use table::{Column, Columns, Table, TableError};
+pub use unit::Dimension;

@@ -1,14 +1,19 @@
 //! What the twin needs of a recording: depths or poses, and measured forces, each over time.
 
 use super::Adapter;
-use super::series::Reading;
+use super::foreign::{ForceSource, ForeignError, PositionSource};
+use super::selection::{Selection, UnknownUnit};
+use super::series::{Reading, Series, in_order};
+use super::table::{Table, TableError};
+use super::unit::Dimension;
 use crate::twin::Pose;
 use ros2_messages::RosMessage;
 use ros2_messages::geometry_msgs::{PoseStamped, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Which topics to take, and which joint. Left out, they are found: by the last part of the name
 /// (`/rig/measured_js` is a `measured_js`), or by the type if only one topic has it.
@@ -100,7 +105,49 @@ pub struct Recording {
     pub warnings: Vec<String>,
 }
 
+/// Why a recording can't be had.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The bag can't be read, or lacks something.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// A topic is not what the user says it is.
+    #[error(transparent)]
+    Foreign(#[from] ForeignError),
+    /// A unit is none.
+    #[error(transparent)]
+    Unit(#[from] UnknownUnit),
+    /// The table can't be read, or lacks something.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// Bags can't be put together.
+    #[error("{} is a bag: one bag is a whole recording, and only tables can be several files", .0.display())]
+    SeveralBags(PathBuf),
+}
+
+/// Series with their stamps in ns, before they have a common origin.
+struct Stamped {
+    depths: Series<f64>,
+    poses: Series<Pose>,
+    forces: Series<[f64; 3]>,
+}
+
 impl Recording {
+    /// Reads a bag (folder or .mcap), or a recording in one or several tables as text, each with its own clock.
+    ///
+    /// # Errors
+    /// [`RecordingError`]: what can't be opened or told, with what there is and what to do.
+    pub fn open(paths: &[PathBuf], said: &Selection) -> Result<Self, RecordingError> {
+        match paths {
+            [bag] if is_bag(bag) => Self::of_bag(&BagReader::open(bag)?, said),
+            _ => match paths.iter().find(|path| is_bag(path)) {
+                Some(bag) => Err(RecordingError::SeveralBags(bag.clone())),
+                None => Ok(Self::of_tables(&tables(paths, said)?, said)?),
+            },
+        }
+    }
+
     /// Reads the series of a bag (folder or .mcap).
     ///
     /// # Errors
@@ -115,39 +162,55 @@ impl Recording {
     /// # Errors
     /// As [`Recording::load`].
     pub fn from_reader(bag: &BagReader, names: &TopicNames) -> Result<Self, BagError> {
-        let joint_state = find::<JointState>(bag, names.joint_state.as_deref(), "measured_js", &[])?;
+        let said = Selection { names: names.clone(), ..Selection::default() };
+        Self::of_bag(bag, &said).map_err(|error| match error {
+            RecordingError::Bag(error) => error,
+            // nothing is said that could be wrong
+            other => BagError::NotABag { path: bag.name().into(), found: other.to_string(), remedy: String::new() },
+        })
+    }
+
+    /// As [`Recording::open`], from an opened bag.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn of_bag(bag: &BagReader, said: &Selection) -> Result<Self, RecordingError> {
+        let names = &said.names;
+        let position = position_source(bag, said)?;
+        let force_source = force_source(bag, said)?;
+        let joint_state = match &position {
+            Some(source) => Some(source.check(bag)?),
+            None => find::<JointState>(bag, names.joint_state.as_deref(), "measured_js", &[])?,
+        };
         let pose = find::<PoseStamped>(bag, names.pose.as_deref(), "measured_cp", &[])?;
-        let wrench = find::<WrenchStamped>(bag, names.wrench.as_deref(), "measured_cf", &["predicted_cf"])?;
+        let wrench = match &force_source {
+            Some(source) => Some(source.check(bag)?),
+            None => find::<WrenchStamped>(bag, names.wrench.as_deref(), "measured_cf", &["predicted_cf"])?,
+        };
         if joint_state.is_none() && pose.is_none() {
-            return Err(no_motion(bag));
+            return Err(no_motion(bag).into());
         }
         let mut reading = Reading { bag, losses: bag.losses().to_vec(), warnings: bag.warnings().to_vec() };
         let adapter = Adapter { joint: &names.joint, frame_id: &names.frame_id };
-        let depths = reading.series(joint_state, |m: &JointState| (&m.header, adapter.depth(m)));
-        let poses = reading.series(pose, |m: &PoseStamped| (&m.header, adapter.pose(m)));
-        let forces = reading.series(wrench, |m: &WrenchStamped| (&m.header, force(m)));
-        let origin_ns = [depths.0.first().map(|s| s.0), poses.0.first().map(|s| s.0), forces.0.first().map(|s| s.0)]
-            .into_iter()
-            .flatten()
-            .min()
-            .unwrap_or(0);
-        let seconds = |ns: i64| (ns - origin_ns) as f64 * 1e-9;
+        let depth = |m: JointState| (adapter.depth(&m), m.header);
+        let stamped = Stamped {
+            depths: match &position {
+                Some(source) => reading.series(joint_state, |m| Ok(depth(source.convert(bag, m)?))),
+                None => reading.series(joint_state, |m| Ok(depth(bag.decode(m)?))),
+            },
+            poses: reading.series(pose, |m| {
+                let m: PoseStamped = bag.decode(m)?;
+                Ok((adapter.pose(&m), m.header))
+            }),
+            forces: match &force_source {
+                Some(source) => reading.series(wrench, |m| Ok(force(source.convert(bag, m)?))),
+                None => reading.series(wrench, |m| Ok(force(bag.decode(m)?))),
+            },
+        };
         let name = |topic: Option<usize>| topic.map(|t| bag.topics()[t].name.clone());
         let mut recording = Self {
             source: describe(bag),
             scene: bag.custom_data("scene").map(str::to_owned),
-            origin_ns,
-            depths: depths
-                .0
-                .iter()
-                .map(|(t, depth_m)| DepthSample { time_s: seconds(*t), depth_m: *depth_m })
-                .collect(),
-            poses: poses
-                .0
-                .iter()
-                .map(|(t, Pose { tip, axis })| PoseSample { time_s: seconds(*t), tip: *tip, axis: *axis })
-                .collect(),
-            forces: forces.0.iter().map(|(t, f)| ForceSample { time_s: seconds(*t), force_n: *f }).collect(),
             topics: TopicNames {
                 joint_state: name(joint_state),
                 pose: name(pose),
@@ -155,12 +218,75 @@ impl Recording {
                 joint: names.joint.clone(),
                 frame_id: names.frame_id.clone(),
             },
-            force_frame: forces.1,
             losses: reading.losses,
             warnings: reading.warnings,
+            ..Self::of(stamped, said.time_offset_s)
         };
         recording.check(bag, joint_state.or(pose))?;
         Ok(recording)
+    }
+
+    /// The recording that one or several tables hold.
+    ///
+    /// # Errors
+    /// [`TableError::Missing`] if none of them has the position.
+    pub fn of_tables(read: &[Table], said: &Selection) -> Result<Self, TableError> {
+        let columns =
+            || read.iter().map(|t| format!("{} has {}", t.file, t.all_columns)).collect::<Vec<_>>().join("; ");
+        let missing = |what, option| TableError::Missing { what, option, columns: columns() };
+        let moves = |t: &&Table| t.columns.position.is_some() || t.columns.pose.is_some();
+        let motion = read.iter().find(moves).ok_or_else(|| missing("position", "--position"))?;
+        let cell = read.iter().find(|t| t.columns.force.is_some());
+        if [Some(motion), cell].iter().flatten().any(|t| t.columns.time.is_none() && said.rate_hz.is_none()) {
+            return Err(missing("time (or give --rate-hz)", "--time"));
+        }
+        let (mut losses, mut warnings) = (Vec::new(), Vec::new());
+        for table in read.iter().filter(|t| t.bad > 0) {
+            let first = table.first_bad.as_deref().unwrap_or_default();
+            let reason = format!("a cell that is needed is no number, first in {first}");
+            losses.push(Loss::Samples { topic: table.file.clone(), count: table.bad, reason });
+        }
+        let stamped = Stamped {
+            depths: (in_order(&motion.file, motion.depths.clone(), &mut losses, &mut warnings), String::new()),
+            poses: (in_order(&motion.file, motion.poses.clone(), &mut losses, &mut warnings), String::new()),
+            forces: cell.map_or_else(Default::default, |t| {
+                (in_order(&t.file, t.forces.clone(), &mut losses, &mut warnings), String::new())
+            }),
+        };
+        let files: Vec<&str> = read.iter().map(|t| t.file.rsplit(['/', '\\']).next().unwrap_or(&t.file)).collect();
+        let mut recording = Self {
+            source: format!("table {}", files.join(" and ")),
+            topics: said.names.clone(),
+            losses,
+            warnings,
+            ..Self::of(stamped, said.time_offset_s)
+        };
+        recording.check_times();
+        Ok(recording)
+    }
+
+    /// Series with a common origin; the force's stamps are late by so much.
+    fn of(stamped: Stamped, late_s: f64) -> Self {
+        let Stamped { depths: (depths, _), poses: (poses, _), forces: (mut forces, force_frame) } = stamped;
+        let late_ns = (late_s * 1e9).round() as i64;
+        forces.iter_mut().for_each(|(time, _)| *time -= late_ns);
+        let firsts = [depths.first().map(|s| s.0), poses.first().map(|s| s.0), forces.first().map(|s| s.0)];
+        let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
+        let seconds = |ns: i64| (ns - origin_ns) as f64 * 1e-9;
+        let depth = |&(t, depth_m): &(i64, f64)| DepthSample { time_s: seconds(t), depth_m };
+        let pose = |&(t, Pose { tip, axis }): &(i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
+        Self {
+            source: String::new(),
+            scene: None,
+            origin_ns,
+            depths: depths.iter().map(depth).collect(),
+            poses: poses.iter().map(pose).collect(),
+            forces: forces.iter().map(|&(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
+            topics: TopicNames::default(),
+            force_frame,
+            losses: Vec::new(),
+            warnings: Vec::new(),
+        }
     }
 
     /// Nothing to drive the twin with is an error; a load cell from another time is said.
@@ -170,6 +296,12 @@ impl Recording {
             let reason = if lost.is_empty() { "it has no messages".to_owned() } else { lost.join("; ") };
             return Err(topic_error(bag, &bag.topics()[topic], format!("nothing of it can be used: {reason}")));
         }
+        self.check_times();
+        Ok(())
+    }
+
+    /// A load cell from another time is said.
+    fn check_times(&mut self) {
         let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
         let force = span(self.forces.iter().map(|s| s.time_s));
         if let (Some(motion), Some(force)) = (motion, force)
@@ -181,7 +313,6 @@ impl Recording {
                 force.0, force.1, motion.0, motion.1
             ));
         }
-        Ok(())
     }
 }
 
@@ -273,12 +404,60 @@ fn find<T: RosMessage>(
     }
 }
 
-/// The force of the tissue on the instrument, N.
-fn force(m: &WrenchStamped) -> Result<[f64; 3], String> {
+/// The force of the tissue on the instrument, N, with its stamp and frame.
+fn force(m: WrenchStamped) -> (Result<[f64; 3], String>, Header) {
     let force: [f64; 3] = m.wrench.force.into();
-    if force.iter().all(|f| f.is_finite()) {
-        Ok(force)
-    } else {
-        Err(format!("its force {force:?} is not finite; check the load cell"))
+    let finite = force.iter().all(|f| f.is_finite());
+    let reason = || format!("its force {force:?} is not finite; check the load cell");
+    (if finite { Ok(force) } else { Err(reason()) }, m.header)
+}
+
+/// Whether a path is a bag: a folder, or an MCAP file.
+fn is_bag(path: &Path) -> bool {
+    let ends = |end: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(end));
+    path.is_dir() || ends("mcap") || ends("db3") || !path.exists()
+}
+
+/// Reads the files of a recording.
+///
+/// # Errors
+/// [`TableError`].
+pub fn tables(paths: &[PathBuf], said: &Selection) -> Result<Vec<Table>, TableError> {
+    paths.iter().enumerate().map(|(number, path)| Table::read(path, said, number)).collect()
+}
+
+/// The displacement sensor as the user describes it; `None` where its own numbers are taken as they are.
+fn position_source(bag: &BagReader, said: &Selection) -> Result<Option<PositionSource>, RecordingError> {
+    let m_per_unit = said.position.scale(Dimension::Length, "--position-unit")?;
+    if said.position.is_plain() {
+        return Ok(None);
     }
+    let own = find::<JointState>(bag, said.names.joint_state.as_deref(), "measured_js", &[]);
+    let topic = match &said.position.place {
+        Some(topic) => Some(topic.clone()),
+        None => own?.map(|t| bag.topics()[t].name.clone()),
+    };
+    let source = |topic| PositionSource {
+        topic,
+        joint: String::new(),
+        m_per_unit,
+        offset_m: 0.0,
+        joint_name: said.names.joint.clone(),
+    };
+    Ok(topic.map(source))
+}
+
+/// The load cell as the user describes it; as [`position_source`].
+fn force_source(bag: &BagReader, said: &Selection) -> Result<Option<ForceSource>, RecordingError> {
+    let n_per_unit = said.force.scale(Dimension::Force, "--force-unit")?;
+    if said.force.is_plain() {
+        return Ok(None);
+    }
+    let own = find::<WrenchStamped>(bag, said.names.wrench.as_deref(), "measured_cf", &["predicted_cf"]);
+    let topic = match &said.force.place {
+        Some(topic) => Some(topic.clone()),
+        None => own?.map(|t| bag.topics()[t].name.clone()),
+    };
+    let (axis, frame_id) = ([0.0, 0.0, 1.0], said.names.frame_id.clone());
+    Ok(topic.map(|topic| ForceSource { topic, n_per_unit, axis, frame_id }))
 }

@@ -51,7 +51,7 @@ pub enum NodeError {
     Guard(#[from] ros2_guarded::GuardError),
     /// A recording is not what the parameters say of it.
     #[error(transparent)]
-    Foreign(#[from] crate::rig::ForeignError),
+    Foreign(#[from] crate::input::ForeignError),
     /// Anything else, said in full.
     #[error("{0}")]
     Other(String),

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::common::{python::run_script, random::Random};
-use needle_twin::input::{Recording, TopicNames};
+use needle_twin::input::{Recording, Selection, TopicNames};
 use needle_twin::rig::make::RigScene;
 use ros2_messages::{
     RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin as own, rosgraph_msgs,
@@ -119,31 +119,49 @@ fn every_message_type_is_read_by_others() {
     assert!(report.worst() <= Some(Severity::Warning) && report.messages == written.messages, "{report:?}");
 }
 
+/// Every message of a bag of depths and forces as independent readers find it.
+fn read_by_others(path: &Path) {
+    let bag = BagReader::open(path).unwrap();
+    let expected: Vec<Value> = bag
+        .messages()
+        .map(|m| {
+            let topic = &bag.topics()[m.topic];
+            let message = match topic.name.as_str() {
+                "/measured_js" => serde_json::to_value(bag.decode::<sensor_msgs::JointState>(&m).unwrap()),
+                _ => serde_json::to_value(bag.decode::<geometry_msgs::WrenchStamped>(&m).unwrap()),
+            };
+            json!({
+                "topic": topic.name, "type": topic.type_name, "log_ns": m.log_ns, "publish_ns": m.publish_ns,
+                "hash": topic.hash, "reliability": "reliable", "durability": "volatile", "message": message.unwrap(),
+            })
+        })
+        .collect();
+    assert_eq!(expected.len() as u64, bag.message_count());
+    let json = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(json.path(), serde_json::to_vec(&expected).unwrap()).unwrap();
+    let messages = Path::new(env!("CARGO_MANIFEST_DIR")).join("msg");
+    run_script("bags/read_back.py", &[path, json.path(), &messages]);
+}
+
 #[test]
 fn the_shipped_bags_are_read_by_others() {
     for scene in RigScene::ALL {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(scene.name());
-        let bag = BagReader::open(&path).unwrap();
-        let expected: Vec<Value> = bag
-            .messages()
-            .map(|m| {
-                let topic = &bag.topics()[m.topic];
-                let message = match topic.name.as_str() {
-                    "/measured_js" => serde_json::to_value(bag.decode::<sensor_msgs::JointState>(&m).unwrap()),
-                    _ => serde_json::to_value(bag.decode::<geometry_msgs::WrenchStamped>(&m).unwrap()),
-                };
-                json!({
-                    "topic": topic.name, "type": topic.type_name, "log_ns": m.log_ns, "publish_ns": m.publish_ns,
-                    "hash": topic.hash, "reliability": "reliable", "durability": "volatile", "message": message.unwrap(),
-                })
-            })
-            .collect();
-        assert_eq!(expected.len() as u64, bag.message_count());
-        let json = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(json.path(), serde_json::to_vec(&expected).unwrap()).unwrap();
-        let messages = Path::new(env!("CARGO_MANIFEST_DIR")).join("msg");
-        run_script("bags/read_back.py", &[&path, json.path(), &messages]);
+        read_by_others(&Path::new(env!("CARGO_MANIFEST_DIR")).join("bags").join(scene.name()));
     }
+}
+
+#[test]
+fn an_imported_table_is_read_by_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("rig.csv");
+    let row = |i: u32| format!("{},{},{}\n", 0.1 * f64::from(i), 0.017 * f64::from(i), 0.3 * f64::from(i));
+    std::fs::write(&table, format!("Time (s),Compression (mm),Load (N)\n{}", (0..200).map(row).collect::<String>()))
+        .unwrap();
+    let path = folder.path().join("imported");
+    let written = Recording::open(&[table], &Selection::default()).unwrap().write(&path, Some("compression")).unwrap();
+    assert_eq!((written.messages, written.lost, written.complete), (400, 0, true));
+    read_by_others(&path);
+    assert!(check(&path).unwrap().worst() <= Some(Severity::Warning), "{:?}", check(&path));
 }
 
 #[test]

@@ -33,6 +33,35 @@ pub struct Bool {
     pub data: bool,
 }
 
+/// One dimension of an array.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MultiArrayDimension {
+    /// Its name.
+    pub label: String,
+    /// Elements along it.
+    pub size: u32,
+    /// Numbers from one element to the next.
+    pub stride: u32,
+}
+
+/// How the numbers of an array lie.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MultiArrayLayout {
+    /// From the outermost to the innermost.
+    pub dim: Vec<MultiArrayDimension>,
+    /// Numbers before the first element.
+    pub data_offset: u32,
+}
+
+/// An array of numbers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Float64MultiArray {
+    /// How they lie.
+    pub layout: MultiArrayLayout,
+    /// The numbers.
+    pub data: Vec<f64>,
+}
+
 /// Colour and opacity, each in [0, 1].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColorRGBA {
@@ -46,4 +75,6 @@ pub struct ColorRGBA {
     pub a: f32,
 }
 
-ros_messages!("std_msgs": Header, Float64, Float32, Bool, ColorRGBA);
+ros_messages!("std_msgs":
+    Header, Float64, Float32, Bool, MultiArrayDimension, MultiArrayLayout, Float64MultiArray, ColorRGBA,
+);

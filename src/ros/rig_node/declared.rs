@@ -3,9 +3,10 @@
 use ros2_client::ParameterValue as P;
 
 use super::driver::{Load, Rig};
+use crate::input::{ForceSource, PositionSource};
 use crate::rig::make::RigScene;
 use crate::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
-use crate::rig::{Driver, DriverLimits, ForceSource, MotionLimits, PlayOptions, PositionSource, Stretch};
+use crate::rig::{Driver, DriverLimits, MotionLimits, PlayOptions, Stretch};
 use crate::ros::parameter::{Parameter, Typed, parameters};
 use crate::ros::parameters::{Declaration, Parameters};
 use crate::ros::recorder;
@@ -168,7 +169,7 @@ parameters! {
     POSITION_TOPIC: String = Parameter::new(
         "position_topic",
         "",
-        "Recorded topic to play as measured_js: JointState, Range, Float64 or Float32; empty: none.",
+        "Recorded topic to play as measured_js: JointState, Range, Float64, Float32, or /name[INDEX] of a Float64MultiArray; empty: none.",
     )
     .fixed();
     POSITION_JOINT: String = Parameter::new(
@@ -194,7 +195,7 @@ parameters! {
     FORCE_TOPIC: String = Parameter::new(
         "force_topic",
         "",
-        "Recorded topic to play as measured_cf: WrenchStamped, Float64 or Float32; empty: none.",
+        "Recorded topic to play as measured_cf: WrenchStamped, Float64, Float32, or /name[INDEX] of a Float64MultiArray; empty: none.",
     )
     .fixed();
     FORCE_N_PER_UNIT: f64 = Parameter::real(

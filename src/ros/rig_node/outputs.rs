@@ -6,7 +6,8 @@ use std::time::Duration;
 use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageTypeName, QosProfile};
 
-use crate::rig::{ForceSource, Player, PositionSource};
+use crate::input::{ForceSource, PositionSource};
+use crate::rig::Player;
 use crate::ros::messages::geometry_msgs::WrenchStamped;
 use crate::ros::messages::rosgraph_msgs::Clock;
 use crate::ros::messages::sensor_msgs::JointState;
@@ -38,7 +39,8 @@ enum Sink {
 
 /// See the module.
 pub(super) struct Outputs {
-    by_topic: BTreeMap<usize, Sink>,
+    /// An array may be the displacement and the force.
+    by_topic: BTreeMap<usize, Vec<Sink>>,
     pub clock: Option<(Output<Clock>, Duration)>,
 }
 
@@ -46,19 +48,19 @@ impl Outputs {
     /// One publisher per topic that is played, with the QoS that was recorded.
     pub fn new(participant: &mut Participant, player: &Player, wishes: Wishes) -> Result<Self, NodeError> {
         let Wishes { clock_hz, relative_names, position, force } = wishes;
-        let mut by_topic = BTreeMap::new();
+        let mut by_topic: BTreeMap<usize, Vec<Sink>> = BTreeMap::new();
         let bag = player.bag();
         if let Some(source) = position
-            && let Some(index) = index_of(bag, &source.topic)
+            && let Ok(index) = source.check(bag)
         {
             let output = participant.publisher("measured_js", qos::reliable(10))?;
-            by_topic.insert(index, Sink::Position(output, source));
+            by_topic.entry(index).or_default().push(Sink::Position(output, source));
         }
         if let Some(source) = force
-            && let Some(index) = index_of(bag, &source.topic)
+            && let Ok(index) = source.check(bag)
         {
             let output = participant.publisher("measured_cf", qos::reliable(10))?;
-            by_topic.insert(index, Sink::Force(output, source));
+            by_topic.entry(index).or_default().push(Sink::Force(output, source));
         }
         for (index, topic) in bag.topics().iter().enumerate().filter(|(i, _)| player.plays(*i)) {
             let name = played_name(&topic.name, relative_names);
@@ -66,7 +68,7 @@ impl Outputs {
                 continue;
             }
             if let Some(output) = as_recorded(participant, topic, name)? {
-                by_topic.insert(index, Sink::AsRecorded(output));
+                by_topic.insert(index, vec![Sink::AsRecorded(output)]);
             }
         }
         let clock = if clock_hz > 0.0 {
@@ -88,26 +90,23 @@ impl Outputs {
     /// # Errors
     /// Why it can't be.
     pub fn send(&self, bag: &BagReader, message: Message) -> Result<(), String> {
-        match self.by_topic.get(&message.topic) {
-            None => {}
-            Some(Sink::AsRecorded(output)) => {
-                let raw = RawCdr::from_bag(message.data)
-                    .map_err(|start| format!("it starts with {start}, which is not little-endian CDR"))?;
-                output.send(raw);
-            }
-            Some(Sink::Position(output, source)) => {
-                output.send(source.convert(bag, &message)?);
-            }
-            Some(Sink::Force(output, source)) => {
-                output.send(source.convert(bag, &message)?);
+        for sink in self.by_topic.get(&message.topic).into_iter().flatten() {
+            match sink {
+                Sink::AsRecorded(output) => {
+                    let raw = RawCdr::from_bag(message.data.clone())
+                        .map_err(|start| format!("it starts with {start}, which is not little-endian CDR"))?;
+                    output.send(raw);
+                }
+                Sink::Position(output, source) => {
+                    output.send(source.convert(bag, &message)?);
+                }
+                Sink::Force(output, source) => {
+                    output.send(source.convert(bag, &message)?);
+                }
             }
         }
         Ok(())
     }
-}
-
-fn index_of(bag: &BagReader, name: &str) -> Option<usize> {
-    bag.topics().iter().position(|t| t.name == name)
 }
 
 /// The name as the program calls it.
@@ -121,14 +120,14 @@ fn is_made_here(
     topic: &Topic,
     name: &str,
     clock_hz: f64,
-    by_topic: &BTreeMap<usize, Sink>,
+    by_topic: &BTreeMap<usize, Vec<Sink>>,
 ) -> Result<bool, NodeError> {
     if topic.name == "/clock" && clock_hz > 0.0 {
         tracing::info!("the bag's own /clock is not played: this node publishes it (clock_hz:=0 to change that)");
         return Ok(true);
     }
     let full = participant.names().resolve(name, Endpoint::Topic)?;
-    let taken = by_topic.values().any(|sink| match sink {
+    let taken = by_topic.values().flatten().any(|sink| match sink {
         Sink::AsRecorded(_) => false,
         Sink::Position(output, _) => output.topic() == full,
         Sink::Force(output, _) => output.topic() == full,

@@ -7,8 +7,8 @@ use ros2_messages::RosMessage;
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::{JointState, Range};
-use ros2_messages::std_msgs::{Float32, Float64, Header};
-use rosbag2_mcap::{BagReader, Message, Topic};
+use ros2_messages::std_msgs::{Float32, Float64, Float64MultiArray, Header};
+use rosbag2_mcap::{BagReader, Message};
 
 /// Why a topic can't be taken for what the user says it is.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -45,7 +45,7 @@ pub enum ForeignError {
 /// A topic that is the displacement sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PositionSource {
-    /// Recorded name.
+    /// Recorded name; `/name[3]` is the element 3, from 0, of an array.
     pub topic: String,
     /// Joint to take from a `JointState`; empty: [`PositionSource::joint_name`], or the only one.
     pub joint: String,
@@ -60,7 +60,7 @@ pub struct PositionSource {
 /// A topic that is the load cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ForceSource {
-    /// Recorded name.
+    /// Recorded name; `/name[3]` is the element 3, from 0, of an array.
     pub topic: String,
     /// Force in N of one unit of the recorded number; negative where the cell counts the force on the tissue.
     pub n_per_unit: f64,
@@ -70,21 +70,55 @@ pub struct ForceSource {
     pub frame_id: String,
 }
 
-fn find<'a>(
-    bag: &'a BagReader,
+/// Name of the topic, and the element of its array.
+fn element(topic: &str) -> (&str, Option<usize>) {
+    let parts = topic.strip_suffix(']').and_then(|t| t.split_once('['));
+    parts.and_then(|(name, index)| Some((name, Some(index.parse().ok()?)))).unwrap_or((topic, None))
+}
+
+/// A message that is a number: `Float64`, `Float32`, or an element of `Float64MultiArray`.
+fn number(bag: &BagReader, message: &Message, kind: &str, topic: &str) -> Result<f64, String> {
+    if kind == Float64::TYPE {
+        return Ok(bag.decode::<Float64>(message)?.data);
+    }
+    if kind == Float32::TYPE {
+        return Ok(f64::from(bag.decode::<Float32>(message)?.data));
+    }
+    let data = bag.decode::<Float64MultiArray>(message)?.data;
+    let index = match element(topic).1 {
+        Some(index) => index,
+        None if data.len() == 1 => 0,
+        None => {
+            return Err(format!(
+                "it is an array of {} numbers: name the one to take as {topic}[INDEX], from 0",
+                data.len()
+            ));
+        }
+    };
+    data.get(index)
+        .copied()
+        .ok_or_else(|| format!("it has {} numbers, so none with the index {index}, from 0", data.len()))
+}
+
+/// The topic, by its number in the bag.
+fn find(
+    bag: &BagReader,
     name: &str,
     parameter: &'static str,
     types: &[&str],
     wanted: &'static str,
-) -> Result<&'a Topic, ForeignError> {
-    let topic = bag.topics().iter().find(|t| t.name == name).ok_or_else(|| ForeignError::NoTopic {
+) -> Result<usize, ForeignError> {
+    let bare = element(name).0.trim_start_matches('/');
+    let found = bag.topics().iter().position(|t| t.name.trim_start_matches('/') == bare);
+    let number = found.ok_or_else(|| ForeignError::NoTopic {
         bag: bag.name().to_owned(),
         topic: name.to_owned(),
         parameter,
         available: bag.describe_topics(),
     })?;
+    let topic = &bag.topics()[number];
     if types.contains(&topic.type_name.as_str()) {
-        return Ok(topic);
+        return Ok(number);
     }
     Err(ForeignError::Type {
         bag: bag.name().to_owned(),
@@ -109,14 +143,15 @@ fn unstamped(message: &Message, frame_id: &str) -> Header {
 }
 
 impl PositionSource {
-    /// Checks that the bag has the topic, with a type that holds a position.
+    /// The topic's number in the bag, if it has it with a type that holds a position.
     ///
     /// # Errors
     /// [`ForeignError`].
-    pub fn check(&self, bag: &BagReader) -> Result<(), ForeignError> {
-        let types = [JointState::TYPE, Range::TYPE, Float64::TYPE, Float32::TYPE];
-        let wanted = "sensor_msgs/msg/JointState, sensor_msgs/msg/Range, std_msgs/msg/Float64 or std_msgs/msg/Float32";
-        find(bag, &self.topic, "position_topic", &types, wanted).map(drop)
+    pub fn check(&self, bag: &BagReader) -> Result<usize, ForeignError> {
+        let types = [JointState::TYPE, Range::TYPE, Float64::TYPE, Float32::TYPE, Float64MultiArray::TYPE];
+        let wanted = "sensor_msgs/msg/JointState, sensor_msgs/msg/Range, std_msgs/msg/Float64, std_msgs/msg/Float32 or an element \
+                      of std_msgs/msg/Float64MultiArray";
+        find(bag, &self.topic, "position_topic", &types, wanted)
     }
 
     /// The depth that a message of the topic says.
@@ -131,10 +166,8 @@ impl PositionSource {
         let (header, value) = if kind == Range::TYPE {
             let range: Range = bag.decode(message)?;
             (stamped(range.header, message), f64::from(range.range))
-        } else if kind == Float64::TYPE {
-            (unstamped(message, ""), bag.decode::<Float64>(message)?.data)
         } else {
-            (unstamped(message, ""), f64::from(bag.decode::<Float32>(message)?.data))
+            (unstamped(message, ""), number(bag, message, kind, &self.topic)?)
         };
         Ok(self.depth(header, value, None))
     }
@@ -167,14 +200,15 @@ impl PositionSource {
 }
 
 impl ForceSource {
-    /// Checks that the bag has the topic, with a type that holds a force.
+    /// The topic's number in the bag, if it has it with a type that holds a force.
     ///
     /// # Errors
     /// [`ForeignError`].
-    pub fn check(&self, bag: &BagReader) -> Result<(), ForeignError> {
-        let types = [WrenchStamped::TYPE, Float64::TYPE, Float32::TYPE];
-        let wanted = "geometry_msgs/msg/WrenchStamped, std_msgs/msg/Float64 or std_msgs/msg/Float32";
-        find(bag, &self.topic, "force_topic", &types, wanted).map(drop)
+    pub fn check(&self, bag: &BagReader) -> Result<usize, ForeignError> {
+        let types = [WrenchStamped::TYPE, Float64::TYPE, Float32::TYPE, Float64MultiArray::TYPE];
+        let wanted = "geometry_msgs/msg/WrenchStamped, std_msgs/msg/Float64, std_msgs/msg/Float32 or an element of \
+                      std_msgs/msg/Float64MultiArray";
+        find(bag, &self.topic, "force_topic", &types, wanted)
     }
 
     /// The force that a message of the topic says.
@@ -192,11 +226,7 @@ impl ForceSource {
             let wrench = Wrench { force: self.scaled(from.wrench.force), torque: self.scaled(from.wrench.torque) };
             return Ok(WrenchStamped { header, wrench });
         }
-        let value = if kind == Float64::TYPE {
-            bag.decode::<Float64>(message)?.data
-        } else {
-            f64::from(bag.decode::<Float32>(message)?.data)
-        };
+        let value = number(bag, message, kind, &self.topic)?;
         let force = self.axis.map(|a| a * self.n_per_unit * value).into();
         Ok(WrenchStamped {
             header: unstamped(message, &self.frame_id),

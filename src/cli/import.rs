@@ -1,0 +1,139 @@
+//! `needle_twin import`: recordings of other programs as a bag.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::recorded::SourceOptions;
+use super::summary::{screen, written};
+use super::{CliError, Outcome, print, scene_file, warn};
+use crate::input::{Column, Recording, RecordingError, Table, TopicNames, tables};
+
+/// Make a bag of tables as text (CSV, TSV), or of a bag with other topics and units
+///
+/// What is not said is seen from the text: the separator, the decimal comma, the headers, the columns of time, position and force,
+/// and their units where the headers carry them. Position and force may be files of their own, each with its own clock.
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Tables as text, or one bag
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+
+    /// Folder of the bag to make; it must not exist, or be empty
+    #[arg(long, value_name = "BAG", required_unless_present = "dry_run")]
+    out: Option<PathBuf>,
+
+    /// Column (or topic) of the force
+    #[arg(long = "force", value_name = "COLUMN", conflicts_with = "force_topic", help_heading = "Recording")]
+    force_column: Option<String>,
+
+    #[command(flatten)]
+    sources: SourceOptions,
+
+    /// Scene that the bag names
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
+    scene: Option<String>,
+
+    /// Only show what was understood
+    #[arg(long)]
+    dry_run: bool,
+
+    /// Print it as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
+    if let Some(scene) = &arguments.scene {
+        scene_file::load(scene)?;
+    }
+    let mut sources = arguments.sources.clone();
+    sources.force_topic = sources.force_topic.or_else(|| arguments.force_column.clone());
+    let said = sources.selection(TopicNames::default());
+    let is_bag = matches!(&arguments.files[..], [bag] if bag.is_dir() || bag.extension().is_some_and(|e| e == "mcap"));
+    let read = if is_bag { Vec::new() } else { tables(&arguments.files, &said).map_err(RecordingError::from)? };
+    let recording = match is_bag {
+        true => Recording::open(&arguments.files, &said)?,
+        false => Recording::of_tables(&read, &said).map_err(RecordingError::from)?,
+    };
+    recording.warnings.iter().for_each(|text| warn(text));
+    recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    let bag = arguments.out.as_deref().filter(|_| !arguments.dry_run);
+    let made = bag.map(|folder| recording.write(folder, arguments.scene.as_deref())).transpose()?;
+    let files: Vec<PathBuf> = made.iter().map(|made| made.folder.clone()).collect();
+    print(&if arguments.json { json_of(&read, &recording, &files) } else { text_of(&read, &recording, &files) })?;
+    Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+}
+
+/// Each column with what it is taken for.
+fn columns(table: &Table) -> Vec<(&'static str, &Column)> {
+    let of = &table.columns;
+    let one = [("time", &of.time), ("position", &of.position), ("force", &of.force)];
+    let mut all: Vec<_> = one.into_iter().filter_map(|(what, column)| column.as_ref().map(|c| (what, c))).collect();
+    all.extend(of.pose.iter().flat_map(|pose| ["x", "y", "z"].into_iter().zip(pose)));
+    all
+}
+
+/// Number, duration and range of one series.
+struct Extent {
+    what: &'static str,
+    samples: usize,
+    from_to_s: [f64; 2],
+    range: [f64; 2],
+    unit: &'static str,
+}
+
+fn extents(recording: &Recording) -> Vec<Extent> {
+    let of = |what, unit, series: Vec<(f64, f64)>| {
+        let (first, last) = (series.first()?.0, series.last()?.0);
+        let range = series.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], (_, v)| [a.min(*v), b.max(*v)]);
+        Some(Extent { what, samples: series.len(), from_to_s: [first, last], range, unit })
+    };
+    let depths = recording.depths.iter().map(|s| (s.time_s, s.depth_m)).collect();
+    let poses = recording.poses.iter().map(|s| (s.time_s, s.tip[2])).collect();
+    let forces = recording.forces.iter().map(|s| (s.time_s, s.force_n[2])).collect();
+    [of("depth", "m", depths), of("tip's z", "m", poses), of("force", "N", forces)].into_iter().flatten().collect()
+}
+
+fn text_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
+    let mut lines = Vec::new();
+    for table in read {
+        lines.push(("table", format!("{}: {}, {} rows", table.file, table.layout, table.rows)));
+        for (what, column) in columns(table) {
+            let Column { index, name, unit, scale } = column;
+            let sign = if *scale < 0.0 { ", sign turned" } else { "" };
+            lines.push((what, format!("column {} `{name}`, in {unit}{sign}", index + 1)));
+        }
+    }
+    for Extent { what, samples, from_to_s: [a, b], range: [low, high], unit } in extents(recording) {
+        lines.push((what, format!("{samples} readings from {a:.3} to {b:.3} s, from {low:.6} to {high:.6} {unit}")));
+    }
+    lines.extend(files.first().map(|first| ("bag", written(first, files))));
+    let mut text = screen(&lines);
+    if files.is_empty() {
+        let _ = writeln!(text, "dry run: nothing was written"); // a String takes anything
+    }
+    text
+}
+
+fn json_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
+    let column = |(what, c): (&str, &Column)| json!({ "what": what, "column": c.index + 1, "header": c.name, "unit": c.unit, "si_per_unit": c.scale });
+    let table = |t: &Table| {
+        let taken: Vec<Value> = columns(t).into_iter().map(column).collect();
+        json!({ "file": t.file, "layout": t.layout, "rows": t.rows, "rows_without_numbers": t.bad, "columns": taken })
+    };
+    let series = extents(recording).into_iter().map(|e| {
+        json!({ "what": e.what, "readings": e.samples, "from_s": e.from_to_s[0], "to_s": e.from_to_s[1],
+                "least": e.range[0], "largest": e.range[1], "unit": e.unit })
+    });
+    let value = json!({
+        "tables": read.iter().map(table).collect::<Vec<_>>(),
+        "series": Value::from_iter(series),
+        "bag": files.first().map(|f| f.display().to_string()),
+        "losses": recording.losses.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "warnings": recording.warnings,
+    });
+    format!("{value:#}\n")
+}

@@ -1,0 +1,240 @@
+//! Options of the commands that take a recording, one adapter for bags and tables alike.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::options::SetOptions;
+use super::{CliError, scene_file};
+use crate::compare::{At, Reading};
+use crate::input::{Quantity, Recording, Selection, TableLayout, TopicNames};
+use crate::scene::Scene;
+
+/// Scene of a recording that doesn't say which it was made for.
+const DEFAULT_SCENE: &str = "needle_insertion";
+
+/// A recording and the scene that it is run with.
+#[derive(Debug, Args)]
+pub(super) struct RecordedOptions {
+    /// rosbag2 folder or .mcap file; or a table as text (CSV, TSV)
+    #[arg(value_name = "BAG|TABLE")]
+    bag: PathBuf,
+
+    /// The force's table, where it is a file of its own with its own clock
+    #[arg(long, value_name = "TABLE", help_heading = "Table")]
+    force_file: Option<PathBuf>,
+
+    /// Preset or scene file [default: the one that the bag names, needle_insertion if it names none]
+    #[arg(long, value_name = "NAME|FILE", help_heading = "Scene")]
+    scene: Option<String>,
+
+    #[command(flatten)]
+    set: SetOptions,
+
+    #[command(flatten)]
+    pub topics: TopicOptions,
+
+    #[command(flatten)]
+    pub sources: SourceOptions,
+
+    /// Go on where units, signs or scene of the recording look wrong; of `calibrate`, write a rejected model's scene as well
+    #[arg(long, help_heading = "Run")]
+    pub force: bool,
+}
+
+impl RecordedOptions {
+    /// Reads both.
+    pub(super) fn load(&self) -> Result<(Recording, Scene), CliError> {
+        let files: Vec<PathBuf> = [&self.bag].into_iter().chain(&self.force_file).cloned().collect();
+        let recording = Recording::open(&files, &self.selection())?;
+        let name = self.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
+        let scene = self.set.apply(&scene_file::load(name)?, [])?;
+        Ok((recording, scene))
+    }
+
+    /// What was said of the recording.
+    pub(super) fn selection(&self) -> Selection {
+        self.sources.selection(self.topics.names())
+    }
+}
+
+/// Which topics of the bag are taken.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Bag")]
+pub(super) struct TopicOptions {
+    /// Joint whose position is the depth
+    #[arg(long, value_name = "NAME", default_value = "insertion")]
+    joint: String,
+
+    /// Frame of the tip's poses: origin at the centre of the sample's bottom face, z up
+    #[arg(long, value_name = "NAME", default_value = "sample")]
+    frame_id: String,
+
+    /// Topic of the displacement sensor, sensor_msgs/JointState [default: a measured_js]
+    #[arg(long, value_name = "TOPIC", conflicts_with = "position_topic")]
+    measured_js: Option<String>,
+
+    /// Topic of the tip's pose, geometry_msgs/PoseStamped [default: a measured_cp, where there is no measured_js]
+    #[arg(long, value_name = "TOPIC")]
+    measured_cp: Option<String>,
+
+    /// Topic of the load cell, geometry_msgs/WrenchStamped [default: a measured_cf]
+    #[arg(long, value_name = "TOPIC", conflicts_with = "force_topic")]
+    measured_cf: Option<String>,
+}
+
+impl TopicOptions {
+    fn names(&self) -> TopicNames {
+        TopicNames {
+            joint_state: self.measured_js.clone(),
+            pose: self.measured_cp.clone(),
+            wrench: self.measured_cf.clone(),
+            joint: self.joint.clone(),
+            frame_id: self.frame_id.clone(),
+        }
+    }
+
+    /// The depths, unless there are none or the pose was asked for by name.
+    pub(super) fn readings(&self, recording: &Recording) -> Vec<Reading> {
+        readings(recording, self.measured_cp.is_some() && self.measured_js.is_none())
+    }
+}
+
+/// The depths of a recording, unless there are none or the pose is wanted.
+pub(super) fn readings(recording: &Recording, pose_wanted: bool) -> Vec<Reading> {
+    if recording.depths.is_empty() || pose_wanted {
+        recording.poses.iter().map(|s| Reading { time_s: s.time_s, at: At::Pose(s.pose()) }).collect()
+    } else {
+        recording.depths.iter().map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect()
+    }
+}
+
+/// What the numbers of a recording mean.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Recording")]
+pub(super) struct SourceOptions {
+    /// What the depth is: a topic (JointState, Range, Float64, Float32; /daq[0] of a Float64MultiArray), or a column by its header
+    /// or its number from 1
+    #[arg(long, value_name = "TOPIC|COLUMN", visible_alias = "position")]
+    pub position_topic: Option<String>,
+
+    /// Unit of the depth: m, cm, mm, um, in [default: as the column's header says; m of a topic]
+    #[arg(long, value_name = "UNIT")]
+    pub position_unit: Option<String>,
+
+    /// -1 where the number falls as the instrument goes in
+    #[arg(long, value_name = "SIGN", value_parser = reversed, allow_negative_numbers = true)]
+    pub position_sign: Option<bool>,
+
+    /// What the force is: a topic (WrenchStamped, Float64, Float32; /daq[1] of a Float64MultiArray), or a column
+    #[arg(long, value_name = "TOPIC|COLUMN", visible_alias = "force-column")]
+    pub force_topic: Option<String>,
+
+    /// Unit of the force: N, mN, kN, gf, kgf, lbf [default: as the column's header says; N of a topic]
+    #[arg(long, value_name = "UNIT")]
+    pub force_unit: Option<String>,
+
+    /// -1 where the load cell counts the force on the tissue
+    #[arg(long, value_name = "SIGN", value_parser = reversed, allow_negative_numbers = true)]
+    pub force_sign: Option<bool>,
+
+    /// How late the force's stamps are against the position's: taken off them
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub time_offset_s: f64,
+
+    #[command(flatten)]
+    pub table: TableOptions,
+}
+
+/// How a table is read.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Table")]
+pub(super) struct TableOptions {
+    /// Column of the time; once for each file where they differ
+    #[arg(long, value_name = "COLUMN")]
+    pub time: Vec<String>,
+
+    /// Unit of the time: s, ms, us, ns, min, h [default: as the column's header says]
+    #[arg(long, value_name = "UNIT")]
+    pub time_unit: Option<String>,
+
+    /// Rows per second, of a table without time
+    #[arg(long, value_name = "R", value_parser = positive, conflicts_with = "time")]
+    pub rate_hz: Option<f64>,
+
+    /// Columns of the tip in the sample's frame, in place of a depth; the instrument points down
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3)]
+    pub pose_columns: Option<Vec<String>>,
+
+    /// The position is a strain, a share of this length
+    #[arg(long, value_name = "L", value_parser = positive)]
+    pub gauge_length_m: Option<f64>,
+
+    /// Character between cells, or `tab` or `blank` [default: seen from the text]
+    #[arg(long, value_name = "CHARACTER", value_parser = separator)]
+    pub separator: Option<char>,
+
+    /// Numbers are written 0,5 [default: seen from the text]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    pub decimal_comma: Option<bool>,
+
+    /// Number of the line with the headers, from 1; 0 where there are none
+    #[arg(long, value_name = "N")]
+    pub header_line: Option<usize>,
+
+    /// What lines to be left out begin with [default: # or // or %]
+    #[arg(long, value_name = "TEXT")]
+    pub comment: Option<String>,
+}
+
+fn reversed(text: &str) -> Result<bool, String> {
+    match text {
+        "1" | "+1" | "+" => Ok(false),
+        "-1" | "-" => Ok(true),
+        _ => Err("1 or -1".to_owned()),
+    }
+}
+
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0).ok_or_else(|| "a positive number".to_owned())
+}
+
+fn separator(text: &str) -> Result<char, String> {
+    match text {
+        "tab" | "\\t" => return Ok('\t'),
+        "blank" | "space" => return Ok(' '),
+        _ => {}
+    }
+    let mut characters = text.chars();
+    let one = characters.next().filter(|c| c.is_ascii() && characters.next().is_none());
+    one.ok_or_else(|| "one character, or `tab` or `blank`".to_owned())
+}
+
+impl SourceOptions {
+    /// What was said, with the names of the topics.
+    pub(super) fn selection(&self, names: TopicNames) -> Selection {
+        let quantity = |place: &Option<String>, unit: &Option<String>, reversed: Option<bool>| Quantity {
+            place: place.clone(),
+            unit: unit.clone(),
+            reversed: reversed.unwrap_or(false),
+        };
+        let table = &self.table;
+        Selection {
+            names,
+            position: quantity(&self.position_topic, &self.position_unit, self.position_sign),
+            force: quantity(&self.force_topic, &self.force_unit, self.force_sign),
+            time_offset_s: self.time_offset_s,
+            time: table.time.clone(),
+            time_unit: table.time_unit.clone(),
+            rate_hz: table.rate_hz,
+            pose: table.pose_columns.as_ref().and_then(|names| <[String; 3]>::try_from(names.clone()).ok()),
+            gauge_length_m: table.gauge_length_m,
+            layout: TableLayout {
+                separator: table.separator,
+                decimal_comma: table.decimal_comma,
+                header_line: table.header_line,
+                comment: table.comment.clone(),
+            },
+        }
+    }
+}

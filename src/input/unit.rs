@@ -1,0 +1,105 @@
+//! Units as they stand in the headers of tables and on the command line.
+
+/// Standard gravity, m/s2 (ISO 80000-3): a gram-force is its weight.
+const GRAVITY: f64 = 9.806_65;
+
+/// What a number measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// In s.
+    Time,
+    /// In m.
+    Length,
+    /// In N.
+    Force,
+}
+
+impl Dimension {
+    /// Units of the dimension, each with its size in s, m or N.
+    const fn units(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Self::Time => {
+                &[("s", 1.0), ("sec", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("h", 3600.0)]
+            }
+            Self::Length => {
+                &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("in", 0.0254), ("inch", 0.0254)]
+            }
+            Self::Force => &[
+                ("N", 1.0),
+                ("kN", 1e3),
+                ("mN", 1e-3),
+                ("uN", 1e-6),
+                ("gf", 1e-3 * GRAVITY),
+                ("g", 1e-3 * GRAVITY),
+                ("kgf", GRAVITY),
+                ("kg", GRAVITY),
+                ("lbf", 0.453_592_37 * GRAVITY),
+            ],
+        }
+    }
+
+    /// Size of a unit in s, m or N. A micro sign counts as u; other letters are as the unit writes them, but that of a unit of one
+    /// meaning may be in either case (`MM`, `Sec`).
+    #[must_use]
+    pub fn unit(self, text: &str) -> Option<f64> {
+        let text = text.trim().replace(['µ', 'μ'], "u");
+        let exact = self.units().iter().find(|(name, _)| *name == text);
+        // MN is no mN, and Ms no ms
+        let loose = |name: &str| name.eq_ignore_ascii_case(&text) && !text.starts_with('M');
+        let any =
+            exact.or_else(|| self.units().iter().find(|(name, _)| loose(name) || (text == "MM" && *name == "mm")));
+        any.map(|(_, size)| *size)
+    }
+
+    /// The units, for a message.
+    #[must_use]
+    pub fn names(self) -> String {
+        self.units().iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The unit that a header carries: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` where it carries none.
+    #[must_use]
+    pub fn of_header(self, header: &str) -> Option<(String, f64)> {
+        let within = |open: char, close: char| {
+            let (_, rest) = header.rsplit_once(open)?;
+            rest.split_once(close).map(|(unit, _)| unit)
+        };
+        let behind = ['/', ',', '_', ' '].map(|c| header.rsplit_once(c).map(|(_, unit)| unit));
+        let found = [within('(', ')'), within('[', ']'), within('<', '>')].into_iter().chain(behind).flatten();
+        found.map(str::trim).find_map(|unit| {
+            // names in snake case are in small letters: depth_m, force_n
+            let own = header.contains('_').then(|| self.units().iter().find(|(name, _)| name.to_lowercase() == unit));
+            let size = own.flatten().map(|(_, size)| *size).or_else(|| self.unit(unit))?;
+            Some((unit.to_owned(), size))
+        })
+    }
+}
+
+/// Whether a cell of a row of units could be one: `(mm)`, `[N]`, `s`, `-`, `%`, or empty.
+pub(super) fn is_unit(cell: &str) -> bool {
+    let bare = cell.trim().trim_matches(['(', ')', '[', ']', '<', '>']);
+    bare.is_empty()
+        || ["-", "%", "mm/mm", "kPa", "MPa", "Pa", "V", "mV", "°C"].contains(&bare)
+        || [Dimension::Time, Dimension::Length, Dimension::Force].iter().any(|d| d.unit(bare).is_some())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_headers() {
+        let of = |d: Dimension, text: &str| d.of_header(text).map(|(_, size)| size);
+        for text in ["Compression (mm)", "Extension [mm]", "Weg/mm", "depth_mm", "Position, mm", "Travel mm"] {
+            assert_eq!(of(Dimension::Length, text), Some(1e-3), "{text}");
+        }
+        assert_eq!(of(Dimension::Length, "Compression"), None);
+        assert_eq!(of(Dimension::Length, "Strain (-)"), None);
+        assert_eq!(of(Dimension::Force, "Load (mN)"), Some(1e-3));
+        assert_eq!(of(Dimension::Force, "Load (MN)"), None, "a meganewton is no millinewton");
+        assert_eq!(of(Dimension::Force, "force_n"), Some(1.0));
+        assert_eq!(of(Dimension::Time, "Time (µs)"), Some(1e-6));
+        assert_eq!(of(Dimension::Time, "Time (Sec)"), Some(1.0));
+        assert!(is_unit("(mm)") && is_unit("") && !is_unit("Load"));
+    }
+}
