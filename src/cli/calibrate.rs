@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Progress;
-use super::recorded::RecordedOptions;
+use super::recorded::{RecordedOptions, positive};
 use super::replay::{foreign_frame, refuse_mistaken, series};
 use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
@@ -27,7 +27,7 @@ pub(super) struct Arguments {
 
     /// Key to find, one of the scene or align.contact_depth_m, align.time_offset_s, align.force_zero_n of the recording, with bounds where the key's own range is too wide: material.shear_modulus_pa or
     /// instrument.deformation_coefficient=0.2..0.8 (may be repeated; the search begins at the scene's value)
-    #[arg(long, value_name = "KEY[=LOW..HIGH]", required = true, num_args = 1.., value_parser = wanted, help_heading = "Fit")]
+    #[arg(long, value_name = "KEY[=LOW..HIGH]", required = true, num_args = 1.., value_parser = Wanted::parse, help_heading = "Fit")]
     fit: Vec<Wanted>,
 
     /// What of the load cell is estimated alongside
@@ -42,6 +42,10 @@ pub(super) struct Arguments {
     /// Part of the recording that is not fitted
     #[arg(long, value_enum, default_value_t = Held::None, help_heading = "Fit")]
     hold_out: Held,
+
+    /// Recorded depth up to which is fitted, m; the rest of the insertion is then predicted
+    #[arg(long, value_name = "D", value_parser = positive, conflicts_with = "hold_out", help_heading = "Fit")]
+    fit_to_depth_m: Option<f64>,
 
     /// Another bag to predict with the values found, in the scene that it names
     #[arg(long, value_name = "BAG", help_heading = "Fit")]
@@ -78,16 +82,6 @@ enum Held {
     Retraction,
     /// The second half of the insertion, which is then predicted
     Half,
-}
-
-fn wanted(text: &str) -> Result<Wanted, String> {
-    let Some((key, bounds)) = text.split_once('=') else {
-        return Ok(Wanted { key: text.trim().to_owned(), bounds: None });
-    };
-    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-    let both = bounds.split_once("..").and_then(|(low, high)| Some([number(low)?, number(high)?]));
-    let bounds = both.ok_or_else(|| "bounds are two numbers, as in KEY=0.2..0.8".to_owned())?;
-    Ok(Wanted { key: key.trim().to_owned(), bounds: Some(bounds) })
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -160,10 +154,11 @@ fn found(
             Cell::Exact => LoadCell::Exact,
         },
         force_error: arguments.force_error,
-        part: match arguments.hold_out {
-            Held::None => HoldOut::Nothing,
-            Held::Retraction => HoldOut::Retraction,
-            Held::Half => HoldOut::Half,
+        part: match (arguments.hold_out, arguments.fit_to_depth_m) {
+            (_, Some(depth_m)) => HoldOut::Beyond(depth_m),
+            (Held::None, None) => HoldOut::Nothing,
+            (Held::Retraction, None) => HoldOut::Retraction,
+            (Held::Half, None) => HoldOut::Half,
         },
     };
     let mut stop = Stop(&progress);

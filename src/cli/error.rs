@@ -8,6 +8,7 @@ use crate::report::ReportError;
 use crate::ros::start::NodeError;
 use crate::scene::SceneError;
 use crate::study::accuracy::StudyError;
+use crate::study::batch::{ManifestError, MergeError};
 use crate::study::calibrate::CalibrateError;
 use crate::study::speed::SpeedError;
 use crate::twin::BuildError;
@@ -66,6 +67,12 @@ pub enum CliError {
     /// Nothing can be fitted.
     #[error("calibrate: {0}")]
     Calibrate(#[from] CalibrateError),
+    /// A manifest can't be used.
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    /// Rows can't be put together.
+    #[error(transparent)]
+    Merge(#[from] MergeError),
     /// The output can't be written.
     #[error(transparent)]
     Report(#[from] ReportError),

@@ -3,6 +3,7 @@
 //! Results go to stdout, progress and diagnostics to stderr. A failure is one message: what, where, what to do.
 
 mod bag;
+mod batch;
 mod calibrate;
 mod curves;
 mod demo;
@@ -52,6 +53,7 @@ enum Command {
     Replay(replay::Arguments),
     Import(import::Arguments),
     Calibrate(calibrate::Arguments),
+    Batch(batch::Arguments),
     Solve(solve::Arguments),
     Study(study::Arguments),
     Tune(tune::Arguments),
@@ -105,6 +107,7 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Demo(arguments)) => demo::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Import(arguments)) => import::run(&arguments),
+        Some(Command::Batch(arguments)) => batch::run(&arguments),
         Some(Command::Calibrate(arguments)) => calibrate::run(&arguments),
         Some(Command::Solve(arguments)) => solve::run(&arguments),
         Some(Command::Study(arguments)) => study::run(&arguments),

@@ -4,6 +4,8 @@
 //! before the first file is touched, and files appear under their names only when they are complete. Nothing here
 //! computes mechanics, and no file holds a number that is not finite.
 
+mod batch_page;
+mod batch_table;
 mod calibration_json;
 mod calibration_plot;
 mod cost_page;
@@ -35,6 +37,7 @@ mod unit;
 mod verification_plot;
 mod vtu;
 
+pub use batch_table::{batch_json, write_batch, write_row};
 pub use calibration_json::calibration_json;
 pub use csv::{force_csv, targets_csv};
 pub use error::ReportError;

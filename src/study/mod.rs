@@ -6,6 +6,7 @@
 //! [`mod@calibrate`] finds the values of scene keys with which a recorded force is met. [`speed`] times the step, beside the [`mod@bounds`] of the machine.
 
 pub mod accuracy;
+pub mod batch;
 pub mod bounds;
 pub mod calibrate;
 mod clock;

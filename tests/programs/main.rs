@@ -2,6 +2,7 @@
 
 mod accuracy_study;
 mod bad_input;
+mod batch;
 mod calibrate;
 mod cli;
 mod demo;

@@ -42,6 +42,22 @@ pub struct Wanted {
     pub bounds: Option<[f64; 2]>,
 }
 
+impl Wanted {
+    /// From `KEY` or `KEY=LOW..HIGH`.
+    ///
+    /// # Errors
+    /// What is wrong with the bounds.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let Some((key, bounds)) = text.split_once('=') else {
+            return Ok(Self { key: text.trim().to_owned(), bounds: None });
+        };
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+        let both = bounds.split_once("..").and_then(|(low, high)| Some([number(low)?, number(high)?]));
+        let bounds = both.ok_or_else(|| "bounds are two numbers, as in KEY=0.2..0.8".to_owned())?;
+        Ok(Self { key: key.trim().to_owned(), bounds: Some(bounds) })
+    }
+}
+
 /// What of the load cell is estimated alongside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadCell {

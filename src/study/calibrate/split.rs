@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::compare::Run;
 
 /// Which part is fitted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HoldOut {
     /// All of it.
     Nothing,
@@ -13,6 +13,8 @@ pub enum HoldOut {
     Retraction,
     /// Up to half of the deepest depth; the rest of the insertion is predicted.
     Half,
+    /// Up to the first pose beyond this recorded depth, m; the rest of the insertion is predicted.
+    Beyond(f64),
 }
 
 /// Indices of answers.
@@ -33,10 +35,14 @@ impl Parts {
             HoldOut::Retraction => Self { fitted: 0..legs.retraction, held_out: None },
             HoldOut::Half => {
                 let deepest = run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max);
-                let half = run.answers[..legs.hold].iter().position(|a| a.depth_m > 0.5 * deepest);
-                let half = half.unwrap_or(legs.hold);
-                Self { fitted: 0..half, held_out: Some(half..legs.hold) }
+                Self::up_to(run, 0.5 * deepest, legs.hold)
             }
+            HoldOut::Beyond(depth_m) => Self::up_to(run, depth_m, legs.hold),
         }
+    }
+
+    fn up_to(run: &Run, depth_m: f64, end: usize) -> Self {
+        let first = run.answers[..end].iter().position(|a| a.depth_m > depth_m).unwrap_or(end);
+        Self { fitted: 0..first, held_out: Some(first..end) }
     }
 }

@@ -1,0 +1,71 @@
+//! Measured and predicted force over the depth since contact: what a small picture needs, and one recording to predict another.
+
+use serde::{Deserialize, Serialize};
+
+/// Places of a curve.
+const PLACES: usize = 49;
+
+/// Forces at equal distances from the contact to the deepest place of the insertion.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Curve {
+    /// Since contact, m.
+    pub depth_m: Vec<f64>,
+    /// Less the load cell's zero, N.
+    pub measured_n: Vec<f64>,
+    /// N.
+    pub predicted_n: Vec<f64>,
+}
+
+impl Curve {
+    /// From readings in the order of time; what lies behind the deepest one is left out.
+    #[must_use]
+    pub fn of(depth_m: &[f64], measured_n: &[f64], predicted_n: &[f64]) -> Self {
+        let Some(deepest) = (0..depth_m.len()).max_by(|&a, &b| depth_m[a].total_cmp(&depth_m[b])) else {
+            return Self::default();
+        };
+        // a depth that trembles has been reached once it is passed
+        let mut rising: Vec<usize> = Vec::new();
+        for i in 0..=deepest {
+            if rising.last().is_none_or(|&last| depth_m[i] > depth_m[last]) {
+                rising.push(i);
+            }
+        }
+        let Some(end) = rising.last().map(|&i| depth_m[i]).filter(|end| *end > 0.0) else { return Self::default() };
+        let places: Vec<f64> = (0..PLACES).map(|k| end * k as f64 / (PLACES - 1) as f64).collect();
+        let at =
+            |values: &[f64]| places.iter().map(|&d| interpolated(&rising, depth_m, values, d)).collect::<Vec<f64>>();
+        Self { measured_n: at(measured_n), predicted_n: at(predicted_n), depth_m: places }
+    }
+
+    /// Force of one of the two at a depth, N; that of the nearest end outside.
+    #[must_use]
+    pub fn at(&self, forces: &[f64], depth_m: f64) -> f64 {
+        let all: Vec<usize> = (0..self.depth_m.len()).collect();
+        interpolated(&all, &self.depth_m, forces, depth_m)
+    }
+}
+
+fn interpolated(order: &[usize], x: &[f64], y: &[f64], at: f64) -> f64 {
+    let next = order.partition_point(|&i| x[i] < at).clamp(1, order.len().max(2) - 1);
+    let (Some(&a), Some(&b)) = (order.get(next - 1), order.get(next)) else {
+        return order.first().map_or(0.0, |&i| y[i]);
+    };
+    let share = ((at - x[a]) / (x[b] - x[a])).clamp(0.0, 1.0);
+    y[a] + share * (y[b] - y[a])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_stays_a_line() {
+        let depth: Vec<f64> = (0..100).map(|i| 1e-4 * f64::from(i) - 1e-3).chain([5e-3, 0.0]).collect();
+        let force: Vec<f64> = depth.iter().map(|d| 7.0 * d).collect();
+        let curve = Curve::of(&depth, &force, &force);
+        assert!((curve.depth_m[48] - 8.9e-3).abs() < 1e-12);
+        assert!(curve.depth_m.iter().zip(&curve.measured_n).all(|(d, f)| (f - 7.0 * d).abs() < 1e-12));
+        assert!((curve.at(&curve.measured_n, 3.3e-3) - 7.0 * 3.3e-3).abs() < 1e-12);
+        assert_eq!(Curve::of(&[], &[], &[]), Curve::default());
+    }
+}

@@ -1,0 +1,19 @@
+//! Many recordings, one answer: each is replayed or calibrated on its own, with each of some candidate models; what the samples have
+//! in common is then taken from the rows alone.
+//!
+//! A recording's row depends on nothing but its line of the manifest, its file and its scene, so a shard of a manifest can run
+//! anywhere, twice, or after a crash: the rows are the same to the last bit.
+
+mod curve;
+mod job;
+mod manifest;
+mod merge;
+mod pool;
+mod row;
+
+pub use curve::Curve;
+pub use job::{Job, Stop};
+pub use manifest::{Candidate, Entry, Manifest, ManifestError};
+pub use merge::{MergeError, Merged, ROWS, merge, read};
+pub use pool::{Group, Pooled, Sample};
+pub use row::{Fit, HeldOut, Key, Row};

@@ -1,0 +1,250 @@
+//! What the recordings of one sample have in common, and samples of one kind.
+//!
+//! Joint estimate of a key that n recordings of a sample share, each with its own zero and contact depth, x_i with the standard error
+//! e_i of its own fit: to second order of the sum of squares that of one fit to all of them,
+//!
+//! ```text
+//! x = sum w_i x_i / sum w_i,   w_i = 1 / (e_i^2 + t^2),   t^2 = max(0, (Q - (n - 1)) / (S1 - S2 / S1))
+//! Q = sum (x_i - x_0)^2 / e_i^2,  S1 = sum 1 / e_i^2,  S2 = sum 1 / e_i^4,  x_0 the mean with t = 0
+//! ```
+//!
+//! t is the spread of repeats beyond their errors (DerSimonian and Laird, Control. Clin. Trials 7, 1986). Within and between samples of one kind:
+//! the variance components of one-way analysis, s_w^2 = MS_w and s_b^2 = max(0, (MS_b - MS_w) / n_0) (Searle, Casella and McCulloch,
+//! Variance Components, 1992, 3.6).
+//!
+//! Leave one out: each recording is predicted by the mean curve of its sample's others, over the depth since contact.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{Fit, Row};
+
+/// A key over the recordings of one sample.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Pooled {
+    /// Dotted path.
+    pub key: String,
+    /// Joint estimate.
+    pub value: f64,
+    /// Its standard error by noise and the repeats' spread.
+    pub standard_error: Option<f64>,
+    /// Standard deviation of the repeats.
+    pub spread: Option<f64>,
+    /// Recordings.
+    pub count: usize,
+}
+
+/// One sample.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sample {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub group: String,
+    /// The candidate that leaves the least over what was fitted, of all recordings of the kind.
+    pub candidate: String,
+    /// Keys with that candidate.
+    pub keys: Vec<Pooled>,
+    /// Of each recording: its name, and the error of its prediction by the others, as a share of the peak.
+    pub left_one_out: Vec<(String, f64)>,
+}
+
+/// Samples of one kind.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Group {
+    /// Its name.
+    pub name: String,
+    /// The candidate that leaves the least.
+    pub candidate: String,
+    /// Each candidate's share of the peak that is left over what was fitted, root mean square over the recordings.
+    pub candidates: Vec<(String, Option<f64>)>,
+    /// The key, mean, standard deviation within samples and between.
+    pub keys: Vec<(String, f64, Option<f64>, Option<f64>)>,
+    /// Largest error at the end of what was predicted, as a share, by size.
+    pub largest_end_error: Option<f64>,
+    /// Mean of it.
+    pub mean_end_error: Option<f64>,
+    /// Recordings that were predicted, and those within 5 % at the end.
+    pub predicted: usize,
+    /// See `predicted`.
+    pub within_5_percent: usize,
+}
+
+/// The fit of a row with a candidate.
+pub(super) fn fit_of<'a>(row: &'a Row, candidate: &str) -> Option<&'a Fit> {
+    row.fits.iter().find(|fit| fit.candidate == candidate && fit.failed.is_none())
+}
+
+fn by<'a>(rows: &'a [Row], of: impl Fn(&Row) -> &String) -> BTreeMap<String, Vec<&'a Row>> {
+    let mut all: BTreeMap<String, Vec<&Row>> = BTreeMap::new();
+    rows.iter().for_each(|row| all.entry(of(row).clone()).or_default().push(row));
+    all
+}
+
+/// Root mean square of what a candidate leaves of the rows; `None` where it failed for one that another candidate explains.
+fn left(rows: &[&Row], candidate: &str) -> Option<f64> {
+    let usable: Vec<&&Row> = rows.iter().filter(|row| row.failed.is_none()).collect();
+    let each: Option<Vec<f64>> = usable.iter().map(|row| fit_of(row, candidate)?.nrmse()).collect();
+    let each = each.filter(|each| !each.is_empty())?;
+    Some((each.iter().map(|x| x * x).sum::<f64>() / each.len() as f64).sqrt())
+}
+
+/// Each candidate with what it leaves, in the manifest's order, and the best.
+fn candidates(rows: &[&Row]) -> (Vec<(String, Option<f64>)>, String) {
+    let names = rows.iter().find(|row| !row.fits.is_empty()).map(|row| row.fits.iter().map(|f| f.candidate.clone()));
+    let all: Vec<(String, Option<f64>)> =
+        names.into_iter().flatten().map(|name| (name.clone(), left(rows, &name))).collect();
+    let known = all.iter().filter_map(|(name, left)| left.map(|left| (name, left)));
+    let best = known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name.clone());
+    let best = best.or_else(|| all.first().map(|(name, _)| name.clone())).unwrap_or_default();
+    (all, best)
+}
+
+/// Values of a key with their errors.
+fn values(rows: &[&Row], candidate: &str, key: &str) -> Vec<(f64, Option<f64>)> {
+    let of = |row: &&Row| fit_of(row, candidate)?.keys.iter().find(|k| k.key == key).map(|k| (k.value, k.noise_error));
+    rows.iter().filter_map(of).collect()
+}
+
+fn keys(rows: &[&Row], candidate: &str) -> Vec<String> {
+    let first = rows.iter().find_map(|row| fit_of(row, candidate));
+    first.map_or_else(Vec::new, |fit| fit.keys.iter().map(|k| k.key.clone()).collect())
+}
+
+fn mean(x: &[f64]) -> f64 {
+    x.iter().sum::<f64>() / x.len().max(1) as f64
+}
+
+fn squares(x: &[f64]) -> f64 {
+    let m = mean(x);
+    x.iter().map(|x| (x - m) * (x - m)).sum()
+}
+
+/// The joint estimate; see the module.
+fn pooled(key: &str, values: &[(f64, Option<f64>)]) -> Option<Pooled> {
+    let n = values.len();
+    let x: Vec<f64> = values.iter().map(|v| v.0).collect();
+    let spread = (n > 1).then(|| (squares(&x) / (n - 1) as f64).sqrt());
+    let errors: Option<Vec<f64>> = values.iter().map(|v| v.1.filter(|e| *e > 0.0)).collect();
+    let Some(errors) = errors.filter(|e| !e.is_empty()) else {
+        // without errors all count alike
+        let standard_error = spread.map(|s| s / (n as f64).sqrt());
+        return (n > 0).then(|| Pooled { key: key.to_owned(), value: mean(&x), standard_error, spread, count: n });
+    };
+    let weighted = |t2: f64| {
+        let w: Vec<f64> = errors.iter().map(|e| 1.0 / (e * e + t2)).collect();
+        let sum: f64 = w.iter().sum();
+        (w.iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() / sum, sum)
+    };
+    let (x0, s1) = weighted(0.0);
+    let q: f64 = errors.iter().zip(&x).map(|(e, x)| ((x - x0) / e).powi(2)).sum();
+    let s2: f64 = errors.iter().map(|e| e.powi(-4)).sum();
+    let t2 = if n > 1 { ((q - (n - 1) as f64) / (s1 - s2 / s1)).max(0.0) } else { 0.0 };
+    let (value, sum) = weighted(t2);
+    Some(Pooled { key: key.to_owned(), value, standard_error: Some(sum.powf(-0.5)), spread, count: n })
+}
+
+/// Error of each recording's prediction by the mean of the others.
+fn left_one_out(rows: &[&Row], candidate: &str) -> Vec<(String, f64)> {
+    let fits: Vec<(&str, &Fit)> =
+        rows.iter().filter_map(|row| Some((row.name.as_str(), fit_of(row, candidate)?))).collect();
+    let one = |(i, (name, fit)): (usize, &(&str, &Fit))| {
+        let others: Vec<&Fit> = fits.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, f)| f.1).collect();
+        let peak = fit.curve.measured_n.iter().map(|f| f.abs()).fold(0.0, f64::max);
+        if others.is_empty() || peak == 0.0 {
+            return None;
+        }
+        let error = |(d, m): (&f64, &f64)| {
+            let sum: f64 = others.iter().map(|o| o.curve.at(&o.curve.predicted_n, *d)).sum();
+            (sum / others.len() as f64 - m).powi(2)
+        };
+        let squares: Vec<f64> = fit.curve.depth_m.iter().zip(&fit.curve.measured_n).map(error).collect();
+        Some(((*name).to_owned(), mean(&squares).sqrt() / peak))
+    };
+    fits.iter().enumerate().filter_map(one).collect()
+}
+
+/// All groups and samples of the rows.
+pub(super) fn pool(rows: &[Row]) -> (Vec<Group>, Vec<Sample>) {
+    let (mut groups, mut samples) = (Vec::new(), Vec::new());
+    for (name, of_group) in by(rows, |row| &row.group) {
+        let (candidates, candidate) = candidates(&of_group);
+        let mut of_samples: BTreeMap<&str, Vec<&Row>> = BTreeMap::new();
+        of_group.iter().for_each(|row| of_samples.entry(&row.sample).or_default().push(row));
+        for (sample, rows) in &of_samples {
+            let keys = keys(rows, &candidate);
+            samples.push(Sample {
+                name: (*sample).to_owned(),
+                group: name.clone(),
+                candidate: candidate.clone(),
+                keys: keys.iter().filter_map(|key| pooled(key, &values(rows, &candidate, key))).collect(),
+                left_one_out: left_one_out(rows, &candidate),
+            });
+        }
+        let components = keys(&of_group, &candidate).into_iter().map(|key| {
+            let each: Vec<Vec<f64>> = of_samples
+                .values()
+                .map(|rows| values(rows, &candidate, &key).iter().map(|v| v.0).collect())
+                .filter(|v: &Vec<f64>| !v.is_empty())
+                .collect();
+            let (mean, within, between) = components(&each);
+            (key, mean, within, between)
+        });
+        let ends: Vec<f64> = of_group
+            .iter()
+            .filter_map(|row| fit_of(row, &candidate)?.held_out.as_ref().map(super::HeldOut::end_error))
+            .filter(|e| e.is_finite())
+            .collect();
+        groups.push(Group {
+            keys: components.collect(),
+            largest_end_error: ends.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())),
+            mean_end_error: (!ends.is_empty()).then(|| mean(&ends)),
+            predicted: ends.len(),
+            within_5_percent: ends.iter().filter(|e| e.abs() <= 0.05).count(),
+            name,
+            candidate,
+            candidates,
+        });
+    }
+    (groups, samples)
+}
+
+/// Mean of all, standard deviation within samples and between.
+fn components(samples: &[Vec<f64>]) -> (f64, Option<f64>, Option<f64>) {
+    let all: Vec<f64> = samples.iter().flatten().copied().collect();
+    let (n, k) = (all.len() as f64, samples.len() as f64);
+    let whole = mean(&all);
+    let within: f64 = samples.iter().map(|s| squares(s)).sum();
+    let ms_within = (n > k).then(|| within / (n - k));
+    let between: f64 = samples.iter().map(|s| s.len() as f64 * (mean(s) - whole).powi(2)).sum();
+    let n0 = (n - samples.iter().map(|s| (s.len() as f64).powi(2)).sum::<f64>() / n) / (k - 1.0);
+    let s_between = ms_within.filter(|_| k > 1.0).map(|msw| ((between / (k - 1.0) - msw) / n0).max(0.0).sqrt());
+    (whole, ms_within.map(f64::sqrt), s_between)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn repeats_that_agree_are_weighted_by_their_errors() {
+        let joint = pooled("k", &[(1.0, Some(0.1)), (1.1, Some(0.2))]).unwrap();
+        assert!((joint.value - (1.0 / 0.01 + 1.1 / 0.04) / (1.0 / 0.01 + 1.0 / 0.04)).abs() < 1e-12);
+        assert!((joint.standard_error.unwrap() - 125f64.powf(-0.5)).abs() < 1e-12);
+        // far apart they count alike, and the error is that of their spread
+        let apart = pooled("k", &[(1.0, Some(1e-3)), (2.0, Some(2e-3))]).unwrap();
+        assert!((apart.value - 1.5).abs() < 1e-3 && (apart.standard_error.unwrap() - 0.5).abs() < 1e-2, "{apart:?}");
+    }
+
+    /// Searle's balanced case by hand: MS_w = 1, MS_b = 2 * 8 = 16 with two of each of two samples.
+    #[test]
+    fn spread_within_and_between() {
+        let half = 0.5f64.sqrt();
+        let (mean, within, between) = components(&[vec![0.0 - half, 0.0 + half], vec![4.0 - half, 4.0 + half]]);
+        assert!((mean - 2.0).abs() < 1e-12 && (within.unwrap() - 1.0).abs() < 1e-12);
+        assert!((between.unwrap() - 7.5f64.sqrt()).abs() < 1e-12);
+        assert_eq!(components(&[vec![1.0]]).1, None);
+    }
+}
