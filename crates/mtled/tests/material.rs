@@ -7,7 +7,7 @@ use approx::assert_abs_diff_eq;
 use clouds::uniform;
 use mtled::approximation::table::Approximation;
 use mtled::material::neo_hookean::{cofactor, determinant, first_piola};
-use mtled::material::{Distortional, Law, Ogden, Volumetric, ogden};
+use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, VerondaWestmann, Volumetric, Yeoh, ogden};
 use mtled::solver::VolumeRatio;
 use mtled::solver::{Kernel, Pool};
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
@@ -32,18 +32,24 @@ fn ogden_law(moduli: &[f64], exponents: &[f64], volumetric: Volumetric) -> Law {
     Law { distortional, volumetric, ..Law::neo_hookean(MU, KAPPA) }
 }
 
+const VERONDA: Distortional = Distortional::VerondaWestmann(VerondaWestmann { shear_modulus: MU, exponent: 0.8 });
 const HELD: [f64; 6] = [-310.0, 150.0, 90.0, 420.0, -75.0, 205.0];
 
 /// Every law, every volumetric energy; all have the initial shear modulus MU.
-fn points() -> [Point; 6] {
+fn points() -> [Point; 10] {
     let plain = |name, law| Point { name, law, memory: None };
     let neo = Law::neo_hookean(MU, KAPPA);
+    let of = |distortional| Law { distortional, ..neo };
     let three = ogden_law(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0], Volumetric::Logarithmic);
     [
         plain("neo-Hooke", neo),
         plain("neo-Hooke, logarithmic", Law { volumetric: Volumetric::Logarithmic, ..neo }),
         plain("Ogden -4.7", ogden_law(&[MU], &[-4.7], Volumetric::Quadratic)),
         plain("Ogden, three terms, logarithmic", three),
+        plain("Mooney-Rivlin", of(Distortional::MooneyRivlin(MooneyRivlin { c10: 0.3 * MU, c01: 0.2 * MU }))),
+        plain("Yeoh", of(Distortional::Yeoh(Yeoh { c10: 0.5 * MU, c20: -0.1 * MU, c30: 0.03 * MU }))),
+        plain("Veronda-Westmann", Law { volumetric: Volumetric::Logarithmic, ..of(VERONDA) }),
+        Point { name: "Veronda-Westmann, relaxing", law: of(VERONDA), memory: Some((0.7, HELD)) },
         Point { name: "neo-Hooke, relaxing", law: neo, memory: Some((0.8, HELD)) },
         Point { name: "Ogden, relaxing", law: three, memory: Some((0.6, HELD)) },
     ]

@@ -2,7 +2,7 @@
 
 use super::neo_hookean::{Gradient, distortional_energy, first_piola};
 use super::ogden::Symmetric;
-use super::{Ogden, Prony, Volumetric, prony};
+use super::{MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, invariants, prony};
 
 /// Law of the change of shape, with its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +14,12 @@ pub enum Distortional {
     },
     /// [`super::ogden`].
     Ogden(Ogden),
+    /// [`super::mooney_rivlin`].
+    MooneyRivlin(MooneyRivlin),
+    /// [`super::yeoh`].
+    Yeoh(Yeoh),
+    /// [`super::veronda_westmann`].
+    VerondaWestmann(VerondaWestmann),
 }
 
 /// All constants of a material.
@@ -47,6 +53,9 @@ impl Law {
         match &self.distortional {
             Distortional::NeoHookean { shear_modulus } => *shear_modulus,
             Distortional::Ogden(law) => law.shear_modulus(),
+            Distortional::MooneyRivlin(law) => law.shear_modulus(),
+            Distortional::Yeoh(law) => law.shear_modulus(),
+            Distortional::VerondaWestmann(law) => law.shear_modulus,
         }
     }
 
@@ -58,6 +67,9 @@ impl Law {
                 (distortional_energy(f, j, *mu), first_piola(f, cof, j, *mu, 0.0))
             }
             Distortional::Ogden(law) => law.evaluate(f, cof, j),
+            Distortional::MooneyRivlin(law) => invariants::evaluate(|a, b| law.slopes(a, b), f, cof, j),
+            Distortional::Yeoh(law) => invariants::evaluate(|a, b| law.slopes(a, b), f, cof, j),
+            Distortional::VerondaWestmann(law) => invariants::evaluate(|a, b| law.slopes(a, b), f, cof, j),
         }
     }
 

@@ -1,15 +1,22 @@
 //! Stress from deformation: energy density and first Piola-Kirchhoff stress, one file per law.
 //!
-//! A material is a distortional law ([`neo_hookean`] or [`ogden`]), a [`volumetric`] energy and, if it relaxes, a
-//! [`prony`] series; [`Law`] puts them together. Everything is a function of the deformation gradient, row-major.
+//! A material is a distortional law ([`neo_hookean`], [`ogden`], [`mooney_rivlin`], [`yeoh`], [`veronda_westmann`]), a
+//! [`volumetric`] energy and, if it relaxes, a [`prony`] series; [`Law`] puts them together. Everything is a function of the deformation gradient, row-major.
 
+pub mod invariants;
 mod law;
+pub mod mooney_rivlin;
 pub mod neo_hookean;
 pub mod ogden;
 pub mod prony;
+pub mod veronda_westmann;
 pub mod volumetric;
+pub mod yeoh;
 
 pub use law::{Distortional, Law};
+pub use mooney_rivlin::MooneyRivlin;
 pub use ogden::Ogden;
 pub use prony::Prony;
+pub use veronda_westmann::VerondaWestmann;
 pub use volumetric::Volumetric;
+pub use yeoh::Yeoh;

@@ -3,6 +3,7 @@
 use crate::material::neo_hookean::{
     Gradient, clamped, cofactor, determinant, distortional_energy, excess, first_piola,
 };
+use crate::material::invariants::{self, Slopes};
 use crate::material::{Distortional, Law, Volumetric};
 
 use super::memory::Memory;
@@ -55,17 +56,25 @@ impl Constants {
         let c2 = largest_square(&cof);
         let root = j.inverse_cube_root();
         let cube = root * root;
-        let mu = match &self.law.distortional {
-            Distortional::NeoHookean { shear_modulus } => *shear_modulus,
-            Distortional::Ogden(law) => law.stiffness(cube * largest_square(f), cube * j * j / c2),
-        };
         let pointwise =
             if self.resists_collapse { collapse_curvature(j) } else { self.law.volumetric.curvature(j - 1.0) };
         let projected = match self.projected {
             kappa if kappa > 0.0 => self.law.volumetric.curvature(self.law.volumetric.dilation(pressure / kappa)),
             _ => 0.0,
         };
-        plane_wave(f, c2, j, cube * excess(lack), mu, self.projected * projected + self.pointwise * pointwise)
+        let bulk = self.projected * projected + self.pointwise * pointwise;
+        let plain = |mu: f64| plane_wave(f, c2, j, cube * excess(lack), mu, bulk);
+        // below J_m the masses grow in the proportion in which the neo-Hookean law stiffens
+        let other = |slopes: &dyn Fn(f64, f64) -> Slopes| {
+            excess(lack) * invariants::stiffness(slopes, f, &cof, j, largest_square(f), c2) + bulk * c2
+        };
+        match &self.law.distortional {
+            Distortional::NeoHookean { shear_modulus } => plain(*shear_modulus),
+            Distortional::Ogden(law) => plain(law.stiffness(cube * largest_square(f), cube * j * j / c2)),
+            Distortional::MooneyRivlin(law) => other(&|a, b| law.slopes(a, b)),
+            Distortional::Yeoh(law) => other(&|a, b| law.slopes(a, b)),
+            Distortional::VerondaWestmann(law) => other(&|a, b| law.slopes(a, b)),
+        }
     }
 }
 
@@ -265,7 +274,7 @@ fn collapse_curvature<T: Number>(j: T) -> T {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::material::Ogden;
+    use crate::material::{MooneyRivlin, Ogden, VerondaWestmann, Yeoh};
     use crate::material::neo_hookean::MIN_JACOBIAN;
 
     #[test]
@@ -296,7 +305,11 @@ mod tests {
         let ogden = Distortional::Ogden(Ogden::new(&[400.0, 900.0, 378.0], &[1.3, 5.0, -2.0]).unwrap());
         let neo = Law::neo_hookean(1678.0, 83_340.0);
         let memories = [Memory::default(), Memory::holding([-310.0, 150.0, 90.0, 420.0, -75.0, 205.0], 0.8)];
-        let laws = [Distortional::NeoHookean { shear_modulus: 1678.0 }, ogden].into_iter().flat_map(|distortional| {
+        let mooney = Distortional::MooneyRivlin(MooneyRivlin { c10: 539.0, c01: 300.0 });
+        let yeoh = Distortional::Yeoh(Yeoh { c10: 839.0, c20: -100.0, c30: 50.0 });
+        let veronda = Distortional::VerondaWestmann(VerondaWestmann { shear_modulus: 1678.0, exponent: 1.5 });
+        let shapes = [Distortional::NeoHookean { shear_modulus: 1678.0 }, ogden, mooney, yeoh, veronda];
+        let laws = shapes.into_iter().flat_map(|distortional| {
             [Volumetric::Quadratic, Volumetric::Logarithmic].map(|volumetric| Law { distortional, volumetric, ..neo })
         });
         let shape = [1.3, 0.2, -0.1, 0.05, 0.8, 0.3, 0.0, -0.2, 1.05];
