@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::size::MEMORY_LIMIT;
 use super::values::Values;
-use super::{Dimension, Instrument, InstrumentKind, MaterialModel, Scene, SceneError, Shape, Value};
+use super::{Dimension, Instrument, InstrumentKind, Scene, SceneError, Shape, Value};
 
 /// Most poses that a scene's own motion may have.
 const MOST_POSES: f64 = 1e7;
@@ -14,16 +14,12 @@ const MOST_POSES: f64 = 1e7;
 /// from 0.499999 on it governs.
 pub const LARGEST_POISSON_RATIO: f64 = 0.4999;
 
-/// Smallest size of an Ogden exponent: below it, differences of the powers are lost in round-off.
-const LEAST_EXPONENT: f64 = 0.01;
-/// Largest sum of the Prony shares.
-const MOST_RELAXING: f64 = 0.999;
-
 /// Refuses a scene whose parts contradict each other.
 pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     let check = Check { scene, values };
     check.mesh()?;
-    check.material()?;
+    check.materials()?;
+    check.regions()?;
     check.spacing()?;
     check.instrument()?;
     check.dimension()?;
@@ -32,48 +28,15 @@ pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     check.targets()
 }
 
-struct Check<'a> {
-    scene: &'a Scene,
-    values: &'a Values,
+pub(super) struct Check<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) values: &'a Values,
 }
 
 impl Check<'_> {
-    fn refuse<T>(&self, key: &str, reason: String) -> Result<T, SceneError> {
+    pub(super) fn refuse<T>(&self, key: &str, reason: String) -> Result<T, SceneError> {
         let value = self.values.value(key).map_or_else(|_| "absent".to_owned(), |value: Value| value.to_string());
         Err(SceneError::Inconsistent { place: self.values.place(key), key: key.to_owned(), value, reason })
-    }
-
-    fn material(&self) -> Result<(), SceneError> {
-        let material = &self.scene.material;
-        if material.poisson_ratio.get() > LARGEST_POISSON_RATIO {
-            return self.refuse(
-                "material.poisson_ratio",
-                format!(
-                    "the law's accuracy was shown in (-1, {LARGEST_POISSON_RATIO}]; beyond, the pressure drowns in round-off, while the \
-                     force at {LARGEST_POISSON_RATIO} is within some 0.2 % of that of an incompressible tissue"
-                ),
-            );
-        }
-        if let MaterialModel::Ogden(ogden) = &material.model {
-            const KEY: &str = "material.ogden_exponents";
-            if ogden.terms().is_empty() {
-                return self.refuse(KEY, "Ogden's law needs at least one term".to_owned());
-            }
-            if ogden.terms().iter().any(|t| t.exponent.abs() < LEAST_EXPONENT) {
-                return self.refuse(
-                    KEY,
-                    format!("an exponent of 0 makes a term 0/0; at least {LEAST_EXPONENT} in size is needed"),
-                );
-            }
-        }
-        let relaxing = 1.0 - material.prony.long_term_share();
-        if relaxing > MOST_RELAXING {
-            return self.refuse(
-                "material.prony_shares",
-                format!("their sum is {relaxing}; at most {MOST_RELAXING}, or the material flows like a liquid"),
-            );
-        }
-        Ok(())
     }
 
     /// What can be checked of a mesh without reading it; the twin checks the rest.

@@ -114,7 +114,7 @@ impl Scene {
         let mut changed = BTreeSet::new();
         for change in changes {
             let value = change.checked()?;
-            values.check_target_index(&change.path, &change.place)?;
+            values.check_element(&change.path, &change.place)?;
             values.insert(&change.path, value, change.place.clone());
             changed.insert(change.path.clone());
         }
@@ -144,16 +144,19 @@ impl Scene {
         self.paths().into_iter().filter_map(|path| values.get(&path).cloned().map(|value| (path, value))).collect()
     }
 
-    /// Paths of every key that applies to this scene, targets by their index, in the order of the registry.
+    /// Paths of every key that applies to this scene, targets by their index, materials and regions by their names, in the order of the registry.
     #[must_use]
     pub fn paths(&self) -> Vec<String> {
         let values = self.to_values();
-        let targets = (0..self.targets.len()).flat_map(|i| {
-            let of_targets = keys::KEYS.iter().filter(|key| key.section() == "targets");
-            of_targets.map(move |key| format!("targets.{i}.{}", key.field()))
-        });
-        let plain = keys::KEYS.iter().filter(|key| key.section() != "targets").map(|key| key.path.to_owned());
-        plain.chain(targets).filter(|path| values.has(path)).collect()
+        let of = |section: &'static str, element: String| {
+            let keys = keys::KEYS.iter().filter(move |key| key.section() == section);
+            keys.map(move |key| format!("{section}.{element}.{}", key.field()))
+        };
+        let targets = (0..self.targets.len()).flat_map(|i| of("targets", i.to_string()));
+        let materials = self.materials.iter().flat_map(|m| of("materials", m.name.clone()));
+        let regions = self.regions.iter().flat_map(|r| of("regions", r.name.clone()));
+        let plain = keys::KEYS.iter().filter(|key| keys::find(key.path).is_some()).map(|key| key.path.to_owned());
+        plain.chain(materials).chain(regions).chain(targets).filter(|path| values.has(path)).collect()
     }
 }
 

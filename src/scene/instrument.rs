@@ -84,13 +84,13 @@ impl Section for Instrument {
         values.has_section("instrument")
     }
 
-    fn read(values: &Values, scope: Scope) -> Result<Self, SceneError> {
+    fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError> {
         let kind = InstrumentKind::read(values, scope)?;
         let entry = Option::<Entry>::read(values, scope)?;
         Ok(Self { kind, entry: entry.map_or([Metres(0.0); 2], |Entry { x, y }| [x, y]) })
     }
 
-    fn write(&self, values: &mut Values, scope: Scope) {
+    fn write(&self, values: &mut Values, scope: Scope<'_>) {
         self.kind.write(values, scope);
         if WITH_ENTRY.contains(&self.kind.as_str()) {
             let [x, y] = self.entry;

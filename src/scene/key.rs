@@ -119,11 +119,12 @@ impl Key {
         self.path.split_once('.').map_or(self.path, |(_, field)| field)
     }
 
-    /// The path as a user writes it after `--set`, with a place holder for a target's index.
+    /// The path as a user writes it after `--set`, with a place holder for a target's index or a name.
     #[must_use]
     pub fn shown_path(&self) -> String {
         match self.section() {
             "targets" => format!("targets.INDEX.{}", self.field()),
+            section @ ("materials" | "regions") => format!("{section}.NAME.{}", self.field()),
             _ => self.path.to_owned(),
         }
     }

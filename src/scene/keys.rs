@@ -8,8 +8,9 @@ use std::sync::LazyLock;
 use super::section::Section as _;
 use super::{Scene, SceneError, key::Key};
 
-/// Every key of a scene, in the order in which a scene file is written. Paths that start with `targets.`
-/// belong to each element of the list `[[targets]]` and take an index there: `targets.0.name`.
+/// Every key of a scene, in the order in which a scene file is written. Paths of the sections in [`LISTS`] belong to each
+/// of their elements: `targets.name` takes an index, `targets.0.name`, `materials.model` and `regions.shape` a name,
+/// `materials.skin.model`.
 pub static KEYS: LazyLock<Vec<Key>> = LazyLock::new(Scene::keys);
 
 /// Sections in the order in which a scene file is written.
@@ -19,20 +20,40 @@ pub static SECTIONS: LazyLock<Vec<&str>> = LazyLock::new(|| {
     sections
 });
 
-/// The entry of a dotted path. A target's key takes the target's index: `targets.0.name`.
+/// Sections with several elements.
+const LISTS: [&str; 3] = ["targets", "materials", "regions"];
+
+/// Section, element and field of `SECTION.ELEMENT.FIELD` in one of the sections with several elements.
+pub(super) fn split(path: &str) -> Option<(&str, &str, &str)> {
+    let (section, rest) = path.split_once('.')?;
+    let (element, field) = rest.split_once('.')?;
+    let known = LISTS.contains(&section) && (section != "targets" || element.parse::<usize>().is_ok());
+    known.then_some((section, element, field))
+}
+
+/// The path of a key of the registry beside another one's full path, in the same element.
+pub(super) fn beside(path: &str, key: &str) -> String {
+    match (split(path), key.rsplit_once('.')) {
+        (Some((section, element, _)), Some((_, field))) => format!("{section}.{element}.{field}"),
+        _ => key.to_owned(),
+    }
+}
+
+/// The entry of a dotted path. A target's key takes the target's index, a material's and a region's its name:
+/// `targets.0.name`, `regions.skin.shape`.
 #[must_use]
 pub fn find(path: &str) -> Option<&'static Key> {
-    match split_target(path) {
-        Some((_, field)) => KEYS.iter().find(|key| key.section() == "targets" && key.field() == field),
-        None => KEYS.iter().find(|key| key.section() != "targets" && key.path == path),
+    match split(path) {
+        Some((section, _, field)) => KEYS.iter().find(|key| key.section() == section && key.field() == field),
+        None => KEYS.iter().find(|key| !LISTS.contains(&key.section()) && key.path == path),
     }
 }
 
 /// The known entry whose path is most like an unknown one, unless none is like it at all.
 #[must_use]
 pub fn nearest(path: &str) -> Option<&'static Key> {
-    let plain = match split_target(path) {
-        Some((_, field)) => format!("targets.{field}"),
+    let plain = match split(path) {
+        Some((section, _, field)) => format!("{section}.{field}"),
         None => path.to_owned(),
     };
     KEYS.iter()
@@ -65,12 +86,6 @@ fn likeness(path: &str, known: &str) -> f64 {
 
 fn last_part(path: &str) -> &str {
     path.rsplit('.').next().unwrap_or(path)
-}
-
-/// Index and field of `targets.INDEX.FIELD`.
-pub(super) fn split_target(path: &str) -> Option<(usize, &str)> {
-    let (index, field) = path.strip_prefix("targets.")?.split_once('.')?;
-    Some((index.parse().ok()?, field))
 }
 
 /// The entry of a path that must be known; `value` is what the message shows.

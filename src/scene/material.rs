@@ -1,6 +1,8 @@
 //! `[material]`: the constitutive law of the sample and its constants.
 
-use mtled::material::{Distortional, Law, Ogden, Prony, Volumetric, ogden, prony};
+use mtled::material::{
+    Distortional, Law, MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, ogden, prony,
+};
 
 use super::section::{Scope, Section, choice, read_terms, section, write};
 use super::values::Values;
@@ -40,8 +42,35 @@ choice! {
         },
         /// W = sum_k 2 mu_k / a_k^2 (lb_1^a_k + lb_2^a_k + lb_3^a_k - 3).
         "ogden" => Ogden(terms: Ogden),
+        /// W = C10 (J^-2/3 I1 - 3) + C01 (J^-4/3 I2 - 3).
+        "mooney_rivlin" => MooneyRivlin {
+            /// C10; the initial shear modulus is 2 (C10 + C01), or 2 C10 of Yeoh's law.
+            c10: Pascals = C10,
+            /// C01 of W = C10 (J^-2/3 I1 - 3) + C01 (J^-4/3 I2 - 3).
+            c01: Pascals = Key::real("material.c01_pa", Range::closed(0.0, 1e12), "Pa")
+                .because("with a negative C01 the tissue is unstable at large stretches"),
+        },
+        /// W = C10 x + C20 x^2 + C30 x^3 with x = J^-2/3 I1 - 3.
+        "yeoh" => Yeoh {
+            /// C10; the initial shear modulus is 2 C10.
+            c10: Pascals = C10,
+            /// C20 of W = C10 x + C20 x^2 + C30 x^3 with x = J^-2/3 I1 - 3.
+            c20: Pascals = Key::real("material.c20_pa", Range::closed(-1e12, 1e12), "Pa"),
+            /// C30 of the same.
+            c30: Pascals = Key::real("material.c30_pa", Range::closed(0.0, 1e12), "Pa").or("0.0")
+                .because("with a negative C30 the tissue is unstable at large stretches"),
+        },
+        /// W = mu/c (exp(c (J^-2/3 I1 - 3)) - 1) - mu/2 (J^-4/3 I2 - 3).
+        "veronda_westmann" => VerondaWestmann {
+            /// Small-strain shear modulus mu.
+            shear_modulus: Pascals = Key::real("material.shear_modulus_pa", Range::above(0.0, 1e12), "Pa"),
+            /// c of the exponential law: how fast the tissue stiffens. Veronda and Westmann's C2, and their C1 is mu/c.
+            exponent: f64 = Key::real("material.stiffening_exponent", Range::above(0.0, 100.0), ""),
+        },
     }
 }
+
+const C10: Key = Key::real("material.c10_pa", Range::above(0.0, 1e12), "Pa");
 
 const OGDEN_MODULI: Key = Key::list("material.ogden_shear_moduli_pa", Range::above(0.0, 1e12), ogden::MOST_TERMS, "Pa")
     .described("mu_k of W = sum 2 mu_k / a_k^2 (l1^a_k + l2^a_k + l3^a_k - 3); their sum is the initial shear modulus.")
@@ -57,11 +86,11 @@ impl Section for Ogden {
         vec![OGDEN_MODULI, OGDEN_EXPONENTS]
     }
 
-    fn read(values: &Values, scope: Scope) -> Result<Self, SceneError> {
+    fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError> {
         read_terms(values, scope, [&OGDEN_EXPONENTS, &OGDEN_MODULI], |exponents, moduli| Self::new(moduli, exponents))
     }
 
-    fn write(&self, values: &mut Values, scope: Scope) {
+    fn write(&self, values: &mut Values, scope: Scope<'_>) {
         let terms = self.terms();
         write(values, scope, &OGDEN_MODULI, &terms.iter().map(|t| t.shear_modulus).collect::<Vec<_>>());
         write(values, scope, &OGDEN_EXPONENTS, &terms.iter().map(|t| t.exponent).collect::<Vec<_>>());
@@ -80,24 +109,23 @@ impl Section for Prony {
         vec![PRONY_SHARES, PRONY_TIMES]
     }
 
-    fn read(values: &Values, scope: Scope) -> Result<Self, SceneError> {
+    fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError> {
         read_terms(values, scope, [&PRONY_TIMES, &PRONY_SHARES], |times, shares| Self::new(shares, times))
     }
 
-    fn write(&self, values: &mut Values, scope: Scope) {
+    fn write(&self, values: &mut Values, scope: Scope<'_>) {
         write(values, scope, &PRONY_SHARES, &self.shares().to_vec());
         write(values, scope, &PRONY_TIMES, &self.times().to_vec());
     }
 }
 
 impl Material {
-    /// Small-strain shear modulus mu, Pa, instantaneous where the material relaxes; Ogden: the sum of its terms.
+    /// Small-strain shear modulus mu, Pa, instantaneous where the material relaxes.
     #[must_use]
     pub fn shear_modulus(&self) -> f64 {
-        match &self.model {
-            MaterialModel::NeoHookean { shear_modulus } => shear_modulus.get(),
-            MaterialModel::Ogden(terms) => terms.shear_modulus(),
-        }
+        let bulk_modulus = 0.0;
+        Law { distortional: self.distortional(), bulk_modulus, volumetric: self.volumetric, prony: self.prony }
+            .shear_modulus()
     }
 
     /// Bulk modulus kappa = 2 mu (1 + nu) / (3 (1 - 2 nu)), Pa.
@@ -111,15 +139,28 @@ impl Material {
     #[must_use]
     pub fn law(&self) -> Law {
         Law {
-            distortional: match self.model {
-                MaterialModel::NeoHookean { shear_modulus } => {
-                    Distortional::NeoHookean { shear_modulus: shear_modulus.get() }
-                }
-                MaterialModel::Ogden(terms) => Distortional::Ogden(terms),
-            },
+            distortional: self.distortional(),
             volumetric: self.volumetric,
             bulk_modulus: self.bulk_modulus(),
             prony: self.prony,
+        }
+    }
+
+    fn distortional(&self) -> Distortional {
+        match self.model {
+            MaterialModel::NeoHookean { shear_modulus } => {
+                Distortional::NeoHookean { shear_modulus: shear_modulus.get() }
+            }
+            MaterialModel::Ogden(terms) => Distortional::Ogden(terms),
+            MaterialModel::MooneyRivlin { c10, c01 } => {
+                Distortional::MooneyRivlin(MooneyRivlin { c10: c10.get(), c01: c01.get() })
+            }
+            MaterialModel::Yeoh { c10, c20, c30 } => {
+                Distortional::Yeoh(Yeoh { c10: c10.get(), c20: c20.get(), c30: c30.get() })
+            }
+            MaterialModel::VerondaWestmann { shear_modulus, exponent } => {
+                Distortional::VerondaWestmann(VerondaWestmann { shear_modulus: shear_modulus.get(), exponent })
+            }
         }
     }
 }

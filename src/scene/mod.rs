@@ -11,6 +11,7 @@
 
 mod advice;
 mod check;
+mod check_materials;
 mod discretisation;
 mod edit;
 mod error;
@@ -19,10 +20,12 @@ mod instrument;
 mod key;
 pub mod keys;
 mod material;
+mod materials;
 mod motion;
 mod parse;
 mod presets;
 mod range;
+mod region;
 mod sample;
 mod section;
 pub mod size;
@@ -41,9 +44,11 @@ pub use error::SceneError;
 pub use instrument::{DeformationRule, Instrument, InstrumentKind, Needle};
 pub use key::{Key, Kind};
 pub use material::{Material, MaterialModel};
+pub use materials::NamedMaterial;
 pub use motion::Motion;
 pub use presets::{PRESETS, Preset};
 pub use range::Range;
+pub use region::{Region, RegionShape};
 pub use sample::{MeshFile, Sample, Shape};
 pub use stepping::Stepping;
 pub use symmetry::Resolved;
@@ -64,8 +69,12 @@ section! {
         description: String = Key::text("description").or(""),
         /// The tissue sample.
         sample: Sample,
-        /// Its constitutive law.
+        /// Its constitutive law: that of whatever lies in no region.
         material: Material,
+        /// Further materials, for regions.
+        materials: Vec<NamedMaterial>,
+        /// Parts of the sample that are of another material.
+        regions: Vec<Region>,
         /// The instrument; absent: nothing touches the sample.
         instrument: Option<Instrument>,
         /// How the field is approximated.

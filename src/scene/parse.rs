@@ -18,7 +18,9 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Values, SceneError> {
     for (name, value) in in_file_order(document.get_ref()) {
         match (name, value.get_ref()) {
             ("targets", DeValue::Array(list)) => source.targets(list, &mut values)?,
-            (section, DeValue::Table(table)) if SECTIONS.contains(&section) && section != "targets" => {
+            ("materials", DeValue::Table(table)) => source.materials(table, &mut values)?,
+            ("regions", DeValue::Array(list)) => source.regions(list, &mut values)?,
+            (section, DeValue::Table(table)) if SECTIONS.contains(&section) && !["targets", "regions"].contains(&section) => {
                 values.name_section(section);
                 source.section(section, table, &mut values)?;
             }
@@ -63,6 +65,59 @@ impl Source<'_> {
         Ok(())
     }
 
+    fn materials(&self, table: &DeTable<'_>, values: &mut Values) -> Result<(), SceneError> {
+        for (name, value) in in_file_order(table) {
+            let DeValue::Table(table) = value.get_ref() else {
+                return Err(self.not_a_section("materials", value));
+            };
+            self.check_name("materials", name, &self.place(value))?;
+            values.name_section("materials");
+            values.name_element("materials", name);
+            self.section(&format!("materials.{name}"), table, values)?;
+        }
+        Ok(())
+    }
+
+    fn regions(&self, list: &DeArray<'_>, values: &mut Values) -> Result<(), SceneError> {
+        for (i, element) in list.iter().enumerate() {
+            let DeValue::Table(table) = element.get_ref() else { return Err(self.not_a_section("regions", element)) };
+            let name = table.iter().find(|(key, _)| &**key.get_ref() == "name").map(|(_, value)| value);
+            let Some(DeValue::String(name)) = name.map(Spanned::get_ref) else {
+                return Err(SceneError::Missing {
+                    place: self.place(element),
+                    key: format!("regions.{i}.name"),
+                    allowed: "text".to_owned(),
+                    because: String::new(),
+                });
+            };
+            self.check_name("regions", name, &self.place(element))?;
+            if values.names("regions").any(|known| known == &**name) {
+                return Err(SceneError::Inconsistent {
+                    place: self.place(element),
+                    key: format!("regions.{name}.name"),
+                    value: format!("\"{name}\""),
+                    reason: "two regions have this name".to_owned(),
+                });
+            }
+            self.section(&format!("regions.{name}"), table, values)?;
+        }
+        Ok(())
+    }
+
+    /// A name that is part of a dotted path.
+    fn check_name(&self, section: &str, name: &str, place: &str) -> Result<(), SceneError> {
+        let plain = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+        if !name.is_empty() && name.chars().all(plain) {
+            return Ok(());
+        }
+        Err(SceneError::Inconsistent {
+            place: place.to_owned(),
+            key: format!("{section}.{name}"),
+            value: format!("\"{}\"", shortened(name)),
+            reason: "a name takes letters, digits, _ and -: it is part of paths such as regions.skin.to_depth_m".to_owned(),
+        })
+    }
+
     fn leaf(&self, path: &str, value: &Spanned<DeValue<'_>>, values: &mut Values) -> Result<(), SceneError> {
         let place = self.place(value);
         let key = keys::require(path, &self.quote(value), &place)?;
@@ -83,10 +138,10 @@ impl Source<'_> {
             key: section.to_owned(),
             value: self.quote(value),
             found: kind_of(value.get_ref()),
-            allowed: if section == "targets" {
-                "tables [[targets]]".to_owned()
-            } else {
-                format!("a table [{section}]")
+            allowed: match section {
+                "targets" | "regions" => format!("tables [[{section}]]"),
+                "materials" => "tables [materials.NAME]".to_owned(),
+                _ => format!("a table [{section}]"),
             },
         }
     }

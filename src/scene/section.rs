@@ -10,19 +10,26 @@ use super::{Key, Metres, SceneError, Value, Word};
 
 /// Which of several sections with the same keys is meant.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Scope {
+pub(super) enum Scope<'a> {
     /// The section that there is once: paths are those of the registry.
     Once,
     /// An element of a list: `targets.name` is `targets.0.name`.
     Element(usize),
+    /// An element with a name: `regions.radius_m` is `regions.NAME.radius_m`, and `material.model` is
+    /// `materials.NAME.model`.
+    Named(&'a str),
 }
 
-impl Scope {
+impl Scope<'_> {
     /// The full path of a key of the registry.
     pub(super) fn path(self, key: &Key) -> String {
         match self {
             Self::Once => key.path.to_owned(),
             Self::Element(i) => format!("{}.{i}.{}", key.section(), key.field()),
+            Self::Named(name) => {
+                let section = if key.section() == "material" { "materials" } else { key.section() };
+                format!("{section}.{name}.{}", key.field())
+            }
         }
     }
 }
@@ -41,10 +48,10 @@ pub(super) trait Section: Sized {
     ///
     /// # Errors
     /// [`SceneError::Missing`] for a required key, [`SceneError::Inconsistent`] for keys that contradict each other.
-    fn read(values: &Values, scope: Scope) -> Result<Self, SceneError>;
+    fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError>;
 
     /// Writes every key that applies.
-    fn write(&self, values: &mut Values, scope: Scope);
+    fn write(&self, values: &mut Values, scope: Scope<'_>);
 }
 
 impl<T: Section> Section for Option<T> {
@@ -52,11 +59,11 @@ impl<T: Section> Section for Option<T> {
         T::keys()
     }
 
-    fn read(values: &Values, scope: Scope) -> Result<Self, SceneError> {
+    fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError> {
         T::applies(values).then(|| T::read(values, scope)).transpose()
     }
 
-    fn write(&self, values: &mut Values, scope: Scope) {
+    fn write(&self, values: &mut Values, scope: Scope<'_>) {
         if let Some(section) = self {
             section.write(values, scope);
         }
@@ -168,13 +175,13 @@ macro_rules! fields_with_units {
 fields_with_units!(Metres, Pascals, KilogramsPerCubicMetre, MetresPerSecond, Hertz, Radians, Seconds, PoissonRatio);
 
 /// Reads the field of a key.
-pub(super) fn read<T: Field>(values: &Values, scope: Scope, key: &Key) -> Result<T, SceneError> {
+pub(super) fn read<T: Field>(values: &Values, scope: Scope<'_>, key: &Key) -> Result<T, SceneError> {
     let path = scope.path(key);
     T::from_value(&values.value(&path)?).ok_or_else(|| not_of_type(values, scope, key))
 }
 
 /// Only reached if a key and its field disagree on the type, which a test over every key rules out.
-pub(super) fn not_of_type(values: &Values, scope: Scope, key: &Key) -> SceneError {
+pub(super) fn not_of_type(values: &Values, scope: Scope<'_>, key: &Key) -> SceneError {
     let path = scope.path(key);
     SceneError::Inconsistent {
         place: values.place(&path),
@@ -185,14 +192,14 @@ pub(super) fn not_of_type(values: &Values, scope: Scope, key: &Key) -> SceneErro
 }
 
 /// Writes the field of a key.
-pub(super) fn write(values: &mut Values, scope: Scope, key: &Key, field: &impl Field) {
+pub(super) fn write(values: &mut Values, scope: Scope<'_>, key: &Key, field: &impl Field) {
     values.put(&scope.path(key), field.to_value());
 }
 
 /// What two lists of the same length make, one of each for a term.
 pub(super) fn read_terms<T>(
     values: &Values,
-    scope: Scope,
+    scope: Scope<'_>,
     [first, second]: [&Key; 2],
     make: impl Fn(&[f64], &[f64]) -> Option<T>,
 ) -> Result<T, SceneError> {
@@ -278,12 +285,12 @@ macro_rules! section {
 
             fn read(
                 values: &$crate::scene::values::Values,
-                scope: $crate::scene::section::Scope,
+                scope: $crate::scene::section::Scope<'_>,
             ) -> Result<Self, $crate::scene::SceneError> {
                 Ok(Self { $( $field: $crate::scene::section::read_field!(values, scope, $type $(, $key)?), )+ })
             }
 
-            fn write(&self, values: &mut $crate::scene::values::Values, scope: $crate::scene::section::Scope) {
+            fn write(&self, values: &mut $crate::scene::values::Values, scope: $crate::scene::section::Scope<'_>) {
                 $( $crate::scene::section::write_field!(values, scope, &self.$field $(, $key)?); )+
             }
         }
@@ -343,7 +350,7 @@ macro_rules! choice {
 
             fn read(
                 values: &$crate::scene::values::Values,
-                scope: $crate::scene::section::Scope,
+                scope: $crate::scene::section::Scope<'_>,
             ) -> Result<Self, $crate::scene::SceneError> {
                 let word: String = $crate::scene::section::read(values, scope, &$selector)?;
                 Ok(match word.as_str() {
@@ -356,7 +363,7 @@ macro_rules! choice {
                 })
             }
 
-            fn write(&self, values: &mut $crate::scene::values::Values, scope: $crate::scene::section::Scope) {
+            fn write(&self, values: &mut $crate::scene::values::Values, scope: $crate::scene::section::Scope<'_>) {
                 $crate::scene::section::write(values, scope, &$selector, &self.as_str().to_owned());
                 match self {
                     $(

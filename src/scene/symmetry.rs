@@ -1,6 +1,6 @@
 //! Does a scene have symmetry of revolution? Then a meridian half plane models all of it.
 
-use super::{Dimension, Scene, Shape};
+use super::{Dimension, Region, RegionShape, Scene, Shape};
 
 /// What `discretisation.dimension` comes to in a scene, and why.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ impl Scene {
         if self.instrument.is_some_and(|i| i.slope() != [0.0; 2]) {
             return Some("the needle's path is oblique (instrument.tilt_rad)".to_owned());
         }
-        None
+        self.regions.iter().find_map(off_axis)
     }
 
     /// The dimension that the scene runs in: what it asks for, or the least that it allows.
@@ -39,10 +39,27 @@ impl Scene {
                 Some(because) => Resolved { dimension: Dimension::Full, because },
                 None => Resolved {
                     dimension: Dimension::Axisymmetric,
-                    because: "sample, instrument and path have one axis".to_owned(),
+                    because: match self.regions.is_empty() {
+                        true => "sample, instrument and path have one axis".to_owned(),
+                        false => "sample, regions, instrument and path have one axis".to_owned(),
+                    },
                 },
             },
             dimension => Resolved { dimension, because: asked },
         }
+    }
+}
+
+/// Why a region has no symmetry about the sample's axis, if it has none.
+fn off_axis(region: &Region) -> Option<String> {
+    let name = &region.name;
+    match region.shape {
+        RegionShape::Sphere { centre: [x, y, _], .. } | RegionShape::Cylinder { centre: [x, y, _], .. } => ((x, y)
+            != (0.0, 0.0))
+            .then(|| format!("region \"{name}\" is beside the sample's axis (regions.{name}.centre_m)")),
+        RegionShape::Box { .. } | RegionShape::Group { .. } => {
+            Some(format!("region \"{name}\" is a {}, no body of revolution", region.shape.as_str()))
+        }
+        RegionShape::Layer { .. } => None,
     }
 }

@@ -20,11 +20,11 @@ impl Section for Vec<Target> {
         Target::keys()
     }
 
-    fn read(values: &Values, _: Scope) -> Result<Self, SceneError> {
+    fn read(values: &Values, _: Scope<'_>) -> Result<Self, SceneError> {
         (0..values.targets()).map(|i| Target::read(values, Scope::Element(i))).collect()
     }
 
-    fn write(&self, values: &mut Values, _: Scope) {
+    fn write(&self, values: &mut Values, _: Scope<'_>) {
         self.iter().enumerate().for_each(|(i, target)| target.write(values, Scope::Element(i)));
     }
 }

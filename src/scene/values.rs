@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use super::key::Key;
-use super::keys::{self, KEYS, SECTIONS, split_target};
+use super::keys::{self, KEYS, SECTIONS};
 use super::{SceneError, Value};
 
 /// Values of a scene by dotted path. Only known keys, each of its own type and in its own range.
@@ -15,6 +15,8 @@ pub(super) struct Values {
     entries: BTreeMap<String, Entry>,
     /// Sections that are named, even if nothing is in them.
     sections: BTreeSet<String>,
+    /// Sections and names of the materials and regions, in their order.
+    names: Vec<(String, String)>,
     /// File, preset or scene that is to blame where a key is absent.
     origin: String,
 }
@@ -28,7 +30,12 @@ struct Entry {
 impl Values {
     /// No value at all.
     pub(super) fn new(origin: &str) -> Self {
-        Self { entries: BTreeMap::new(), sections: BTreeSet::new(), origin: origin.to_owned() }
+        Self {
+            entries: BTreeMap::new(),
+            sections: BTreeSet::new(),
+            names: Vec::new(),
+            origin: origin.to_owned(),
+        }
     }
 
     /// Where the whole of it comes from.
@@ -47,12 +54,27 @@ impl Values {
         if let Some((section, _)) = path.split_once('.') {
             self.sections.insert(section.to_owned());
         }
+        if let Some((section @ ("materials" | "regions"), name, _)) = keys::split(path) {
+            self.name_element(section, name);
+        }
         self.entries.insert(path.to_owned(), Entry { value, place });
     }
 
     /// Notes that a section is named.
     pub(super) fn name_section(&mut self, section: &str) {
         self.sections.insert(section.to_owned());
+    }
+
+    /// Notes that a material or region is named.
+    pub(super) fn name_element(&mut self, section: &str, name: &str) {
+        if !self.names(section).any(|known| known == name) {
+            self.names.push((section.to_owned(), name.to_owned()));
+        }
+    }
+
+    /// Names of the materials or regions, in their order.
+    pub(super) fn names(&self, section: &str) -> impl Iterator<Item = &str> {
+        self.names.iter().filter(move |(of, _)| of == section).map(|(_, name)| name.as_str())
     }
 
     /// Whether a section is named: what is not is not modelled.
@@ -82,9 +104,21 @@ impl Values {
         }
         let key = keys::require(path, "none", &self.origin)?;
         match key.default {
-            Some(text) => key.parse(text, &self.origin),
-            None => Err(self.missing(path, key)),
+            Some(text) => key.parse_at(text, path, &self.origin),
+            None => match self.inherited(path) {
+                Some(value) => Ok(value.clone()),
+                None => Err(self.missing(path, key)),
+            },
         }
+    }
+
+    /// What a material takes over from `[material]`: its compressibility and density, and all if it is rigid, where no
+    /// constant matters.
+    fn inherited(&self, path: &str) -> Option<&Value> {
+        let ("materials", name, field) = keys::split(path)? else { return None };
+        let rigid = self.get(&format!("materials.{name}.rigid")) == Some(&Value::Boolean(true));
+        let shared = ["poisson_ratio", "density_kg_per_m3"].contains(&field);
+        if shared || rigid { self.get(&format!("material.{field}")) } else { None }
     }
 
     /// The word of a key that selects others; `None` where it is missing.
@@ -95,7 +129,8 @@ impl Values {
     fn missing(&self, path: &str, key: &Key) -> SceneError {
         let because = match key.only_with {
             Some((selector, _)) => {
-                let word = self.word(selector).unwrap_or_default();
+                let selector = keys::beside(path, selector);
+                let word = self.word(&selector).unwrap_or_default();
                 format!(" (required where {selector} is \"{word}\")")
             }
             None if key.section().is_empty() => String::new(),
@@ -144,9 +179,10 @@ impl Values {
     /// Selector, its present word and the words wanted, if a key doesn't go with it.
     fn misfit(&self, path: &str) -> Result<Option<Misfit>, SceneError> {
         let Some((selector, words)) = keys::find(path).and_then(|key| key.only_with) else { return Ok(None) };
-        let word = self.value(selector)?;
-        let word = word.as_text().unwrap_or_default();
-        Ok((!words.contains(&word)).then(|| (selector, word.to_owned(), words)))
+        let selector = keys::beside(path, selector);
+        let word = self.value(&selector)?;
+        let word = word.as_text().unwrap_or_default().to_owned();
+        Ok((!words.contains(&word.as_str())).then_some((selector, word, words)))
     }
 
     /// The scene as a TOML file: every key that was put in, in the order of the registry.
@@ -156,7 +192,13 @@ impl Values {
             self.write_line(&mut out, key.path, key);
         }
         for section in SECTIONS.iter().filter(|section| self.has_section(section)) {
-            if *section == "targets" {
+            if ["materials", "regions"].contains(section) {
+                for name in self.names(section) {
+                    let title = if *section == "regions" { "[regions]".to_owned() } else { format!("{section}.{name}") };
+                    let _ = writeln!(out, "\n[{title}]"); // writing to a String can't fail
+                    self.write_section(&mut out, section, |key| format!("{section}.{name}.{}", key.field()));
+                }
+            } else if *section == "targets" {
                 for i in 0..self.targets() {
                     out.push_str("\n[[targets]]\n");
                     self.write_section(&mut out, section, |key| format!("targets.{i}.{}", key.field()));
@@ -181,22 +223,34 @@ impl Values {
         }
     }
 
-    /// Refuses an index of `targets` that would leave a hole.
-    pub(super) fn check_target_index(&self, path: &str, place: &str) -> Result<(), SceneError> {
-        match split_target(path) {
-            Some((index, _)) if index > 0 && !self.has_target(index - 1) => Err(SceneError::Inconsistent {
-                place: place.to_owned(),
-                key: path.to_owned(),
-                value: format!("index {index}"),
-                reason: format!(
-                    "the scene has {} targets, counted from 0; the next one is targets.{}",
-                    self.targets(),
-                    self.targets()
-                ),
-            }),
+    /// Refuses an index of `targets` that would leave a hole, and a material or region that the scene doesn't have.
+    pub(super) fn check_element(&self, path: &str, place: &str) -> Result<(), SceneError> {
+        let refuse = |value: String, reason: String| {
+            Err(SceneError::Inconsistent { place: place.to_owned(), key: path.to_owned(), value, reason })
+        };
+        match keys::split(path) {
+            Some(("targets", index, _)) => {
+                let (index, count) = (index.parse::<usize>().unwrap_or(0), self.targets());
+                if index == 0 || self.has_target(index - 1) {
+                    return Ok(());
+                }
+                refuse(
+                    format!("index {index}"),
+                    format!("the scene has {count} targets, counted from 0; the next one is targets.{count}"),
+                )
+            }
+            Some((section, name, _)) if !self.names(section).any(|known| known == name) => {
+                refuse(format!("\"{name}\""), format!("the scene has {}", listed(section, self.names(section))))
+            }
             _ => Ok(()),
         }
     }
 }
 
-type Misfit = (&'static str, String, &'static [&'static str]);
+/// `the materials fat, skin`, `no regions`.
+pub(super) fn listed<'a>(section: &str, names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<_> = names.collect();
+    if names.is_empty() { format!("no {section}") } else { format!("the {section} {}", names.join(", ")) }
+}
+
+type Misfit = (String, String, &'static [&'static str]);

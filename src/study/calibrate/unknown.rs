@@ -110,7 +110,7 @@ fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_s
         if range.low_allowed { range.low } else { range.low + off.min(0.5 * (start - range.low)) },
         if range.high_allowed { range.high } else { range.high - off.min(0.5 * (range.high - start)) },
     ];
-    let own = if name == "material.poisson_ratio" { [own[0], own[1].min(LARGEST_POISSON_RATIO)] } else { own };
+    let own = if name.ends_with(".poisson_ratio") { [own[0], own[1].min(LARGEST_POISSON_RATIO)] } else { own };
     let bounds = bounds.unwrap_or(own);
     for bound in bounds {
         if !range.contains(bound) {
