@@ -7,7 +7,7 @@ use mtled::approximation::ShapeTable;
 use mtled::approximation::axisymmetric::AxisymmetricApproximation;
 use mtled::cloud::{self, BASE, Domain, Meridian, Revolved, revolve};
 
-use super::BuildError;
+use super::{BuildError, regions};
 use super::body::Layout;
 use super::build::{Built, roles, settings, solver};
 use super::tissue::{Cells, Fields, Tissue};
@@ -31,19 +31,25 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
         .instrument
         .as_ref()
         .map_or_else(Vec::new, |i| Contact::nodes(&plane.points, &plane.faces, height.get(), i));
+    let region = regions::of_cells(scene, height.get(), &plane.points, &plane.triangles, &[], &[]);
+    let material = regions::materials(scene, &region);
     let mut approximation = approximation(scene, &plane, &held);
+    if !material.is_empty() {
+        approximation = approximation.with_regions(&material);
+    }
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| in_half_plane(t.position)).collect();
     let table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
     let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
     let contact = scene.instrument.as_ref().map(|i| contact(i, &plane, height.get(), &held, &layout, &table));
-    let roles = roles(scene, &plane.faces, &held);
+    let mut roles = roles(scene, &plane.faces, &held);
+    regions::hold_rigid(scene, &plane.triangles, &material, &mut roles);
     Ok(Built {
         solver: solver(scene, &cells, &plane.points, roles, &table),
         contact,
         top: height.get(),
         height: height.get(),
         reach: layout.reach,
-        warnings: Vec::new(),
+        warnings: regions::warnings(scene, &region),
         repaired_supports: approximation.repaired_supports(),
         tissue: tissue(
             scene,

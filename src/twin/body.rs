@@ -4,7 +4,7 @@ use crate::instrument::Contact;
 use crate::scene::{Grading, InstrumentKind, Metres, Scene, Shape};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Spacing};
 
-use super::{BuildError, mesh};
+use super::{BuildError, mesh, regions};
 
 /// The needle's path in the cloud ends this far below the deepest pose, in capture radii.
 const PATH_MARGIN: f64 = 1.0;
@@ -118,6 +118,7 @@ impl Layout {
                 }
             }
         }
+        features.extend(interfaces(scene, domain, far));
         Self { spacing: Spacing { far, growth: grading.growth, features }, reach }
     }
 
@@ -125,4 +126,13 @@ impl Layout {
     pub fn layer(&self) -> f64 {
         self.spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0)
     }
+}
+
+/// Cells across the thickness of a region, at least.
+const CELLS_ACROSS: f64 = 2.0;
+
+/// The regions' boundaries, fine enough for the thinnest of them.
+fn interfaces(scene: &Scene, domain: &Domain, far: f64) -> impl Iterator<Item = Feature> {
+    let solids = scene.regions.iter().filter_map(|r| regions::solid(&r.shape, domain.height()));
+    solids.map(move |solid| Feature::Region { solid, spacing: far.min(solid.thickness() / CELLS_ACROSS) })
 }

@@ -7,13 +7,13 @@ use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use mtled::cloud::{BASE, Cloud, TOP};
-use mtled::solver::{Role, Solver, SolverSettings};
+use mtled::solver::{Model, Role, Solver, SolverSettings};
 
 use super::pace::Pace;
 use super::recover::Saved;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Body, BuildError, Fixed, Progress, Twin, axisymmetric, edge};
+use super::{Body, BuildError, Fixed, Progress, Twin, axisymmetric, edge, regions};
 
 /// Distance from the edge of contact within which cells are guarded against folding, over the height of the body.
 const GUARDED: f64 = 0.03;
@@ -86,12 +86,19 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let (cloud, held) = (&body.cloud, &body.held);
     let mut interpolating: Vec<bool> = cloud.faces.iter().map(|f| f & BASE != 0).collect();
     held.iter().for_each(|&n| interpolating[n as usize] = true);
+    let region = regions::of_cells(scene, body.top, &cloud.points, &cloud.cells, &[], &[]);
+    let material = regions::materials(scene, &region);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
+    if !material.is_empty() {
+        approximation = approximation.with_regions(&material);
+    }
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
     table.guarded = guarded(scene, cloud, held, body.height);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
-    let solver = solver(scene, &cloud.cells, &cloud.points, roles(scene, &cloud.faces, held), &table);
+    let mut roles = roles(scene, &cloud.faces, held);
+    regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
+    let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table);
     // the table is the largest object: dropped before the fields are made
     let (of_point, volume) = {
         let table = table;
@@ -107,7 +114,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
         top: body.top,
         height: body.height,
         reach: body.reach,
-        warnings: body.warnings,
+        warnings: body.warnings.into_iter().chain(regions::warnings(scene, &region)).collect(),
         repaired_supports: approximation.repaired_supports(),
     })
 }
@@ -187,17 +194,13 @@ pub(super) fn solver(
     table: &ShapeTable,
 ) -> Solver {
     let d = &scene.discretisation;
-    Solver::new(
-        table,
-        cells,
-        points,
-        role,
-        &SolverSettings {
-            law: scene.material.law(),
-            volume_ratio: d.volume_ratio,
-            precision: d.precision,
-            step_factor: scene.stepping.step_factor,
-            threads: rayon::current_num_threads(),
-        },
-    )
+    let settings = SolverSettings {
+        law: scene.material.law(),
+        volume_ratio: d.volume_ratio,
+        precision: d.precision,
+        step_factor: scene.stepping.step_factor,
+        threads: rayon::current_num_threads(),
+    };
+    let model = Model::of_materials(table, cells, points, role, &regions::laws(scene, table), &settings);
+    Solver::of(Arc::new(model), settings.threads)
 }

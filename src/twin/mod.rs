@@ -10,6 +10,7 @@ mod mesh;
 mod observe;
 mod pace;
 mod recover;
+mod regions;
 mod step;
 #[cfg(test)]
 mod tests;

@@ -22,6 +22,7 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::mls::{Fit, Neighbour};
+use super::regions::Regions;
 use super::repair::{self, Supported};
 use super::support::{Supports, radii, within_reach};
 use super::table::{ApproximationError, Form, Row, Settings, ShapeTable};
@@ -124,6 +125,7 @@ pub struct AxisymmetricApproximation {
     first: Vec<f64>,
     /// Triangles that get a single point.
     plain: Vec<bool>,
+    regions: Regions,
 }
 
 thread_local! {
@@ -138,7 +140,18 @@ impl AxisymmetricApproximation {
         let first = radii(points, triangles, settings.support_factor);
         let supports = MirroredSupports::new(points, &first, interpolating);
         let plain = vec![false; triangles.len()];
-        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, first, plain }
+        let regions = Regions::default();
+        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, first, plain, regions }
+    }
+
+    /// Ends supports at the interfaces between regions, `region` being that of each triangle (see [`super::regions`]).
+    #[must_use]
+    pub fn with_regions(mut self, region: &[u8]) -> Self {
+        self.regions = Regions::new(&self.points, &self.triangles, region);
+        let mut interpolating = self.supports.supports.interpolating()[..self.points.len()].to_vec();
+        self.regions.interface().for_each(|n| interpolating[n] = true);
+        self.supports = MirroredSupports::new(&self.points, &self.first, &interpolating);
+        self
     }
 
     /// Gives the triangles between these nodes one point each: enough for tissue whose place a needle takes.
@@ -177,7 +190,7 @@ impl AxisymmetricApproximation {
     /// # Errors
     /// [`ApproximationError`] as above.
     pub fn field(&self, at: &[[f64; 3]]) -> Result<MeridianField, ApproximationError> {
-        let rows: Vec<Vec<Entry>> = at.par_iter().map(|&x| self.entries(x, None)).collect::<Result<_, _>>()?;
+        let rows: Vec<Vec<Entry>> = at.par_iter().map(|&x| self.entries_at(x)).collect::<Result<_, _>>()?;
         let mut field = MeridianField { start: vec![0], ..MeridianField::default() };
         for row in rows {
             for e in row {
@@ -193,13 +206,14 @@ impl AxisymmetricApproximation {
         t.map(|n| self.points[n as usize])
     }
 
-    fn triangle(&self, t: &[u32; 3], rule: &[Gauss]) -> Result<Vec<Row>, ApproximationError> {
+    fn triangle(&self, cell: usize, rule: &[Gauss]) -> Result<Vec<Row>, ApproximationError> {
+        let t = &self.triangles[cell];
         let x = self.corners(t);
         let (area, _) = triangle(&x);
         rule.iter()
             .map(|(bary, weight)| {
                 let at: [f64; 3] = std::array::from_fn(|k| (0..3).map(|a| bary[a] * x[a][k]).sum());
-                let entries = self.entries(at, Some(t))?;
+                let entries = self.entries(at, self.regions.of_cell(cell), Some(t))?;
                 let slot = |e: &Entry| if e.image { e.node + self.points.len() as u32 } else { e.node };
                 let squares = if self.settings.basis.is_some() { self.squares(&entries) } else { 0.0 };
                 Ok(Row {
@@ -213,12 +227,27 @@ impl AxisymmetricApproximation {
             .collect()
     }
 
-    /// phi of every node and image at x, and its slope; linear triangles take `within`, or the one that holds x.
-    fn entries(&self, x: [f64; 3], within: Option<&[u32; 3]>) -> Result<Vec<Entry>, ApproximationError> {
+    /// phi at a node or in the triangle that holds x.
+    fn entries_at(&self, x: [f64; 3]) -> Result<Vec<Entry>, ApproximationError> {
+        let region = self.regions.at(x, |cell| {
+            let corners = self.corners(&self.triangles[cell]);
+            let (_, slope) = triangle(&corners);
+            let value = |a: usize| {
+                let from = corners[(a + 1) % 3];
+                (0..3).map(|k| slope[a][k] * (x[k] - from[k])).sum::<f64>()
+            };
+            (0..3).map(value).fold(f64::INFINITY, f64::min)
+        });
+        self.entries(x, region, None)
+    }
+
+    /// phi of every node and image at x in a region, and its slope; linear triangles take `within`, or the one that holds x.
+    fn entries(&self, x: [f64; 3], region: u8, within: Option<&[u32; 3]>) -> Result<Vec<Entry>, ApproximationError> {
         let Some(basis) = self.settings.basis else { return Ok(self.linear(x, within)) };
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
             within_reach(neighbours);
+            self.regions.keep(region, neighbours, |n| self.supports.node(n).0);
             fit.evaluate_in_plane(neighbours, basis, true).map_err(|_| repair::refusal(x, neighbours, 2))?;
             let mut entries = Vec::with_capacity(neighbours.len());
             for (i, n) in neighbours.iter().enumerate() {
@@ -280,10 +309,14 @@ impl Supported for AxisymmetricApproximation {
         let on_axis = t.iter().any(|&n| self.points[n as usize][0] == 0.0);
         let points = self.settings.points_per_cell;
         match (self.plain[cell], on_axis) {
-            (true, _) => self.triangle(t, &CENTRE),
-            (false, true) => self.triangle(t, &gauss_points(points.max(4))),
-            (false, false) => self.triangle(t, &gauss_points(points)),
+            (true, _) => self.triangle(cell, &CENTRE),
+            (false, true) => self.triangle(cell, &gauss_points(points.max(4))),
+            (false, false) => self.triangle(cell, &gauss_points(points)),
         }
+    }
+
+    fn region(&self) -> &[u8] {
+        self.regions.of_cells()
     }
 
     fn edge(&self, cell: usize) -> f64 {
@@ -291,7 +324,7 @@ impl Supported for AxisymmetricApproximation {
     }
 
     fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {
-        self.settings.basis.map_or(Ok(()), |_| self.entries(x, None).map(|_| ()))
+        self.settings.basis.map_or(Ok(()), |_| self.entries_at(x).map(|_| ()))
     }
 
     fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {

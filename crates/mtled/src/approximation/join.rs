@@ -26,15 +26,16 @@ struct Candidate {
 }
 
 /// Joins cells in pairs, compact ones first; each cell at most once. Of a pair the larger cell stands for both, and
-/// every node remains a corner of a cell with a point.
+/// every node remains a corner of a cell with a point. `region` of each cell, or none: a pair lies in one region.
 #[must_use]
-pub fn pairs(points: &[[f64; 3]], cells: &[[u32; 4]], volume: &[f64]) -> Vec<Share> {
+pub fn pairs(points: &[[f64; 3]], cells: &[[u32; 4]], volume: &[f64], region: &[u8]) -> Vec<Share> {
     let centre: Vec<[f64; 3]> = cells
         .iter()
         .map(|c| std::array::from_fn(|k| c.iter().map(|&n| points[n as usize][k]).sum::<f64>() / 4.0))
         .collect();
     let mut candidates: Vec<Candidate> = neighbours(cells)
         .into_iter()
+        .filter(|[a, b]| region.get(*a as usize) == region.get(*b as usize))
         .map(|[a, b]| {
             let (va, vb) = (volume[a as usize], volume[b as usize]);
             let length =
@@ -93,7 +94,7 @@ mod tests {
     #[test]
     fn each_cell_has_one_point_to_it() {
         let (points, cells) = fan(9);
-        let share = pairs(&points, &cells, &[1.0; 9]);
+        let share = pairs(&points, &cells, &[1.0; 9], &[]);
         let joined = share.iter().filter(|s| matches!(s, Share::With(_))).count();
         assert_eq!(joined, share.iter().filter(|s| **s == Share::Left).count());
         assert!(joined >= 3, "{share:?}");
@@ -110,7 +111,7 @@ mod tests {
         // the two ends of the fan have a node to themselves
         for count in 1..9 {
             let (points, cells) = fan(count);
-            let share = pairs(&points, &cells, &vec![1.0; count as usize]);
+            let share = pairs(&points, &cells, &vec![1.0; count as usize], &[]);
             for n in 0..points.len() as u32 {
                 let held = cells.iter().zip(&share).any(|(c, s)| *s != Share::Left && c.contains(&n));
                 assert!(held, "node {n} of {count} cells: {share:?}");

@@ -4,6 +4,7 @@
 pub mod axisymmetric;
 pub mod join;
 pub mod mls;
+pub mod regions;
 mod repair;
 pub mod support;
 pub mod table;

@@ -39,6 +39,8 @@ pub(super) trait Supported: Sync {
     fn cells(&self) -> usize;
     /// Rows of a cell.
     fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError>;
+    /// Region of each cell; empty: one region.
+    fn region(&self) -> &[u8];
     /// Mean length of a cell's edges, m.
     fn edge(&self, cell: usize) -> f64;
     /// Whether the field has a value there.
@@ -70,7 +72,8 @@ pub(super) fn table<B: Supported>(body: &B) -> Result<ShapeTable, ApproximationE
 
 /// The shape table, or why there is none, and the places where a cell has no fit or one with g above `worst`.
 fn judged<B: Supported>(body: &B, worst: f64) -> (Result<ShapeTable, ApproximationError>, Vec<Point>) {
-    let mut table = Ok(ShapeTable { start: vec![0], form: B::FORM, ..ShapeTable::default() });
+    let region = body.region().to_vec();
+    let mut table = Ok(ShapeTable { start: vec![0], form: B::FORM, region, ..ShapeTable::default() });
     let mut bad_at = Vec::new();
     for first in (0..body.cells()).step_by(CELLS_AT_A_TIME) {
         let cells = first..(first + CELLS_AT_A_TIME).min(body.cells());

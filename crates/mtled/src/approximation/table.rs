@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::join::{self, Share};
 use super::mls::{Basis, Fit, Neighbour};
+use super::regions::Regions;
 use super::repair::{self, Supported};
 use super::support::{Supports, radii, within_reach};
 
@@ -112,9 +113,23 @@ pub struct ShapeTable {
     pub form: Form,
     /// Cells that resist folding, see `solver::fold`.
     pub guarded: Vec<u32>,
+    /// Region of each cell; empty: one region.
+    pub region: Vec<u8>,
 }
 
 impl ShapeTable {
+    /// Region that an integration point lies in.
+    #[must_use]
+    pub fn region_of(&self, point: usize) -> u8 {
+        self.region_of_cell(self.cell[point] as usize)
+    }
+
+    /// Region of a cell.
+    #[must_use]
+    pub fn region_of_cell(&self, cell: usize) -> u8 {
+        self.region.get(cell).copied().unwrap_or(0)
+    }
+
     /// Adds an integration point.
     pub(super) fn push(&mut self, cell: usize, row: &Row) {
         self.nodes.extend_from_slice(&row.nodes);
@@ -173,6 +188,7 @@ pub struct Approximation {
     first: Vec<f64>,
     /// What each cell is integrated with.
     share: Vec<Share>,
+    regions: Regions,
 }
 
 thread_local! {
@@ -185,15 +201,20 @@ impl Approximation {
     pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], interpolating: Vec<bool>, settings: Settings) -> Self {
         let first = radii(points, cells, settings.support_factor);
         let supports = Supports::new(points, first.clone(), interpolating);
-        let joined = settings.cells_per_point > 1 && settings.points_per_cell == 1 && settings.basis.is_some();
-        let share = if joined {
-            let corners = |c: &[u32; 4]| c.map(|n| points[n as usize]);
-            let volume: Vec<f64> = cells.iter().map(|c| tetrahedron(&corners(c)).0).collect();
-            join::pairs(points, cells, &volume)
-        } else {
-            vec![Share::Own; cells.len()]
-        };
-        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first, share }
+        let share = shares(points, cells, &[], &settings);
+        let regions = Regions::default();
+        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first, share, regions }
+    }
+
+    /// Ends supports at the interfaces between regions, `region` being that of each cell (see [`super::regions`]).
+    #[must_use]
+    pub fn with_regions(mut self, region: &[u8]) -> Self {
+        self.regions = Regions::new(&self.points, &self.cells, region);
+        let mut interpolating = self.supports.interpolating().to_vec();
+        self.regions.interface().for_each(|n| interpolating[n] = true);
+        self.supports = Supports::new(&self.points, self.first.clone(), interpolating);
+        self.share = shares(&self.points, &self.cells, region, &self.settings);
+        self
     }
 
     /// Number of nodes whose support was enlarged.
@@ -202,10 +223,11 @@ impl Approximation {
         self.supports.radii().iter().zip(&self.first).filter(|(now, first)| now > first).count()
     }
 
-    /// Runs `f` with phi (and gradients) at x.
+    /// Runs `f` with phi (and gradients) at x, a place of this region.
     fn with_fit<R>(
         &self,
         x: [f64; 3],
+        region: u8,
         basis: Basis,
         gradient: bool,
         f: impl FnOnce(&[Neighbour], &Fit) -> R,
@@ -213,6 +235,7 @@ impl Approximation {
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
             within_reach(neighbours);
+            self.regions.keep(region, neighbours, |n| n);
             fit.evaluate(neighbours, basis, gradient).map_err(|_| repair::refusal(x, neighbours, 3))?;
             Ok(f(neighbours, fit))
         })
@@ -243,7 +266,7 @@ impl Approximation {
             Some(basis) => at
                 .par_iter()
                 .map(|&x| {
-                    self.with_fit(x, basis, false, |n, fit| {
+                    self.with_fit(x, self.region_at(x), basis, false, |n, fit| {
                         n.iter().map(|n| n.node).zip(fit.value.iter().copied()).collect()
                     })
                 })
@@ -261,6 +284,19 @@ impl Approximation {
         Ok(field)
     }
 
+    /// Region of a node or of the cell that holds x.
+    fn region_at(&self, x: [f64; 3]) -> u8 {
+        self.regions.at(x, |cell| {
+            let corners = self.corners(&self.cells[cell]);
+            let (_, slope) = tetrahedron(&corners);
+            let value = |a: usize| {
+                let from = corners[(a + 1) % 4];
+                (0..3).map(|k| slope[a][k] * (x[k] - from[k])).sum::<f64>()
+            };
+            (0..4).map(value).fold(f64::INFINITY, f64::min)
+        })
+    }
+
     fn corners(&self, c: &[u32; 4]) -> [[f64; 3]; 4] {
         c.map(|n| self.points[n as usize])
     }
@@ -272,31 +308,31 @@ impl Approximation {
         Row { at, volume, nodes: c.to_vec(), gradient: gradient.to_vec(), squares: 0.0 }
     }
 
-    fn gauss(&self, c: &[u32; 4], basis: Basis) -> Result<Vec<Row>, ApproximationError> {
+    fn gauss(&self, c: &[u32; 4], region: u8, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
         let x = self.corners(c);
         let (volume, _) = tetrahedron(&x);
         gauss_points(self.settings.points_per_cell)
             .iter()
             .map(|(bary, weight)| {
                 let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
-                self.row(at, weight * volume, basis)
+                self.row(at, region, weight * volume, basis)
             })
             .collect()
     }
 
     /// The point at the centroid of two cells.
-    fn pair(&self, cells: [&[u32; 4]; 2], basis: Basis) -> Result<Row, ApproximationError> {
+    fn pair(&self, cells: [&[u32; 4]; 2], region: u8, basis: Basis) -> Result<Row, ApproximationError> {
         let corners = cells.map(|c| self.corners(c));
         let volumes = [tetrahedron(&corners[0]).0, tetrahedron(&corners[1]).0];
         let volume = volumes[0] + volumes[1];
         let share = [0.25 * volumes[0] / volume, 0.25 * volumes[1] / volume];
         let at = std::array::from_fn(|k| (0..2).map(|c| share[c] * corners[c].iter().map(|x| x[k]).sum::<f64>()).sum());
-        self.row(at, volume, basis)
+        self.row(at, region, volume, basis)
     }
 
     /// An integration point of a meshless method.
-    fn row(&self, at: [f64; 3], volume: f64, basis: Basis) -> Result<Row, ApproximationError> {
-        self.with_fit(at, basis, true, |neighbours, fit| Row {
+    fn row(&self, at: [f64; 3], region: u8, volume: f64, basis: Basis) -> Result<Row, ApproximationError> {
+        self.with_fit(at, region, basis, true, |neighbours, fit| Row {
             at,
             volume,
             nodes: neighbours.iter().map(|n| n.node).collect(),
@@ -333,10 +369,17 @@ impl Supported for Approximation {
         let c = &self.cells[cell];
         match (self.settings.basis, self.share[cell]) {
             (None, _) => Ok(vec![self.linear(c)]),
-            (Some(basis), Share::Own) => self.gauss(c, basis),
-            (Some(basis), Share::With(other)) => Ok(vec![self.pair([c, &self.cells[other as usize]], basis)?]),
+            (Some(basis), Share::Own) => self.gauss(c, self.regions.of_cell(cell), basis),
+            (Some(basis), Share::With(other)) => {
+                let region = self.regions.of_cell(cell);
+                Ok(vec![self.pair([c, &self.cells[other as usize]], region, basis)?])
+            }
             (Some(_), Share::Left) => Ok(Vec::new()),
         }
+    }
+
+    fn region(&self) -> &[u8] {
+        self.regions.of_cells()
     }
 
     fn edge(&self, cell: usize) -> f64 {
@@ -344,12 +387,22 @@ impl Supported for Approximation {
     }
 
     fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {
-        self.settings.basis.map_or(Ok(()), |basis| self.with_fit(x, basis, false, |_, _| ()))
+        self.settings.basis.map_or(Ok(()), |basis| self.with_fit(x, self.region_at(x), basis, false, |_, _| ()))
     }
 
     fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {
         self.supports = self.supports.enlarged(&self.first, factor, at);
     }
+}
+
+/// What each cell is integrated with: pairs lie in one region.
+fn shares(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], settings: &Settings) -> Vec<Share> {
+    if settings.cells_per_point == 1 || settings.points_per_cell > 1 || settings.basis.is_none() {
+        return vec![Share::Own; cells.len()];
+    }
+    let corners = |c: &[u32; 4]| c.map(|n| points[n as usize]);
+    let volume: Vec<f64> = cells.iter().map(|c| tetrahedron(&corners(c)).0).collect();
+    join::pairs(points, cells, &volume, region)
 }
 
 /// One integration point of a table.

@@ -26,9 +26,9 @@ pub(crate) fn conforms(
         match *f {
             Feature::ContactRing { centre, radius, .. } => ring(centre, radius, points, faces, surface)?,
             Feature::Path { axis, capture_radius, length, .. } => {
-                path(domain, &axis, capture_radius, length, f.path_nodes(), points)?;
+                path(domain, &axis, capture_radius, length, spacing.path_nodes(domain, f), points)?;
             }
-            Feature::Rim { .. } => {}
+            Feature::Rim { .. } | Feature::Region { .. } => {}
         }
     }
     Ok(())

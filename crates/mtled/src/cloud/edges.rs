@@ -81,10 +81,11 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
                     nodes.push(curve(t), TOP, true);
                 }
             }
-            Feature::Path { axis, capture_radius, length, spacing } => {
-                path(&mut nodes, height, &axis, capture_radius, length, spacing);
+            Feature::Path { axis, capture_radius, length, spacing: fine } => {
+                let layers = spacing.layers(domain, &axis, length, fine);
+                path(&mut nodes, height, &axis, capture_radius, fine, &layers);
             }
-            Feature::Rim { .. } => {}
+            Feature::Rim { .. } | Feature::Region { .. } => {}
         }
     }
     too_close(domain, spacing, &nodes)?;
@@ -143,11 +144,45 @@ pub(crate) fn path_shape(radius: f64, length: f64, spacing: f64) -> (usize, usiz
     ((length / spacing).round().max(1.0) as usize, (radius / spacing).round().max(1.0) as usize)
 }
 
-/// Layers of rings of 6, 12, 18, ... nodes round an axis node; every other layer is turned by half a pitch.
-fn path(nodes: &mut Nodes, height: f64, axis: &Axis, radius: f64, length: f64, spacing: f64) {
-    let (layers, rings) = path_shape(radius, length, spacing);
-    for layer in 0..=layers {
-        let depth = length / axis.secant() * (layer as f64 / layers as f64);
+/// A layer this close to another one, over the spacing, is left out.
+const CLOSEST_LAYER: f64 = 0.4;
+
+impl Spacing {
+    /// Vertical depths of the layers of a path: equal steps between the places where its axis passes from one region to
+    /// another.
+    pub(crate) fn layers(&self, domain: &Domain, axis: &Axis, length: f64, spacing: f64) -> Vec<f64> {
+        let height = domain.height();
+        let depth = length / axis.secant();
+        let crossings = self.crossings(&|t| axis.section(height, t * depth, 0.0, 0.0));
+        let mut ends = vec![0.0];
+        for t in crossings {
+            let apart = |other: f64| length * (t - other).abs() > CLOSEST_LAYER * spacing;
+            if apart(1.0) && ends.last().is_none_or(|&last| apart(last)) {
+                ends.push(t);
+            }
+        }
+        ends.push(1.0);
+        let mut layers = vec![0.0];
+        for stretch in ends.windows(2) {
+            let (steps, _) = path_shape(spacing, length * (stretch[1] - stretch[0]), spacing);
+            let at = |k: usize| stretch[0] + (stretch[1] - stretch[0]) * (k as f64 / steps as f64);
+            layers.extend((1..=steps).map(|k| depth * at(k)));
+        }
+        layers
+    }
+
+    /// Number of nodes that a path has within its capture radius (0 for other features).
+    pub(crate) fn path_nodes(&self, domain: &Domain, path: &Feature) -> usize {
+        let Feature::Path { axis, capture_radius, length, spacing } = *path else { return 0 };
+        let (_, rings) = path_shape(capture_radius, length, spacing);
+        self.layers(domain, &axis, length, spacing).len() * (1 + 3 * rings * (rings + 1))
+    }
+}
+
+/// Layers of rings of 6, 12, 18, ... nodes round an axis node, at these depths; every other layer is turned by half a pitch.
+fn path(nodes: &mut Nodes, height: f64, axis: &Axis, radius: f64, spacing: f64, layers: &[f64]) {
+    let (_, rings) = path_shape(radius, radius, spacing);
+    for (layer, &depth) in layers.iter().enumerate() {
         let faces = if layer == 0 { TOP } else { 0 };
         nodes.push(axis.section(height, depth, 0.0, 0.0), faces, true);
         for ring in 1..=rings {

@@ -12,6 +12,7 @@ use super::edges::{equidistribute, path_shape};
 use super::error::CloudError;
 use super::order::hilbert_order;
 use super::packing::Packing;
+use super::solid::changes;
 use super::spacing::{Feature, MAX_NODES, Spacing};
 use super::triangulate::{orient, triangulate};
 use super::vector::{Point, add, distance, hash01, scale, sub};
@@ -112,9 +113,10 @@ impl Plane<'_> {
         self.spacing.at(self.domain, p)
     }
 
-    /// Distance to the nearest edge of the half plane, the axis being one.
+    /// Distance to the nearest edge of the half plane, the axis being one, or interface between regions.
     fn room(&self, p: Point) -> f64 {
-        p[0].min(self.radius - p[0]).min(p[2]).min(self.height - p[2])
+        let edges = p[0].min(self.radius - p[0]).min(p[2]).min(self.height - p[2]);
+        edges.min(self.spacing.interface_distance(p))
     }
 
     fn reserved(&self, p: Point) -> bool {
@@ -164,10 +166,10 @@ impl Plane<'_> {
         let (mut inner, mut floor, mut marks) = (0.0, self.height, Vec::new());
         for f in &self.spacing.features {
             match *f {
-                Feature::Path { capture_radius, length, spacing, .. } => {
-                    let (layers, rings) = path_shape(capture_radius, length, spacing);
-                    for layer in 0..=layers {
-                        let z = self.height - length * (layer as f64 / layers as f64);
+                Feature::Path { axis, capture_radius, length, spacing } => {
+                    let (_, rings) = path_shape(capture_radius, length, spacing);
+                    for depth in self.spacing.layers(self.domain, &axis, length, spacing) {
+                        let z = self.height - depth;
                         let place = |ring: usize| [capture_radius * (ring as f64 / rings as f64), 0.0, z];
                         points.extend((0..=rings).map(place));
                         floor = z;
@@ -175,7 +177,7 @@ impl Plane<'_> {
                     inner = capture_radius;
                 }
                 Feature::ContactRing { radius, .. } => marks.push(radius),
-                Feature::Rim { .. } => {}
+                Feature::Rim { .. } | Feature::Region { .. } => {}
             }
         }
         let (r, h) = (self.radius, self.height);
@@ -187,14 +189,87 @@ impl Plane<'_> {
         top.extend(marks.iter().copied());
         top.push(r);
         points.extend(marks.iter().map(|&m| [m, 0.0, h]));
+        let ends = self.interfaces([inner, floor], &mut points);
         for ends in top.windows(2) {
             self.line([ends[0], 0.0, h], [ends[1], 0.0, h], &mut points);
         }
-        self.line([0.0, 0.0, 0.0], [r, 0.0, 0.0], &mut points);
-        self.line([r, 0.0, 0.0], [r, 0.0, h], &mut points);
-        self.line([0.0, 0.0, 0.0], [0.0, 0.0, floor], &mut points);
+        self.broken_line([0.0, 0.0, 0.0], [r, 0.0, 0.0], &ends, &mut points);
+        self.broken_line([r, 0.0, 0.0], [r, 0.0, h], &ends, &mut points);
+        self.broken_line([0.0, 0.0, 0.0], [0.0, 0.0, floor], &ends, &mut points);
         self.too_close(&points)?;
         Ok(Nodes { fixed: points.len(), points })
+    }
+
+    /// Nodes on the interfaces between regions, but not on a needle's path, which ends at `floor` and has the radius
+    /// `inner`. Returns the ends of the stretches: where interfaces meet each other, the axis or an edge.
+    fn interfaces(&self, [inner, floor]: [f64; 2], points: &mut Vec<Point>) -> Vec<Point> {
+        let mut ends: Vec<Point> = Vec::new();
+        let mut stretches = Vec::new();
+        let off = 1e-6 * self.radius.min(self.height);
+        for curve in self.spacing.solids().flat_map(|solid| solid.curves(self.radius)) {
+            // the regions on both sides, if they differ
+            let sides = |t: f64| {
+                let (p, q) = (curve.at(t), curve.at(if t < 0.5 { t + 1e-4 } else { t - 1e-4 }));
+                let along = sub(q, p);
+                let normal = scale([along[2], 0.0, -along[0]], off / super::vector::norm(along));
+                let within = p[0] <= self.radius && p[2] > off && p[2] < self.height - off;
+                let captured = inner > 0.0 && p[0] < inner * (1.0 + 1e-9) && p[2] > floor - off;
+                let sides = [self.spacing.region(add(p, normal)), self.spacing.region(sub(p, normal))];
+                let between = [sides[0].min(sides[1]), sides[0].max(sides[1])];
+                (within && !captured && sides[0] != sides[1]).then_some(between)
+            };
+            let mut at = vec![0.0];
+            at.extend(changes(&sides).into_iter().flatten());
+            at.push(1.0);
+            for stretch in at.chunks_exact(2).filter(|s| sides(0.5 * (s[0] + s[1])).is_some()) {
+                stretches.push((curve, [stretch[0], stretch[1]]));
+                ends.extend([stretch[0], stretch[1]].map(|t| self.snapped(curve.at(t))));
+            }
+        }
+        for &p in &ends {
+            self.push_apart(p, points);
+        }
+        for (curve, [a, b]) in stretches {
+            let piece = |t: f64| curve.at(a + t * (b - a));
+            for t in equidistribute(self.domain, self.spacing, &piece, false, 1) {
+                self.push_apart(piece(t), points);
+            }
+        }
+        ends
+    }
+
+    /// A point on the axis or an edge of the half plane to the last digit, if it is there at all.
+    fn snapped(&self, [r, y, z]: Point) -> Point {
+        let near = 1e-7 * self.radius.min(self.height);
+        let snap = |x: f64, to: f64| if (x - to).abs() < near { to } else { x };
+        [snap(snap(r, 0.0), self.radius), y, snap(snap(z, 0.0), self.height)]
+    }
+
+    /// Adds a node unless there is one nearly there.
+    fn push_apart(&self, p: Point, points: &mut Vec<Point>) {
+        let least = 0.5 * self.h(p);
+        if points.iter().all(|&q| distance(p, q) > least) && !self.reserved_for_path(p) {
+            points.push(p);
+        }
+    }
+
+    /// Whether a node there would disturb the layers of a path: a quarter of a spacing from them is enough for a fixed one.
+    fn reserved_for_path(&self, p: Point) -> bool {
+        self.reserved(p) && self.spacing.features.iter().any(|f| match *f {
+            Feature::Path { capture_radius, spacing, .. } => p[0] < capture_radius + 0.45 * spacing,
+            _ => false,
+        })
+    }
+
+    /// Nodes on a straight edge that is broken at those of the places that lie on it.
+    fn broken_line(&self, a: Point, b: Point, places: &[Point], points: &mut Vec<Point>) {
+        let k = if a[0] == b[0] { 2 } else { 0 };
+        let on = |p: &&Point| p[2 - k] == a[2 - k] && p[k] > a[k] && p[k] < b[k];
+        let mut ends: Vec<Point> = places.iter().filter(on).copied().collect();
+        ends.extend([a, b]);
+        ends.sort_by(|p, q| p[k].total_cmp(&q[k]));
+        ends.dedup();
+        ends.windows(2).for_each(|ends| self.line(ends[0], ends[1], points));
     }
 
     /// Nodes between the ends of a straight edge, one spacing apart.

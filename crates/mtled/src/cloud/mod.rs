@@ -32,6 +32,7 @@ mod reconnect;
 pub mod revolve;
 mod shift;
 mod smooth;
+pub mod solid;
 mod spacing;
 mod triangulate;
 mod vector;
@@ -43,6 +44,7 @@ pub use order::{hilbert_order, sort_cells};
 pub use path::Axis;
 pub use quality::Summary;
 pub use revolve::Revolved;
+pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
 
 use packing::Packing;

@@ -3,6 +3,7 @@
 use super::domain::Domain;
 use super::error::CloudError;
 use super::path::Axis;
+use super::solid::Solid;
 use super::vector::{Point, length2};
 use std::f64::consts::{PI, SQRT_2};
 
@@ -46,15 +47,24 @@ pub enum Feature {
         /// Spacing along and across the path; half the capture radius resolves it.
         spacing: f64,
     },
+    /// A region of another material: nodes lie on its boundary, and no cell reaches across. Of several that hold a point the
+    /// first one counts.
+    Region {
+        /// Its shape.
+        solid: Solid,
+        /// Spacing at its boundary.
+        spacing: f64,
+    },
 }
 
 impl Feature {
     /// Wanted spacing at the feature.
     pub fn spacing(&self) -> f64 {
         match *self {
-            Feature::ContactRing { spacing, .. } | Feature::Rim { spacing, .. } | Feature::Path { spacing, .. } => {
-                spacing
-            }
+            Feature::ContactRing { spacing, .. }
+            | Feature::Rim { spacing, .. }
+            | Feature::Path { spacing, .. }
+            | Feature::Region { spacing, .. } => spacing,
         }
     }
 
@@ -74,6 +84,7 @@ impl Feature {
                 let r = (axis.distance(height, p) - capture_radius).max(0.0);
                 length2(r, (height - length / axis.secant() - p[2]).max(0.0))
             }
+            Feature::Region { solid, .. } => solid.signed(p).abs(),
         }
     }
 
@@ -114,6 +125,13 @@ impl Feature {
             Feature::Path { capture_radius, length, .. } => {
                 2.0 * PI * (capture_radius + s) * length + PI * (capture_radius + s).powi(2)
             }
+            // both sides
+            Feature::Region { solid, .. } => match solid {
+                Solid::Layer { .. } => 4.0 * domain.volume() / domain.height(),
+                Solid::Sphere { radius, .. } => 8.0 * PI * (radius + s).powi(2),
+                Solid::Cylinder { radius, height, .. } => 4.0 * PI * (radius + s) * (radius + height + s),
+                Solid::Box { size: [x, y, z], .. } => 4.0 * (x * y + y * z + z * x),
+            },
         }
     }
 }
@@ -316,7 +334,7 @@ fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
             }
             fits("contact radius", centre, radius, 0.7 * spacing)
         }
-        Feature::Rim { .. } => Ok(()),
+        Feature::Rim { .. } | Feature::Region { .. } => Ok(()),
         Feature::Path { axis, capture_radius, length, spacing } => {
             positive("capture radius", capture_radius)?;
             positive("path length", length)?;

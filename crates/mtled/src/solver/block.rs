@@ -13,6 +13,7 @@ use crate::approximation::{Form, ShapeTable};
 use crate::material::neo_hookean::Gradient;
 
 use super::group::groups;
+use super::vertices::Vertices;
 use crate::number::Real;
 use crate::number::{LANES, Lanes};
 
@@ -50,12 +51,14 @@ pub struct Block<T: Real> {
     pub scale: Vec<Lanes<T>>,
     /// Volume of each point, m^3; zero where a lane holds none.
     pub volume: Vec<Lanes<T>>,
-    /// Global index of each corner of the points' cells, ascending: the nodes that share volume ratios.
+    /// Vertex of each corner of the points' cells, ascending: what shares volume ratios (see [`super::vertices`]).
     pub vertices: Vec<u32>,
     /// Position in `vertices` of the corners of each point's cell. A triangle repeats its last.
     pub corners: Vec<[[u16; LANES]; 4]>,
     /// Index of each slot's point in the shape table.
     pub point: Vec<u32>,
+    /// Region that all its points lie in.
+    pub region: u8,
 }
 
 /// A block's scratch memory, and what its last evaluation left there.
@@ -105,21 +108,25 @@ pub struct Shares {
 }
 
 impl<T: Real> Block<T> {
-    /// Groups the points of a shape table and cuts the groups into blocks.
+    /// Groups the points of a shape table and cuts the groups into blocks, each in one region. `places` of the vertices.
     #[must_use]
-    pub fn partition(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]]) -> Vec<Self> {
-        let corners = |p: usize| &cells[table.cell[p] as usize];
+    pub fn partition(table: &ShapeTable, vertices: &Vertices, places: &[[f64; 3]], nodes: usize) -> Vec<Self> {
+        let corners = |p: usize| &vertices.cells[table.cell[p] as usize];
         let centres: Vec<[f64; 3]> = (0..table.volume.len())
-            .map(|p| std::array::from_fn(|k| corners(p).iter().map(|&n| points[n as usize][k]).sum::<f64>() / 4.0))
+            .map(|p| std::array::from_fn(|k| corners(p).iter().map(|&n| places[n as usize][k]).sum::<f64>() / 4.0))
             .collect();
-        let groups = groups(&centres, |p| corners(p), points.len());
+        let mut groups = groups(&centres, |p| corners(p), places.len());
+        // regions share no vertex, so a group lies in one of them
+        let region = |group: &[u32]| table.region_of(group[0] as usize);
+        groups.sort_by_key(|group| region(group));
         let visited: Vec<Vec<u32>> = groups.par_iter().map(|group| visited(table, group)).collect();
         let total: usize = visited.iter().map(Vec::len).sum();
         let most = total.div_ceil(BLOCKS).clamp(*VISITS.start(), *VISITS.end());
         let mut ranges = Vec::new();
         let (mut first, mut visits) = (0, 0);
         for (g, visited) in visited.iter().enumerate() {
-            if visits + visited.len() > most && g > first {
+            let full = visits + visited.len() > most || region(&groups[g]) != region(&groups[first]);
+            if full && g > first {
                 ranges.push(first..g);
                 (first, visits) = (g, 0);
             }
@@ -128,7 +135,7 @@ impl<T: Real> Block<T> {
         if first < groups.len() {
             ranges.push(first..groups.len());
         }
-        let block = |r: Range<usize>| Self::new(table, cells, points.len(), &groups[r.clone()], &visited[r]);
+        let block = |r: Range<usize>| Self::new(table, &vertices.cells, nodes, &groups[r.clone()], &visited[r]);
         ranges.into_par_iter().map(block).collect()
     }
 
@@ -152,6 +159,7 @@ impl<T: Real> Block<T> {
             point: vec![NO_POINT; LANES * groups.len()],
             nodes: nodes.iter().map(|&n| n % count as u32).collect(),
             vertices: Vec::new(),
+            region: table.region_of(groups[0][0] as usize),
         };
         let mut from = 0;
         for (g, (group, visited)) in groups.iter().zip(visited).enumerate() {

@@ -32,6 +32,9 @@ pub const COARSENING: f64 = 1.5;
 const REACH: f64 = 2.0;
 /// Reach in spacings beyond which a linear fit is given up.
 const WIDEST: f64 = 20.0;
+/// The same where there are several regions: a thin layer has its coarse nodes in one plane, and its pressure hardly changes
+/// across it.
+const WIDEST_OF_SEVERAL: f64 = 6.0;
 /// kappa_s / mu, with the initial, instantaneous mu.
 pub const POINTWISE_BULK: f64 = 3.0;
 
@@ -46,12 +49,15 @@ pub struct Dilatation {
     pub value: Vec<f64>,
     /// Number of coarse nodes.
     pub count: usize,
+    /// Region of each coarse node.
+    pub region: Vec<u8>,
 }
 
 impl Dilatation {
-    /// Chooses coarse nodes greedily in node order (deterministic) and fits N_aP.
+    /// Chooses coarse nodes greedily in node order (deterministic) and fits N_aP. `region` of each point: no fit reaches
+    /// from one to another.
     #[must_use]
-    pub fn projected(points: &[[f64; 3]], cells: &[[u32; 4]], form: Form) -> Self {
+    pub fn projected(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], form: Form) -> Self {
         let spacing = match form {
             Form::Full => radii(points, cells, 1.0),
             Form::Axisymmetric => {
@@ -59,21 +65,23 @@ impl Dilatation {
                 radii(points, &triangles, 1.0)
             }
         };
-        let coarse = coarse_nodes(points, &spacing);
+        let coarse = coarse_nodes(points, &spacing, region);
         let at: Vec<[f64; 3]> = coarse.iter().map(|&c| points[c as usize]).collect();
+        let region_of_coarse: Vec<u8> = coarse.iter().map(|&c| region[c as usize]).collect();
         let mut rows: Vec<Option<Row>> = vec![None; points.len()];
         let mut reach = REACH * COARSENING;
+        let widest = if region.iter().any(|r| *r != region[0]) { WIDEST_OF_SEVERAL } else { WIDEST };
         while rows.iter().any(Option::is_none) {
             let reaches = coarse.iter().map(|&c| reach * spacing[c as usize]).collect();
             let supports = Nodes::new(&at, reaches, form);
             // A sample smaller than a few coarse spacings determines no linear fit: the mean keeps the partition of unity.
-            let last = reach > WIDEST;
-            rows.par_iter_mut().zip(points).filter(|(row, _)| row.is_none()).for_each(|(row, &x)| {
-                *row = fit(&supports, x, last);
-            });
+            let last = reach > widest;
+            rows.par_iter_mut().zip(points.par_iter().zip(region)).filter(|(row, _)| row.is_none()).for_each(
+                |(row, (&x, &own))| *row = fit(&supports, x, last, |c| region_of_coarse[c as usize] == own),
+            );
             reach *= 1.3;
         }
-        let mut d = Self { start: vec![0], count: coarse.len(), ..Self::default() };
+        let mut d = Self { start: vec![0], count: coarse.len(), region: region_of_coarse, ..Self::default() };
         for (n, v) in rows.into_iter().flatten() {
             d.coarse.extend(n);
             d.value.extend(v);
@@ -84,8 +92,10 @@ impl Dilatation {
 
     /// One pressure per node: the average nodal volume ratio of Bonet & Burton (1998).
     #[must_use]
-    pub fn nodal(nodes: usize) -> Self {
+    pub fn nodal(region: &[u8]) -> Self {
+        let nodes = region.len();
         Self {
+            region: region.to_vec(),
             start: (0..=nodes as u32).collect(),
             coarse: (0..nodes as u32).collect(),
             value: vec![1.0; nodes],
@@ -118,16 +128,18 @@ impl Nodes {
         }
     }
 
-    /// Nodes round x in `out`, and their linear fit if there is one.
-    fn fit(&self, x: [f64; 3], out: &mut Vec<Neighbour>) -> Option<Vec<f64>> {
+    /// Those of the nodes round x that are `wanted`, in `out`, and their linear fit if there is one.
+    fn fit(&self, x: [f64; 3], out: &mut Vec<Neighbour>, wanted: impl Fn(u32) -> bool) -> Option<Vec<f64>> {
         let mut fit = Fit::default();
         let done = match self {
             Self::Full(supports) => {
                 supports.at(x, out);
+                out.retain(|n| wanted(n.node));
                 out.len() > 4 && fit.evaluate(out, Basis::Linear, false).is_ok()
             }
             Self::Axisymmetric(supports) => {
                 supports.at(x, out);
+                out.retain(|n| wanted(supports.node(n.node).0));
                 let done = out.len() > 3 && fit.evaluate_in_plane(out, Basis::Linear, false).is_ok();
                 out.iter_mut().for_each(|n| n.node = supports.node(n.node).0);
                 done
@@ -137,10 +149,10 @@ impl Nodes {
     }
 }
 
-/// Linear fit of the coarse nodes round x, or their weighted mean if that must do.
-fn fit(supports: &Nodes, x: [f64; 3], mean: bool) -> Option<Row> {
+/// Linear fit of the wanted coarse nodes round x, or their weighted mean if that must do.
+fn fit(supports: &Nodes, x: [f64; 3], mean: bool, wanted: impl Fn(u32) -> bool) -> Option<Row> {
     let mut neighbours = Vec::new();
-    let fitted = supports.fit(x, &mut neighbours);
+    let fitted = supports.fit(x, &mut neighbours, wanted);
     let nodes = || neighbours.iter().map(|n| n.node).collect();
     if let Some(value) = fitted {
         return Some((nodes(), value));
@@ -149,8 +161,8 @@ fn fit(supports: &Nodes, x: [f64; 3], mean: bool) -> Option<Row> {
     (mean && total > 0.0).then(|| (nodes(), neighbours.iter().map(|n| n.weight.0 / total).collect()))
 }
 
-/// Greedy choice in node order: a node is coarse if no coarse node lies within [`COARSENING`] spacings.
-fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64]) -> Vec<u32> {
+/// Greedy choice in node order: a node is coarse if no coarse node of its region lies within [`COARSENING`] spacings.
+fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64], region: &[u8]) -> Vec<u32> {
     let mut sorted = spacing.to_vec();
     sorted.sort_by(f64::total_cmp);
     let size = COARSENING * sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
@@ -163,7 +175,7 @@ fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64]) -> Vec<u32> {
         let reach = COARSENING * spacing[i];
         let near = |j: u32, _| {
             let own = COARSENING * spacing[coarse[j as usize] as usize];
-            distance(x, at[j as usize]) < reach.min(own)
+            region[coarse[j as usize] as usize] == region[i] && distance(x, at[j as usize]) < reach.min(own)
         };
         // a little farther, so that `near` decides to the last bit
         if !grid.any(&at, x, reach * (1.0 + 1e-9), near) {

@@ -70,8 +70,8 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// Guards cells of a tissue with shear modulus `mu`, Pa.
-    pub fn new(guarded: &[u32], cells: &[[u32; 4]], points: &[[f64; 3]], mu: f64) -> Self {
+    /// Guards cells of a tissue with shear modulus `mu` in each cell, Pa.
+    pub fn new(guarded: &[u32], cells: &[[u32; 4]], points: &[[f64; 3]], mu: impl Fn(u32) -> f64) -> Self {
         let (bottom, top) = points.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p[2]), b.max(p[2])));
         let fine = FINE * (top - bottom);
         let cell = |&c: &u32| {
@@ -79,7 +79,7 @@ impl Guard {
             let corners = nodes.map(|n| points[n as usize]);
             let (volume, gradient) = tetrahedron(&corners);
             let finer = (fine / mean_edge(&corners)).powi(POWER);
-            let stiffness = mu * (STIFFNESS * finer).clamp(STIFFNESS, LARGEST_STIFFNESS);
+            let stiffness = mu(c) * (STIFFNESS * finer).clamp(STIFFNESS, LARGEST_STIFFNESS);
             Cell { nodes, gradient, volume, stiffness }
         };
         let of_node = if guarded.is_empty() {
@@ -155,7 +155,7 @@ mod tests {
     #[test]
     fn force_is_the_derivative_of_the_energy() {
         let points = [[0.0, 0.0, 0.0], [1.1, 0.1, 0.0], [0.2, 0.9, 0.1], [0.1, 0.3, 1.2]];
-        let guard = Guard::new(&[0], &[[0, 1, 2, 3]], &points, 100.0);
+        let guard = Guard::new(&[0], &[[0, 1, 2, 3]], &points, |_| 100.0);
         // from untouched over crushed to inside out
         for push in [0.1, 0.9, 1.0, 1.6] {
             let u = [[0.0; 3], [0.02, -0.01, 0.03], [0.0, 0.05, 0.02], [0.04, -0.02, -push * 1.1]];

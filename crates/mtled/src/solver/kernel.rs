@@ -14,13 +14,14 @@ use crate::material::neo_hookean::Gradient;
 use crate::material::{Law, Volumetric};
 
 use super::block::{Block, BlockScratch, ForceOfLane, Shares};
-use super::dilatation::{Dilatation, POINTWISE_BULK};
+use super::dilatation::Dilatation;
 use super::disjoint::{Chunks, Each, Either, Offsets, Runs, Then};
 use super::fold::{self, Guard, Resistance};
 use super::memory::Memory;
 use super::points::{Constants, Relaxing};
 use super::pool::Pool;
 use super::strip::{Strip, StripScratch};
+use super::vertices::Vertices;
 use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
 
@@ -45,7 +46,8 @@ pub struct Kernel<T: Real> {
     guard: Guard,
     guarded: usize,
     nodes: usize,
-    pub(super) constants: Constants,
+    /// Of the material of each region.
+    pub(super) constants: Vec<Constants>,
 }
 
 /// What a displacement field costs and exerts.
@@ -69,6 +71,8 @@ struct Projection<T> {
     shares: Shares,
     /// V_P, m^3.
     volume: Vec<f64>,
+    /// Region of each coarse node.
+    region: Vec<u8>,
 }
 
 /// What a state says of the integration points.
@@ -115,7 +119,7 @@ struct ProjectionScratch<T> {
 }
 
 impl<T: Real> Kernel<T> {
-    /// Prepares the blocks of a shape table.
+    /// Prepares the blocks of a shape table for a body of one material.
     #[must_use]
     pub fn new(
         table: &ShapeTable,
@@ -124,16 +128,28 @@ impl<T: Real> Kernel<T> {
         law: &Law,
         volume_ratio: VolumeRatio,
     ) -> Self {
+        Self::of_materials(table, cells, points, std::slice::from_ref(law), volume_ratio)
+    }
+
+    /// Prepares the blocks of a shape table, with the law of each region.
+    #[must_use]
+    pub fn of_materials(
+        table: &ShapeTable,
+        cells: &[[u32; 4]],
+        points: &[[f64; 3]],
+        laws: &[Law],
+        volume_ratio: VolumeRatio,
+    ) -> Self {
         let nodes = points.len();
-        let (mu, kappa) = (law.shear_modulus(), law.bulk_modulus);
-        let (dilatation, pointwise) = match volume_ratio {
-            VolumeRatio::Projected => {
-                (Dilatation::projected(points, cells, table.form), kappa.min(POINTWISE_BULK * mu))
-            }
-            VolumeRatio::Averaged => (Dilatation::nodal(nodes), 0.0),
-            VolumeRatio::Pointwise => (Dilatation { start: vec![0; nodes + 1], ..Dilatation::default() }, kappa),
+        let vertices = Vertices::new(cells, &table.region, nodes);
+        let places = vertices.places(points);
+        let dilatation = match volume_ratio {
+            VolumeRatio::Projected => Dilatation::projected(&places, &vertices.cells, &vertices.region, table.form),
+            VolumeRatio::Averaged => Dilatation::nodal(&vertices.region),
+            VolumeRatio::Pointwise => Dilatation { start: vec![0; places.len() + 1], ..Dilatation::default() },
         };
-        let blocks = Block::partition(table, cells, points);
+        let mu = |cell: u32| laws[usize::from(table.region_of_cell(cell as usize))].shear_modulus();
+        let blocks = Block::partition(table, &vertices, &places, nodes);
         let mut slot = vec![(0, 0); table.volume.len()];
         for (b, block) in blocks.iter().enumerate() {
             block.occupied().for_each(|(s, point)| slot[point] = (b as u32, s as u32));
@@ -142,20 +158,25 @@ impl<T: Real> Kernel<T> {
             force_runs: Offsets::of(blocks.iter().map(|b| b.nodes.len())),
             force_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
             dilation_runs: Offsets::of(blocks.iter().map(|b| b.vertices.len())),
-            dilation_shares: Shares::of(blocks.iter().map(|b| b.vertices.as_slice()), nodes),
-            projection: Projection::new(&dilatation, table, cells, nodes),
+            dilation_shares: Shares::of(blocks.iter().map(|b| b.vertices.as_slice()), places.len()),
+            projection: Projection::new(&dilatation, table, &vertices.cells, places.len()),
             guard: Guard::new(&table.guarded, cells, points, mu),
             guarded: table.guarded.len(),
             nodes,
-            constants: Constants {
-                law: *law,
-                projected: kappa - pointwise,
-                pointwise,
-                resists_collapse: volume_ratio == VolumeRatio::Projected,
-            },
+            constants: laws.iter().map(|law| Constants::new(law, volume_ratio)).collect(),
             slot,
             blocks,
         }
+    }
+
+    /// Material of a block.
+    pub(super) fn of(&self, block: &Block<T>) -> &Constants {
+        &self.constants[usize::from(block.region)]
+    }
+
+    /// Whether any material has a projected pressure.
+    fn projects(&self) -> bool {
+        self.constants.iter().any(|c| c.projected > 0.0)
     }
 
     /// All points tissue.
@@ -165,7 +186,7 @@ impl<T: Real> Kernel<T> {
 
     /// What a material that relaxes remembers at first, by block.
     pub(super) fn memory(&self) -> Vec<Memory> {
-        self.blocks.iter().map(|b| Memory::new(&self.constants.law.prony, b.point.len())).collect()
+        self.blocks.iter().map(|b| Memory::new(&self.of(b).law.prony, b.point.len())).collect()
     }
 
     /// Scratch memory for a team of so many threads.
@@ -206,10 +227,15 @@ impl<T: Real> Kernel<T> {
 
     /// Strain energy at the last evaluation, J.
     pub(super) fn energy(&self, scratch: &Scratch<T>) -> f64 {
-        let projected: f64 = if self.constants.projected > 0.0 {
-            let (kappa, volumetric) = (self.constants.projected, self.constants.law.volumetric);
-            let density = |p: f64| kappa * volumetric.energy(volumetric.dilation(p / kappa));
-            scratch.projection.coarse.iter().zip(&self.projection.volume).map(|(p, v)| v * density(p.get())).sum()
+        let projected: f64 = if self.projects() {
+            let density = |p: f64, region: u8| match &self.constants[usize::from(region)] {
+                Constants { projected: kappa, law, .. } if *kappa > 0.0 => {
+                    kappa * law.volumetric.energy(law.volumetric.dilation(p / kappa))
+                }
+                _ => 0.0,
+            };
+            let coarse = scratch.projection.coarse.iter().zip(&self.projection.region).zip(&self.projection.volume);
+            coarse.map(|((p, region), v)| v * density(p.get(), *region)).sum()
         } else {
             0.0
         };
@@ -226,7 +252,7 @@ impl<T: Real> Kernel<T> {
         mut visit: impl FnMut(usize, Gradient<f64>, Gradient<f64>, f64),
     ) {
         for ((block, scratch), memory) in self.blocks.iter().zip(&scratch.blocks).zip(memory) {
-            let law = Relaxing { constants: &self.constants, memory };
+            let law = Relaxing { constants: self.of(block), memory };
             for (slot, point) in block.occupied() {
                 let f = scratch.deformation_in(slot);
                 let (_, stress) = law.evaluate(slot, &f, block.projected_pressure_in(&scratch.pressure, slot));
@@ -247,7 +273,7 @@ impl<T: Real> Kernel<T> {
         let active = &points.active;
         let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.dilation, &self.dilation_runs));
         pool.each(deform, |b, (scratch, dilation)| self.blocks[b].deform(&active[b], u, scratch, dilation));
-        let pressure: &[T] = if self.constants.projected > 0.0 {
+        let pressure: &[T] = if self.projects() {
             let (dilation, shares) = (&scratch.dilation, &self.dilation_shares);
             self.projection.project(&mut scratch.projection, pool, &self.constants, |n| {
                 // V_a (J_a - 1), m^3
@@ -260,7 +286,8 @@ impl<T: Real> Kernel<T> {
         let work = Then(blocks, Chunks::new(&mut scratch.resistance, fold::CELLS_PER_CHUNK));
         pool.each_with(&mut scratch.lanes, work, |lanes, i, part| match part {
             Either::First((scratch, force)) => {
-                self.blocks[i].stress(&active[i], &memory[i], pressure, &self.constants, scratch, lanes, force);
+                let block = &self.blocks[i];
+                block.stress(&active[i], &memory[i], pressure, self.of(block), scratch, lanes, force);
             }
             Either::Second(cells) => {
                 fold::fill(cells, i - self.blocks.len(), |cell| self.guard.resistance(cell, u));
@@ -274,7 +301,8 @@ impl<T: Real> Kernel<T> {
         let work = Then(blocks, Chunks::new(&mut scratch.resistance, fold::CELLS_PER_CHUNK));
         pool.each_with(&mut scratch.lanes, work, |lanes, i, part| match part {
             Either::First((scratch, force)) => {
-                self.blocks[i].bound(&memory[i], &self.constants, scratch, lanes, force);
+                let block = &self.blocks[i];
+                block.bound(&memory[i], self.of(block), scratch, lanes, force);
             }
             Either::Second(cells) => fold::fill(cells, i - self.blocks.len(), |cell| self.guard.bound(cell, u)),
         });
@@ -306,8 +334,7 @@ impl<T: Real> Kernel<T> {
 
     /// Fixes what every point remembers for an increment of `dt` seconds.
     pub(super) fn begin(&self, memory: &mut [Memory], pool: &mut Pool, dt: f64) {
-        let prony = &self.constants.law.prony;
-        pool.each(Each::new(memory), |_, memory| memory.begin(prony, dt));
+        pool.each(Each::new(memory), |b, memory| memory.begin(&self.of(&self.blocks[b]).law.prony, dt));
     }
 
     /// Takes the deformation of the last evaluation into what every point remembers.
@@ -319,9 +346,9 @@ impl<T: Real> Kernel<T> {
         pool: &mut Pool,
         dt: f64,
     ) {
-        let law = &self.constants.law;
         pool.each(Each::new(memory), |b, memory| {
-            memory.commit(&self.blocks[b], &points.active[b], &scratch.blocks[b], law, dt);
+            let block = &self.blocks[b];
+            memory.commit(block, &points.active[b], &scratch.blocks[b], &self.of(block).law, dt);
         });
     }
 
@@ -373,6 +400,7 @@ impl<T: Real> Projection<T> {
             runs: Offsets::of(strips.iter().map(|s| s.coarse().len())),
             shares: Shares::of(strips.iter().map(Strip::coarse), dilatation.count),
             volume,
+            region: dilatation.region.clone(),
             strips,
         }
     }
@@ -382,7 +410,7 @@ impl<T: Real> Projection<T> {
         &self,
         scratch: &'s mut ProjectionScratch<T>,
         pool: &mut Pool,
-        constants: &Constants,
+        constants: &[Constants],
         dilation: impl Fn(usize) -> T + Sync,
     ) -> &'s [T] {
         let sums = (Each::new(&mut scratch.strips), Runs::new(&mut scratch.sums, &self.runs));
@@ -391,6 +419,7 @@ impl<T: Real> Projection<T> {
         pool.each(Chunks::new(&mut scratch.coarse, COARSE_PER_CHUNK), |i, out| {
             for (out, coarse) in out.iter_mut().zip(i * COARSE_PER_CHUNK..) {
                 let sum: f64 = self.shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum();
+                let constants = &constants[usize::from(self.region[coarse])];
                 *out = pressure(constants, sum, self.volume[coarse]);
             }
         });

@@ -89,6 +89,9 @@ impl<T: Real, L: PointLaw<T>> Loop for Bound<'_, T, L> {
     }
 }
 
+/// Slices of a body of several materials.
+const SLICES: usize = 64;
+
 /// Rayleigh quotient of the slowest mode of a body that stands on its base, up to the shape of the section:
 /// omega^2 = G V (pi / 2 H)^2 / 2 / sum_j m_j sin^2(pi z_j / 2 H). In space it is the shear mode u_x = sin(pi z / 2 H), with G
 /// the shear modulus; a body that keeps its symmetry of revolution has no such mode, and its slowest mode is the stretch
@@ -111,6 +114,40 @@ impl FundamentalMode {
             height,
             stiffness: 0.5 * modulus * volume * k * k,
             square: points.iter().map(|p| (k * p[2]).sin().powi(2)).collect(),
+        }
+    }
+
+    /// The same of a body whose modulus changes from place to place: `(z, volume, modulus)` of each integration point. The
+    /// mode is u = sin(pi s / 2), where s grows from 0 to 1 up the body as the compliance of its slices does.
+    pub fn layered(points: &[[f64; 3]], parts: impl Iterator<Item = (f64, f64, f64)>) -> Self {
+        let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
+        let slice = |z: f64| ((z / height * SLICES as f64).max(0.0) as usize).min(SLICES - 1);
+        // volume, and volume times modulus, of each slice
+        let mut slices = [[0.0; 2]; SLICES];
+        for (z, volume, modulus) in parts {
+            let [v, m] = &mut slices[slice(z)];
+            *v += volume;
+            *m += volume * modulus;
+        }
+        let compliance = slices.map(|[v, m]| if m > 0.0 { v / m } else { 0.0 });
+        let total: f64 = compliance.iter().sum();
+        let mut before = [0.0; SLICES + 1];
+        (0..SLICES).for_each(|i| before[i + 1] = before[i] + compliance[i] / total);
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let thick = height / SLICES as f64;
+        let stiffness = |i: usize| {
+            let slope = quarter * (quarter * 0.5 * (before[i] + before[i + 1])).cos() * compliance[i] / total / thick;
+            slices[i][1] * slope * slope
+        };
+        let shape = |z: f64| {
+            let i = slice(z);
+            let s = before[i] + (before[i + 1] - before[i]) * (z / thick - i as f64).clamp(0.0, 1.0);
+            (quarter * s).sin()
+        };
+        Self {
+            height,
+            stiffness: (0..SLICES).map(stiffness).sum(),
+            square: points.iter().map(|p| shape(p[2]).powi(2)).collect(),
         }
     }
 

@@ -25,6 +25,7 @@ mod state;
 mod step;
 mod strip;
 mod sync;
+mod vertices;
 mod work;
 
 pub use explicit::Solver;

@@ -6,6 +6,7 @@
 //! mass in proportion to its own bound, so fine and coarse, crushed and relaxed regions share one critical step.
 
 use crate::approximation::{Form, ShapeTable};
+use crate::material::Law;
 
 use super::inertia::{Motion, Sums};
 use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
@@ -117,29 +118,38 @@ impl Model {
         role: Vec<Role>,
         settings: &SolverSettings,
     ) -> Self {
-        let (law, ratio) = (&settings.law, settings.volume_ratio);
+        Self::of_materials(table, cells, points, role, &[settings.law], settings)
+    }
+
+    /// The same of a body of several materials: the law of each region of the table, and no other, counts.
+    #[must_use]
+    pub fn of_materials(
+        table: &ShapeTable,
+        cells: &[[u32; 4]],
+        points: &[[f64; 3]],
+        role: Vec<Role>,
+        laws: &[Law],
+        settings: &SolverSettings,
+    ) -> Self {
+        let ratio = settings.volume_ratio;
         let kernel = match settings.precision {
-            Precision::F32 => Precise::F32(Kernel::new(table, cells, points, law, ratio)),
-            Precision::F64 => Precise::F64(Kernel::new(table, cells, points, law, ratio)),
+            Precision::F32 => Precise::F32(Kernel::of_materials(table, cells, points, laws, ratio)),
+            Precision::F64 => Precise::F64(Kernel::of_materials(table, cells, points, laws, ratio)),
         };
-        let mu = law.shear_modulus();
-        let (modulus, threads) = match table.form {
-            Form::Full => (mu, settings.threads),
+        let threads = match table.form {
+            Form::Full => settings.threads,
             // Blocks are what threads share, and a half plane has one or a few. So short a step gains nothing from a
             // second thread on a quiet machine, and loses tenfold where one has to wait for a processor.
             Form::Axisymmetric => {
                 let blocks = with_kernel!((&kernel) => (k) { k.blocks.len() });
-                (
-                    9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu),
-                    settings.threads.min(blocks.div_ceil(BLOCKS_PER_THREAD)),
-                )
+                settings.threads.min(blocks.div_ceil(BLOCKS_PER_THREAD))
             }
         };
         let mut model = Self {
             rest: undeformed(&kernel, role),
             kernel,
             form: table.form,
-            mode: FundamentalMode::new(points, table.volume.iter().sum(), modulus),
+            mode: mode(table, cells, points, laws),
             mass_scale: 1.0,
             step_factor: settings.step_factor,
             threads,
@@ -190,6 +200,27 @@ impl Model {
             k.force(points, memory, scratch, &mut work.pool, u);
         });
     }
+}
+
+/// The slowest mode, of shear in space and of stretch in a half plane.
+fn mode(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], laws: &[Law]) -> FundamentalMode {
+    let modulus = |law: &Law| {
+        let mu = law.shear_modulus();
+        match table.form {
+            Form::Full => mu,
+            Form::Axisymmetric => 9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu),
+        }
+    };
+    if let [law] = laws {
+        return FundamentalMode::new(points, table.volume.iter().sum(), modulus(law));
+    }
+    let corners = table.form.corners();
+    let height = |p: usize| {
+        let cell = &cells[table.cell[p] as usize][..corners];
+        cell.iter().map(|&n| points[n as usize][2]).sum::<f64>() / corners as f64
+    };
+    let of_point = |p: usize| (height(p), table.volume[p], modulus(&laws[usize::from(table.region_of(p))]));
+    FundamentalMode::layered(points, (0..table.volume.len()).map(of_point))
 }
 
 /// No displacement, no mass.

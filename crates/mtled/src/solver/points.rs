@@ -6,6 +6,8 @@ use crate::material::neo_hookean::{
 use crate::material::invariants::{self, Slopes};
 use crate::material::{Distortional, Law, Volumetric};
 
+use super::VolumeRatio;
+use super::dilatation::POINTWISE_BULK;
 use super::memory::Memory;
 use crate::number::{LANES, Lanes};
 use crate::number::{Number, Real};
@@ -23,6 +25,18 @@ pub struct Constants {
 }
 
 impl Constants {
+    /// How this bulk modulus is shared out for a volume ratio.
+    pub fn new(law: &Law, volume_ratio: VolumeRatio) -> Self {
+        let kappa = law.bulk_modulus;
+        let pointwise = match volume_ratio {
+            VolumeRatio::Projected => kappa.min(POINTWISE_BULK * law.shear_modulus()),
+            VolumeRatio::Averaged => 0.0,
+            VolumeRatio::Pointwise => kappa,
+        };
+        let resists_collapse = volume_ratio == VolumeRatio::Projected;
+        Self { law: *law, projected: kappa - pointwise, pointwise, resists_collapse }
+    }
+
     /// The constants of the neo-Hookean law with quadratic volumetric energy and no relaxation, if it is that.
     pub(super) fn plain<T: Real>(&self) -> Option<NeoHookean<T>> {
         match self.law {

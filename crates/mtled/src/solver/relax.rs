@@ -1,24 +1,29 @@
 //! The memory of a relaxing material in step with the poses' time.
 
 use super::kernel::Kernel;
-use super::memory::{Memory, Sums};
+use super::memory::Memory;
 use super::model::{Model, Workspace, with_kernel};
+use super::points::Constants;
 use super::state::{Moving, State};
 use crate::number::Real;
 
 impl<T: Real> Kernel<T> {
-    /// Whether the material relaxes.
+    /// Whether any material relaxes.
     fn relaxes(&self) -> bool {
-        !self.constants.law.prony.is_empty()
+        self.constants.iter().any(|c| !c.law.prony.is_empty())
     }
 
     /// See [`Model::stress_relaxation`].
     fn stress_relaxation(&self, memory: &[Memory], dt: f64) -> f64 {
-        let prony = &self.constants.law.prony;
-        let decay = prony.increment(dt).decay;
-        let sum = |value: &dyn Fn(&Sums) -> f64| -> f64 { memory.iter().map(|m| value(m.sums())).sum::<f64>().sqrt() };
-        let total = sum(&|s| s.total);
-        let change: f64 = (0..prony.len()).map(|i| (1.0 - decay[i]) * sum(&|s| s.terms[i])).sum();
+        let total = memory.iter().map(|m| m.sums().total).sum::<f64>().sqrt();
+        let of_region = |(region, constants): (usize, &Constants)| -> f64 {
+            let prony = &constants.law.prony;
+            let decay = prony.increment(dt).decay;
+            let own = || self.blocks.iter().zip(memory).filter(|(b, _)| usize::from(b.region) == region);
+            let term = |i: usize| own().map(|(_, m)| m.sums().terms[i]).sum::<f64>().sqrt();
+            (0..prony.len()).map(|i| (1.0 - decay[i]) * term(i)).sum()
+        };
+        let change: f64 = self.constants.iter().enumerate().map(of_region).sum();
         if total > 0.0 { change / total } else { 0.0 }
     }
 }

@@ -1,0 +1,184 @@
+//! Shapes of regions inside a body, and which region a point lies in.
+
+use super::spacing::{Feature, Spacing};
+use super::vector::{Point, distance, length2};
+
+/// A part of space. Lengths in m, axes upright.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Solid {
+    /// All between two heights.
+    Layer {
+        /// Lower z.
+        bottom: f64,
+        /// Upper z.
+        top: f64,
+    },
+    /// Sphere.
+    Sphere {
+        /// Centre.
+        centre: Point,
+        /// Radius.
+        radius: f64,
+    },
+    /// Upright cylinder.
+    Cylinder {
+        /// Centre.
+        centre: Point,
+        /// Radius.
+        radius: f64,
+        /// Height.
+        height: f64,
+    },
+    /// Upright box.
+    Box {
+        /// Centre.
+        centre: Point,
+        /// Edges along x, y and z.
+        size: Point,
+    },
+}
+
+impl Solid {
+    /// Distance to the boundary, m; negative inside.
+    #[must_use]
+    pub fn signed(&self, p: Point) -> f64 {
+        // of a body that is long in all directions but these: outside, the distance to the edge where several are positive
+        let joined = |gaps: &[f64]| {
+            let inside = gaps.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            if inside <= 0.0 { inside } else { gaps.iter().map(|g| g.max(0.0).powi(2)).sum::<f64>().sqrt() }
+        };
+        match *self {
+            Self::Layer { bottom, top } => (bottom - p[2]).max(p[2] - top),
+            Self::Sphere { centre, radius } => distance(p, centre) - radius,
+            Self::Cylinder { centre, radius, height } => joined(&[
+                length2(p[0] - centre[0], p[1] - centre[1]) - radius,
+                (p[2] - centre[2]).abs() - 0.5 * height,
+            ]),
+            Self::Box { centre, size } => joined(&[0, 1, 2].map(|k| (p[k] - centre[k]).abs() - 0.5 * size[k])),
+        }
+    }
+
+    /// Smallest extent, m.
+    #[must_use]
+    pub fn thickness(&self) -> f64 {
+        match *self {
+            Self::Layer { bottom, top } => top - bottom,
+            Self::Sphere { radius, .. } => 2.0 * radius,
+            Self::Cylinder { radius, height, .. } => height.min(2.0 * radius),
+            Self::Box { size, .. } => size[0].min(size[1]).min(size[2]),
+        }
+    }
+
+    /// Curves of the boundary in the half plane of an axis that the solid lies on, each from t = 0 to 1: (r, 0, z). `reach`
+    /// is how far layers go.
+    pub(crate) fn curves(&self, reach: f64) -> Vec<Curve> {
+        match *self {
+            Self::Layer { bottom, top } => {
+                [bottom, top].map(|z| Curve::Line([0.0, 0.0, z], [reach, 0.0, z])).to_vec()
+            }
+            Self::Sphere { centre, radius } => vec![Curve::Arc { z: centre[2], radius }],
+            Self::Cylinder { centre, radius, height } => {
+                let [low, high] = [-0.5, 0.5].map(|s| centre[2] + s * height);
+                vec![
+                    Curve::Line([0.0, 0.0, low], [radius, 0.0, low]),
+                    Curve::Line([radius, 0.0, low], [radius, 0.0, high]),
+                    Curve::Line([0.0, 0.0, high], [radius, 0.0, high]),
+                ]
+            }
+            Self::Box { .. } => Vec::new(),
+        }
+    }
+}
+
+/// A curve in the half plane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Curve {
+    /// From one end to the other.
+    Line(Point, Point),
+    /// Half a circle about a point of the axis, from below.
+    Arc { z: f64, radius: f64 },
+}
+
+impl Curve {
+    pub(crate) fn at(&self, t: f64) -> Point {
+        match *self {
+            // an end keeps its own digits
+            Self::Line(a, b) => [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) }),
+            Self::Arc { z, radius } => {
+                let (sin, cos) = (std::f64::consts::PI * (t - 0.5)).sin_cos();
+                let r = if t <= 0.0 || t >= 1.0 { 0.0 } else { radius * cos };
+                [r, 0.0, z + radius * sin]
+            }
+        }
+    }
+}
+
+impl Spacing {
+    /// Region that a point lies in: 0, or one more than the place among the [`Feature::Region`]s of the first that holds it.
+    #[must_use]
+    pub fn region(&self, p: Point) -> u8 {
+        self.solids().position(|solid| solid.signed(p) <= 0.0).map_or(0, |i| i as u8 + 1)
+    }
+
+    /// The regions' solids.
+    pub(crate) fn solids(&self) -> impl Iterator<Item = &Solid> {
+        self.features.iter().filter_map(|f| match f {
+            Feature::Region { solid, .. } => Some(solid),
+            _ => None,
+        })
+    }
+
+    /// Distance to the nearest boundary of a region, m; infinite without one.
+    pub(crate) fn interface_distance(&self, p: Point) -> f64 {
+        self.solids().map(|solid| solid.signed(p).abs()).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Parameters at which a curve passes from one region to another, ascending.
+    pub(crate) fn crossings(&self, curve: &dyn Fn(f64) -> Point) -> Vec<f64> {
+        changes(&|t| self.region(curve(t))).into_iter().map(|[a, b]| 0.5 * (a + b)).collect()
+    }
+}
+
+/// Samples of a curve.
+const SAMPLES: usize = 2000;
+
+/// Short stretches of [0, 1] within which a piecewise constant function changes.
+pub(crate) fn changes<T: PartialEq>(of: &dyn Fn(f64) -> T) -> Vec<[f64; 2]> {
+    let at = |k: usize| k as f64 / SAMPLES as f64;
+    let refined = |mut a: f64, mut b: f64| {
+        let first = of(a);
+        for _ in 0..40 {
+            let middle = 0.5 * (a + b);
+            if of(middle) == first { a = middle } else { b = middle }
+        }
+        [a, b]
+    };
+    (0..SAMPLES).filter(|&k| of(at(k)) != of(at(k + 1))).map(|k| refined(at(k), at(k + 1))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_those_to_the_boundary() {
+        let cylinder = Solid::Cylinder { centre: [0.0, 0.0, 5.0], radius: 2.0, height: 4.0 };
+        for (p, d) in [([0.0, 0.0, 5.0], -2.0), ([1.5, 0.0, 5.0], -0.5), ([5.0, 0.0, 11.0], 5.0), ([0.0, 0.0, 8.0], 1.0)] {
+            assert!((cylinder.signed(p) - d).abs() < 1e-12, "{p:?}");
+        }
+        let layer = Solid::Layer { bottom: 1.0, top: 3.0 };
+        assert_eq!([layer.signed([9.0, 0.0, 2.5]), layer.signed([0.0, 0.0, 4.0])], [-0.5, 1.0]);
+    }
+
+    #[test]
+    fn the_first_region_that_holds_a_point_counts() {
+        let region = |solid| Feature::Region { solid, spacing: 0.1 };
+        let sphere = Solid::Sphere { centre: [0.0; 3], radius: 1.0 };
+        let features = vec![region(sphere), region(Solid::Layer { bottom: 0.5, top: 2.0 })];
+        let spacing = Spacing { far: 0.1, growth: 0.3, features };
+        let up = |t: f64| [0.0, 0.0, 3.0 * t];
+        assert_eq!([0.9, 1.1, 2.1].map(|z| spacing.region([0.0, 0.0, z])), [1, 2, 0]);
+        let crossings: Vec<f64> = spacing.crossings(&up).iter().map(|t| 3.0 * t).collect();
+        assert!((crossings[0] - 1.0).abs() < 1e-9 && (crossings[1] - 2.0).abs() < 1e-9, "{crossings:?}");
+    }
+}

@@ -1,0 +1,86 @@
+//! Regions of a scene in its model: which material each cell is of.
+
+use crate::scene::{RegionShape, Scene};
+use mtled::approximation::ShapeTable;
+use mtled::cloud::Solid;
+use mtled::material::Law;
+use mtled::solver::Role;
+
+/// The shape of a region in a sample whose top is at this height; `None` for a group of a mesh.
+pub(super) fn solid(shape: &RegionShape, top: f64) -> Option<Solid> {
+    match *shape {
+        RegionShape::Layer { from_depth, to_depth } => {
+            Some(Solid::Layer { bottom: top - to_depth.get(), top: top - from_depth.get() })
+        }
+        RegionShape::Sphere { centre, radius } => Some(Solid::Sphere { centre, radius: radius.get() }),
+        RegionShape::Cylinder { centre, radius, height } => {
+            Some(Solid::Cylinder { centre, radius: radius.get(), height: height.get() })
+        }
+        RegionShape::Box { centre, size } => Some(Solid::Box { centre, size }),
+        RegionShape::Group { .. } => None,
+    }
+}
+
+/// Region of each cell: 0, or one more than the place in the scene's list. `groups` are those of a mesh's cells.
+pub(super) fn of_cells<const K: usize>(
+    scene: &Scene,
+    top: f64,
+    points: &[[f64; 3]],
+    cells: &[[u32; K]],
+    groups: &[Option<u32>],
+    group_names: &[String],
+) -> Vec<u8> {
+    let shapes: Vec<Option<Solid>> = scene.regions.iter().map(|r| solid(&r.shape, top)).collect();
+    let holds = |cell: usize, centre: [f64; 3], region: usize| match (&shapes[region], &scene.regions[region].shape) {
+        (Some(solid), _) => solid.signed(centre) <= 0.0,
+        (None, RegionShape::Group { group }) => {
+            groups.get(cell).copied().flatten().is_some_and(|g| group_names[g as usize] == *group)
+        }
+        _ => false,
+    };
+    let region = |(cell, c): (usize, &[u32; K])| {
+        let centre = std::array::from_fn(|k| c.iter().map(|&n| points[n as usize][k]).sum::<f64>() / K as f64);
+        (0..shapes.len()).find(|&i| holds(cell, centre, i)).map_or(0, |i| i as u8 + 1)
+    };
+    cells.iter().enumerate().map(region).collect()
+}
+
+/// Material of each cell from its region: 0 for `[material]`, or one more than the place among the scene's materials; empty
+/// if all are of `[material]`.
+pub(super) fn materials(scene: &Scene, region: &[u8]) -> Vec<u8> {
+    let index = |name: &str| scene.materials.iter().position(|m| m.name == name).map_or(0, |i| i as u8 + 1);
+    let of_region: Vec<u8> =
+        std::iter::once(0).chain(scene.regions.iter().map(|r| index(&r.material))).collect();
+    let material: Vec<u8> = region.iter().map(|&r| of_region[usize::from(r)]).collect();
+    if material.iter().all(|m| *m == 0) { Vec::new() } else { material }
+}
+
+/// Laws by the materials' indices.
+pub(super) fn laws(scene: &Scene, table: &ShapeTable) -> Vec<Law> {
+    let further = if table.region.is_empty() { &[][..] } else { &scene.materials };
+    std::iter::once(scene.material.law()).chain(further.iter().map(|m| m.material.law())).collect()
+}
+
+/// Holds the nodes of rigid materials where they are.
+pub(super) fn hold_rigid<const K: usize>(scene: &Scene, cells: &[[u32; K]], material: &[u8], role: &mut [Role]) {
+    let rigid = |m: u8| m > 0 && scene.materials[usize::from(m) - 1].rigid;
+    for (c, _) in cells.iter().zip(material).filter(|(_, m)| rigid(**m)) {
+        c.iter().for_each(|&n| role[n as usize] = Role::Base);
+    }
+}
+
+/// What to say of regions that the model has nothing of.
+pub(super) fn warnings(scene: &Scene, region: &[u8]) -> Vec<String> {
+    let mut cells = vec![0_usize; scene.regions.len() + 1];
+    region.iter().for_each(|&r| cells[usize::from(r)] += 1);
+    let empty = scene.regions.iter().zip(&cells[1..]).filter(|(_, count)| **count == 0);
+    let absent = empty.map(|(r, _)| {
+        format!(
+            "region \"{}\" holds no cell of the model: it lies outside of the sample or within regions before it, or is \
+             smaller than discretisation.spacing_m resolves",
+            r.name
+        )
+    });
+    let unused = scene.materials.iter().filter(|m| scene.regions.iter().all(|r| r.material != m.name));
+    absent.chain(unused.map(|m| format!("material \"{}\" is in no region", m.name))).collect()
+}
