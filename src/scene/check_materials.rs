@@ -82,10 +82,8 @@ impl Check<'_> {
         let key = |field: &str| format!("regions.{}.{field}", region.name);
         let names = || self.scene.materials.iter().map(|m| m.name.as_str());
         if names().all(|name| name != region.material) {
-            return self.refuse(
-                &key("material"),
-                format!("no such material; the scene has {}", listed("materials", names())),
-            );
+            return self
+                .refuse(&key("material"), format!("no such material; the scene has {}", listed("materials", names())));
         }
         match &region.shape {
             RegionShape::Layer { from_depth, to_depth } => {

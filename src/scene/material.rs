@@ -1,8 +1,6 @@
 //! `[material]`: the constitutive law of the sample and its constants.
 
-use mtled::material::{
-    Distortional, Law, MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, ogden, prony,
-};
+use mtled::material::{Distortional, Law, MooneyRivlin, Ogden, Prony, VerondaWestmann, Volumetric, Yeoh, ogden, prony};
 
 use super::section::{Scope, Section, choice, read_terms, section, write};
 use super::values::Values;

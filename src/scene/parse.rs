@@ -20,7 +20,9 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Values, SceneError> {
             ("targets", DeValue::Array(list)) => source.targets(list, &mut values)?,
             ("materials", DeValue::Table(table)) => source.materials(table, &mut values)?,
             ("regions", DeValue::Array(list)) => source.regions(list, &mut values)?,
-            (section, DeValue::Table(table)) if SECTIONS.contains(&section) && !["targets", "regions"].contains(&section) => {
+            (section, DeValue::Table(table))
+                if SECTIONS.contains(&section) && !["targets", "regions"].contains(&section) =>
+            {
                 values.name_section(section);
                 source.section(section, table, &mut values)?;
             }
@@ -114,7 +116,8 @@ impl Source<'_> {
             place: place.to_owned(),
             key: format!("{section}.{name}"),
             value: format!("\"{}\"", shortened(name)),
-            reason: "a name takes letters, digits, _ and -: it is part of paths such as regions.skin.to_depth_m".to_owned(),
+            reason: "a name takes letters, digits, _ and -: it is part of paths such as regions.skin.to_depth_m"
+                .to_owned(),
         })
     }
 

@@ -30,12 +30,7 @@ struct Entry {
 impl Values {
     /// No value at all.
     pub(super) fn new(origin: &str) -> Self {
-        Self {
-            entries: BTreeMap::new(),
-            sections: BTreeSet::new(),
-            names: Vec::new(),
-            origin: origin.to_owned(),
-        }
+        Self { entries: BTreeMap::new(), sections: BTreeSet::new(), names: Vec::new(), origin: origin.to_owned() }
     }
 
     /// Where the whole of it comes from.
@@ -194,7 +189,8 @@ impl Values {
         for section in SECTIONS.iter().filter(|section| self.has_section(section)) {
             if ["materials", "regions"].contains(section) {
                 for name in self.names(section) {
-                    let title = if *section == "regions" { "[regions]".to_owned() } else { format!("{section}.{name}") };
+                    let title =
+                        if *section == "regions" { "[regions]".to_owned() } else { format!("{section}.{name}") };
                     let _ = writeln!(out, "\n[{title}]"); // writing to a String can't fail
                     self.write_section(&mut out, section, |key| format!("{section}.{name}.{}", key.field()));
                 }

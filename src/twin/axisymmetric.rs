@@ -7,10 +7,10 @@ use mtled::approximation::ShapeTable;
 use mtled::approximation::axisymmetric::AxisymmetricApproximation;
 use mtled::cloud::{self, BASE, Domain, Meridian, Revolved, revolve};
 
-use super::{BuildError, regions};
 use super::body::Layout;
 use super::build::{Built, roles, settings, solver};
 use super::tissue::{Cells, Fields, Tissue};
+use super::{BuildError, regions};
 
 /// Builds the model.
 ///

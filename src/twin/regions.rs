@@ -49,8 +49,7 @@ pub(super) fn of_cells<const K: usize>(
 /// if all are of `[material]`.
 pub(super) fn materials(scene: &Scene, region: &[u8]) -> Vec<u8> {
     let index = |name: &str| scene.materials.iter().position(|m| m.name == name).map_or(0, |i| i as u8 + 1);
-    let of_region: Vec<u8> =
-        std::iter::once(0).chain(scene.regions.iter().map(|r| index(&r.material))).collect();
+    let of_region: Vec<u8> = std::iter::once(0).chain(scene.regions.iter().map(|r| index(&r.material))).collect();
     let material: Vec<u8> = region.iter().map(|&r| of_region[usize::from(r)]).collect();
     if material.iter().all(|m| *m == 0) { Vec::new() } else { material }
 }

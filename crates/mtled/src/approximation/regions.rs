@@ -5,7 +5,7 @@
 //! belong to both fits and have the almost interpolating weight, so that both take the nodal value there: the field is
 //! continuous at the nodes of an interface, and its gradient is free to jump.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use super::mls::Neighbour;
 
@@ -16,7 +16,7 @@ pub struct Regions {
     /// One bit for each region that a node has a cell in.
     of_node: Vec<u64>,
     /// Node at a place, by the bits of its coordinates.
-    at: HashMap<[u64; 3], u32>,
+    at: BTreeMap<[u64; 3], u32>,
 }
 
 impl Regions {

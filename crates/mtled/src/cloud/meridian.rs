@@ -255,10 +255,11 @@ impl Plane<'_> {
 
     /// Whether a node there would disturb the layers of a path: a quarter of a spacing from them is enough for a fixed one.
     fn reserved_for_path(&self, p: Point) -> bool {
-        self.reserved(p) && self.spacing.features.iter().any(|f| match *f {
-            Feature::Path { capture_radius, spacing, .. } => p[0] < capture_radius + 0.45 * spacing,
-            _ => false,
-        })
+        self.reserved(p)
+            && self.spacing.features.iter().any(|f| match *f {
+                Feature::Path { capture_radius, spacing, .. } => p[0] < capture_radius + 0.45 * spacing,
+                _ => false,
+            })
     }
 
     /// Nodes on a straight edge that is broken at those of the places that lie on it.

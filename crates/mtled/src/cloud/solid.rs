@@ -50,10 +50,9 @@ impl Solid {
         match *self {
             Self::Layer { bottom, top } => (bottom - p[2]).max(p[2] - top),
             Self::Sphere { centre, radius } => distance(p, centre) - radius,
-            Self::Cylinder { centre, radius, height } => joined(&[
-                length2(p[0] - centre[0], p[1] - centre[1]) - radius,
-                (p[2] - centre[2]).abs() - 0.5 * height,
-            ]),
+            Self::Cylinder { centre, radius, height } => {
+                joined(&[length2(p[0] - centre[0], p[1] - centre[1]) - radius, (p[2] - centre[2]).abs() - 0.5 * height])
+            }
             Self::Box { centre, size } => joined(&[0, 1, 2].map(|k| (p[k] - centre[k]).abs() - 0.5 * size[k])),
         }
     }
@@ -73,9 +72,7 @@ impl Solid {
     /// is how far layers go.
     pub(crate) fn curves(&self, reach: f64) -> Vec<Curve> {
         match *self {
-            Self::Layer { bottom, top } => {
-                [bottom, top].map(|z| Curve::Line([0.0, 0.0, z], [reach, 0.0, z])).to_vec()
-            }
+            Self::Layer { bottom, top } => [bottom, top].map(|z| Curve::Line([0.0, 0.0, z], [reach, 0.0, z])).to_vec(),
             Self::Sphere { centre, radius } => vec![Curve::Arc { z: centre[2], radius }],
             Self::Cylinder { centre, radius, height } => {
                 let [low, high] = [-0.5, 0.5].map(|s| centre[2] + s * height);
@@ -163,7 +160,9 @@ mod tests {
     #[test]
     fn distances_are_those_to_the_boundary() {
         let cylinder = Solid::Cylinder { centre: [0.0, 0.0, 5.0], radius: 2.0, height: 4.0 };
-        for (p, d) in [([0.0, 0.0, 5.0], -2.0), ([1.5, 0.0, 5.0], -0.5), ([5.0, 0.0, 11.0], 5.0), ([0.0, 0.0, 8.0], 1.0)] {
+        for (p, d) in
+            [([0.0, 0.0, 5.0], -2.0), ([1.5, 0.0, 5.0], -0.5), ([5.0, 0.0, 11.0], 5.0), ([0.0, 0.0, 8.0], 1.0)]
+        {
             assert!((cylinder.signed(p) - d).abs() < 1e-12, "{p:?}");
         }
         let layer = Solid::Layer { bottom: 1.0, top: 3.0 };

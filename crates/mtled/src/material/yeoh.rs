@@ -42,8 +42,6 @@ impl Yeoh {
     pub fn is_stable(&self) -> bool {
         let Self { c10, c20, c30 } = *self;
         // the least slope of a parabola that opens upwards is at x = -C20 / (3 C30)
-        c10 > 0.0
-            && c30 >= 0.0
-            && (c20 >= 0.0 || (c30 > 0.0 && c10 - c20 * c20 / (3.0 * c30) > 0.0))
+        c10 > 0.0 && c30 >= 0.0 && (c20 >= 0.0 || (c30 > 0.0 && c10 - c20 * c20 / (3.0 * c30) > 0.0))
     }
 }

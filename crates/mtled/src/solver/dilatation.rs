@@ -76,9 +76,10 @@ impl Dilatation {
             let supports = Nodes::new(&at, reaches, form);
             // A sample smaller than a few coarse spacings determines no linear fit: the mean keeps the partition of unity.
             let last = reach > widest;
-            rows.par_iter_mut().zip(points.par_iter().zip(region)).filter(|(row, _)| row.is_none()).for_each(
-                |(row, (&x, &own))| *row = fit(&supports, x, last, |c| region_of_coarse[c as usize] == own),
-            );
+            rows.par_iter_mut()
+                .zip(points.par_iter().zip(region))
+                .filter(|(row, _)| row.is_none())
+                .for_each(|(row, (&x, &own))| *row = fit(&supports, x, last, |c| region_of_coarse[c as usize] == own));
             reach *= 1.3;
         }
         let mut d = Self { start: vec![0], count: coarse.len(), region: region_of_coarse, ..Self::default() };

@@ -1,9 +1,9 @@
 //! The law at one integration point, as the loop of pass 2 sees it.
 
+use crate::material::invariants::{self, Slopes};
 use crate::material::neo_hookean::{
     Gradient, clamped, cofactor, determinant, distortional_energy, excess, first_piola,
 };
-use crate::material::invariants::{self, Slopes};
 use crate::material::{Distortional, Law, Volumetric};
 
 use super::VolumeRatio;
@@ -288,8 +288,8 @@ fn collapse_curvature<T: Number>(j: T) -> T {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::material::{MooneyRivlin, Ogden, VerondaWestmann, Yeoh};
     use crate::material::neo_hookean::MIN_JACOBIAN;
+    use crate::material::{MooneyRivlin, Ogden, VerondaWestmann, Yeoh};
 
     #[test]
     fn pressure_and_curvature_are_derivatives_of_the_energy() {

@@ -18,8 +18,7 @@ impl Vertices {
     /// Vertices of cells among so many nodes. `region` of each cell; empty: one region.
     #[must_use]
     pub fn new(cells: &[[u32; 4]], region: &[u8], nodes: usize) -> Self {
-        let mut own: Vec<(u32, u8)> =
-            cells.iter().zip(region).flat_map(|(c, &r)| c.map(|n| (n, r))).collect();
+        let mut own: Vec<(u32, u8)> = cells.iter().zip(region).flat_map(|(c, &r)| c.map(|n| (n, r))).collect();
         own.sort_unstable();
         own.dedup();
         let (mut first, mut further) = (vec![None; nodes], Vec::new());
