@@ -1,6 +1,7 @@
 //! Plate, indenter and needle: from a pose to prescribed displacements.
 
 mod bonded;
+mod capture;
 mod needle;
 mod phase;
 mod puncture;

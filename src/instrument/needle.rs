@@ -17,16 +17,18 @@
 //!
 //! *Lateral motion and tilt* of an inserted needle carry the captured nodes along, as a rigid needle does: each moves
 //! sideways as the axis has moved at its depth since its capture. Material that the needle has pierced beside the line of
-//! the path stays beside it.
+//! the path stays beside it. Tissue ahead of the tip is free to go along (see [`super::capture`]).
 //!
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
-//! Capture is continuous: while the tip approaches, a node is moved from its present displacement to the one that the rule
-//! prescribes, on a linear ramp over two layers of nodes that ends when the tip reaches the node. So everything behind the
-//! tip follows the rule exactly, and the held length grows without a jump. A ramp of one layer, or a smoother one, leaves a
-//! saw-tooth of 2 to 4 % in the force at the distance of the layers. A ramp that ends half a layer later makes the force
-//! 3 % larger at a depth of 2 mm, since tissue ahead of the tip is dragged along and released late.
+//! Capture is continuous: while the tip approaches, a node is moved along the axis from its present displacement to the one that
+//! the rule prescribes, on a linear ramp over the capture window that ends when the tip reaches the node. So everything behind
+//! the tip follows the rule exactly, and the held length grows without a jump. A window of one layer of nodes, or a smoother
+//! ramp, leaves a saw-tooth of 2 to 4 % in the force at the distance of the layers. A ramp that ends half a layer later makes
+//! the force 3 % larger at a depth of 2 mm, since tissue ahead of the tip is dragged along and released late.
+//!
+//! In a half plane, where nothing moves sideways, the radial displacement is on that ramp, too.
 
 use std::f64::consts::PI;
 
@@ -36,21 +38,11 @@ use mtled::cloned_field_by_field;
 use mtled::solver::{Role, Solver};
 
 use super::Tip;
-use super::puncture::{Strained, is_withdrawn};
+use super::capture::{Capture, Hold, carried, passed};
+use super::puncture::{Strained, is_withdrawn, largest_strain};
 
-/// Tip travel over which a node is captured, in layers.
-const WINDOW: f64 = 2.0;
-
-/// What one node of the path is doing.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Hold {
-    /// Free tissue.
-    Free,
-    /// Held by the tip before the puncture.
-    Indented,
-    /// Captured since tip depth `since`, from displacement `from`, with the needle `beside` its layer of nodes.
-    Captured { since: f64, from: [f64; 3], beside: [f64; 2] },
-}
+/// Least capture window that a needle has by default, in layers of nodes.
+const LEAST_WINDOW: f64 = 2.0;
 
 /// State of the insertion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,8 +61,12 @@ pub struct NeedlePath {
     needle: Needle,
     /// Lateral way of the path per metre of depth.
     slope: [f64; 2],
-    /// Distance between the layers of nodes, m.
+    /// Vertical distance between the layers of nodes, m.
     layer: f64,
+    /// Vertical length of the capture window, m.
+    window: f64,
+    /// Of the tissue, Pa.
+    shear_modulus: f64,
     /// Integration points within two spacings of the entry point.
     watched: Vec<u32>,
     /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
@@ -118,7 +114,12 @@ impl NeedlePath {
             place[*n as usize] = Some(i as u32);
         }
         let slope = needle.slope();
-        let end = length / 1.0_f64.hypot(slope[0]).hypot(slope[1]) * (1.0 + 1e-9);
+        let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
+        let end = length / secant * (1.0 + 1e-9);
+        let window = match needle.capture_window.get() {
+            0.0 => (needle.capture_radius.get() / secant).max(LEAST_WINDOW * layer),
+            length => length / secant,
+        };
         let mut inner = Vec::new();
         let mut filled = 0.0;
         for (point, (c, volume)) in (0u32..).zip(cells) {
@@ -134,6 +135,8 @@ impl NeedlePath {
             needle,
             slope,
             layer,
+            window,
+            shear_modulus: 0.0,
             watched,
             progress: Progress {
                 hold,
@@ -152,6 +155,12 @@ impl NeedlePath {
     #[must_use]
     pub fn revolved(self) -> Self {
         Self { revolved: true, ..self }
+    }
+
+    /// The same path in tissue of a shear modulus in Pa, which sets how the hold grows between two layers of nodes.
+    #[must_use]
+    pub fn in_tissue(self, shear_modulus: f64) -> Self {
+        Self { shear_modulus, ..self }
     }
 
     /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
@@ -211,7 +220,7 @@ impl NeedlePath {
     pub(super) fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
         self.take_over(earlier);
         for (hold, (n, _)) in self.progress.hold.iter().zip(&self.nodes) {
-            solver.set_role(*n as usize, if *hold == Hold::Free { Role::Free } else { Role::Instrument });
+            solver.set_role(*n as usize, self.role(hold));
         }
         for ((point, _), filled) in self.inner.iter().zip(&self.progress.filled) {
             solver.set_active(*point as usize, 1.0 - filled);
@@ -250,38 +259,88 @@ impl NeedlePath {
         }
     }
 
+    /// What holds a node of the path.
+    fn role(&self, hold: &Hold) -> Role {
+        match hold {
+            Hold::Free => Role::Free,
+            Hold::Captured(c) if !self.revolved && c.passed < 1.0 => Role::Guided,
+            Hold::Indented | Hold::Captured(_) => Role::Instrument,
+        }
+    }
+
     fn penetrate(&mut self, tip: &Tip, solver: &mut Solver) {
         let depth = -tip.offset[2];
-        let window = WINDOW * self.layer;
+        // how far the last layer behind the tip is off the path
+        let mut behind = [0.0; 2];
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
-            if depth + window < z || depth < 0.0 {
-                if self.progress.hold[i] != Hold::Free {
-                    self.progress.hold[i] = Hold::Free;
-                    solver.set_role(n, Role::Free);
-                }
-                continue;
-            }
-            let (since, from, beside) = match self.progress.hold[i] {
-                Hold::Captured { since, from, beside } => (since, from, beside),
-                held => {
-                    if held == Hold::Free {
-                        solver.set_role(n, Role::Instrument);
-                    }
-                    let (axis, layer) = (tip.axis_at(z), self.layer_shift(z, solver));
-                    let beside = [0, 1].map(|k| axis[k] - self.slope[k] * z - layer[k]);
-                    let from = solver.parameters()[n];
-                    self.progress.hold[i] = Hold::Captured { since: depth, from, beside };
-                    (depth, from, beside)
-                }
+            let before = self.progress.hold[i];
+            let hold = if depth + self.window < z || depth < 0.0 {
+                Hold::Free
+            } else {
+                Hold::Captured(self.capture(i, tip, behind, solver))
             };
-            let (axis, along) = (tip.axis_at(z), self.follow(depth, z));
-            let [x, y] = [0, 1].map(|k| axis[k] - self.slope[k] * (z - along) - beside[k]);
-            let to = [x, y, -along];
-            let s = captured_share(depth, since, window);
-            solver.prescribe(n, std::array::from_fn(|k| (1.0 - s) * from[k] + s * to[k]));
+            if self.role(&hold) != self.role(&before) {
+                solver.set_role(n, self.role(&hold));
+            }
+            self.progress.hold[i] = hold;
+            if let Hold::Captured(capture) = hold {
+                self.carry(i, &capture, tip, solver);
+                if capture.passed >= 1.0 {
+                    behind = self.off_path(tip, z, capture.beside);
+                }
+            }
         }
         self.fill(depth, solver);
+    }
+
+    /// What becomes of node i in the window or behind the tip.
+    fn capture(&self, i: usize, tip: &Tip, behind: [f64; 2], solver: &Solver) -> Capture {
+        let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
+        let depth = -tip.offset[2];
+        let passed = passed(depth, z, self.layer);
+        let hold = self.progress.hold[i];
+        let beside = |behind: [f64; 2]| {
+            let axis = tip.axis_at(z);
+            std::array::from_fn(|k| axis[k] - self.slope[k] * z - behind[k])
+        };
+        match hold {
+            Hold::Captured(c) if c.passed > 0.0 || self.revolved => Capture { passed, ..c },
+            Hold::Captured(c) => {
+                let shift = carried(self.layer_shift(z, solver), behind);
+                Capture { beside: beside(shift), passed, ..c }
+            }
+            Hold::Free | Hold::Indented => {
+                let shift = self.layer_shift(z, solver);
+                let shift = if hold == Hold::Indented { shift } else { carried(shift, behind) };
+                Capture { since: depth, from: solver.parameters()[n], beside: beside(shift), passed }
+            }
+        }
+    }
+
+    /// How far the needle has carried what is captured at depth z sideways off the path, m.
+    fn off_path(&self, tip: &Tip, z: f64, beside: [f64; 2]) -> [f64; 2] {
+        let axis = tip.axis_at(z);
+        std::array::from_fn(|k| axis[k] - self.slope[k] * z - beside[k])
+    }
+
+    /// Prescribes where a captured node goes.
+    fn carry(&self, i: usize, capture: &Capture, tip: &Tip, solver: &mut Solver) {
+        let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
+        let depth = -tip.offset[2];
+        let along = self.follow(depth, z);
+        let off = self.off_path(tip, z, capture.beside);
+        let to = [off[0] + self.slope[0] * along, off[1] + self.slope[1] * along, -along];
+        let (s, from) = (capture.share(depth, self.window), capture.from);
+        let on_ramp: [f64; 3] = std::array::from_fn(|k| (1.0 - s) * from[k] + s * to[k]);
+        match self.role(&Hold::Captured(*capture)) {
+            _ if self.revolved => solver.prescribe(n, on_ramp),
+            Role::Guided => {
+                let spring = capture.spring(self.shear_modulus, self.layer);
+                solver.guide(n, [to[0], to[1], on_ramp[2]], spring);
+            }
+            _ => solver.prescribe(n, [to[0], to[1], on_ramp[2]]),
+        }
     }
 
     /// How far the path's layer of nodes at depth z has been moved sideways off the path, m: its mean lateral
@@ -306,7 +365,8 @@ impl NeedlePath {
     fn fill(&mut self, depth: f64, solver: &mut Solver) {
         for ((point, corners), filled) in self.inner.iter().zip(&mut self.progress.filled) {
             let least = corners.iter().map(|&c| match self.progress.hold[c as usize] {
-                Hold::Captured { since, .. } => captured_share(depth, since, WINDOW * self.layer),
+                Hold::Captured(c) if self.revolved => c.share(depth, self.window),
+                Hold::Captured(c) => c.passed,
                 Hold::Free | Hold::Indented => 0.0,
             });
             let share = least.fold(1.0, f64::min);
@@ -333,16 +393,4 @@ impl NeedlePath {
     fn strain(&self, solver: &Solver) -> f64 {
         self.watched.iter().map(|&p| largest_strain(&solver.deformation(p as usize))).fold(0.0, f64::max)
     }
-}
-
-/// How far a node captured at tip depth `since` is held: a ramp from 0 to 1.
-fn captured_share(depth: f64, since: f64, window: f64) -> f64 {
-    ((depth - since) / window).clamp(0.0, 1.0)
-}
-
-/// Largest eigenvalue of E = (F^T F - I)/2, F row-major.
-fn largest_strain(f: &[f64; 9]) -> f64 {
-    let f = nalgebra::Matrix3::from_row_slice(f);
-    let e = 0.5 * (f.transpose() * f - nalgebra::Matrix3::identity());
-    e.symmetric_eigenvalues().max()
 }

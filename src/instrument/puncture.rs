@@ -48,6 +48,13 @@ pub fn is_withdrawn(before: bool, missing: f64) -> bool {
     missing > if before { 0.5 * WITHDRAWN_M } else { WITHDRAWN_M }
 }
 
+/// Largest eigenvalue of E = (F^T F - I)/2, F row-major.
+pub fn largest_strain(f: &[f64; 9]) -> f64 {
+    let f = nalgebra::Matrix3::from_row_slice(f);
+    let e = 0.5 * (f.transpose() * f - nalgebra::Matrix3::identity());
+    e.symmetric_eigenvalues().max()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

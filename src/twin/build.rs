@@ -95,7 +95,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
     table.guarded = guarded(scene, cloud, held, body.height);
-    let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table));
+    let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table, scene.material.shear_modulus()));
     let mut roles = roles(scene, &cloud.faces, held);
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
     let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table);
@@ -149,7 +149,7 @@ fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32], height: f64) -> Vec<u32> 
     }
 }
 
-fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Contact {
+fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable, shear_modulus: f64) -> Contact {
     let Body { cloud, held, top, reach, layer, .. } = body;
     match &instrument.kind {
         InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Contact::Bonded(Bonded::new(held.clone())),
@@ -169,7 +169,7 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable) -> Con
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
             let cells = corners.zip(table.volume.iter().copied());
             let path = NeedlePath::new(nodes, cloud.points.len(), *needle, *reach, *layer, watched, cells);
-            Contact::Needle(Box::new(path))
+            Contact::Needle(Box::new(path.in_tissue(shear_modulus)))
         }
     }
 }

@@ -67,6 +67,7 @@ fn needle_shape() -> Needle {
     Needle {
         diameter: metres(0.001),
         capture_radius: metres(0.0005),
+        capture_window: metres(0.0),
         deformation_coefficient: 0.4,
         retraction_coefficient: 0.4,
         deformation_rule: DeformationRule::Incremental,

@@ -16,6 +16,7 @@ mod least_work;
 mod mesh_import;
 mod needle_capture;
 mod needle_motion;
+mod needle_sideways;
 mod relaxation;
 mod scenes;
 mod stable_step;

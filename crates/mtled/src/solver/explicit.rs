@@ -92,6 +92,11 @@ impl Solver {
         self.state.prescribe(node, displacement);
     }
 
+    /// [`State::guide`].
+    pub fn guide(&mut self, node: usize, displacement: [f64; 3], spring: f64) {
+        self.state.guide(node, displacement, spring);
+    }
+
     /// [`State::slowest`].
     #[must_use]
     pub fn slowest(&self) -> f64 {

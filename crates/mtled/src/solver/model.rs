@@ -259,7 +259,6 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
 /// A fixed vector with no symmetry, zero on held nodes.
 fn noise(role: &[Role]) -> Vec<[f64; 3]> {
     let value = |i: usize| ((i.wrapping_mul(2_654_435_761) >> 7) % 1009) as f64 / 1009.0 - 0.5;
-    let free =
-        |(i, r): (usize, &Role)| if *r == Role::Free { std::array::from_fn(|k| value(3 * i + k)) } else { [0.0; 3] };
+    let free = |(i, r): (usize, &Role)| std::array::from_fn(|k| if r.frees(k) { value(3 * i + k) } else { 0.0 });
     role.iter().enumerate().map(free).collect()
 }

@@ -16,6 +16,19 @@ pub enum Role {
     Base,
     /// The instrument: its displacement is prescribed.
     Instrument,
+    /// The instrument in z; in x and y a spring pulls the node to its prescribed displacement ([`State::guide`]).
+    Guided,
+}
+
+impl Role {
+    /// Whether the component k of the node's displacement is a degree of freedom.
+    pub(super) const fn frees(self, k: usize) -> bool {
+        match self {
+            Self::Free => true,
+            Self::Guided => k < 2,
+            Self::Base | Self::Instrument => false,
+        }
+    }
 }
 
 /// Displacement of a node from where it was to where it shall be at the end of an advance, m.
@@ -23,6 +36,16 @@ pub enum Role {
 pub(super) struct Path {
     pub start: [f64; 3],
     pub end: [f64; 3],
+    /// Spring of a guided node, N/m.
+    pub spring: f64,
+}
+
+impl Path {
+    /// Where the node shall be after a share of the advance.
+    #[inline]
+    pub fn at(&self, share: f64, k: usize) -> f64 {
+        self.start[k] + share * (self.end[k] - self.start[k])
+    }
 }
 
 cloned_field_by_field! {
@@ -104,13 +127,21 @@ impl State {
     pub fn set_role(&mut self, node: usize, role: Role) {
         let u = self.moving.u[node];
         self.constraints.role[node] = role;
-        self.constraints.path[node] = Path { start: u, end: u };
+        self.constraints.path[node] = Path { start: u, end: u, spring: 0.0 };
         self.moving.q[node] = [0.0; 3];
     }
 
     /// Prescribes the displacement of an instrument node at the end of the next advance, m.
     pub fn prescribe(&mut self, node: usize, displacement: [f64; 3]) {
-        self.constraints.path[node] = Path { start: self.moving.u[node], end: displacement };
+        self.constraints.path[node] = Path { start: self.moving.u[node], end: displacement, spring: 0.0 };
+    }
+
+    /// As [`State::prescribe`], for a guided node: a spring in N/m pulls it sideways to the displacement. Where the spring begins
+    /// stays, so the spring's end moves from there and not from where the node is.
+    pub fn guide(&mut self, node: usize, displacement: [f64; 3], spring: f64) {
+        let path = &mut self.constraints.path[node];
+        let [x, y, _] = path.end;
+        *path = Path { start: [x, y, self.moving.u[node][2]], end: displacement, spring };
     }
 
     /// Angular frequency of the slowest mode, rad per step.

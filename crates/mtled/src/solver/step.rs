@@ -99,7 +99,7 @@ impl Model {
         }
         // further steps at the same pose must not travel the path again
         let Constraints { role, path } = &mut state.constraints;
-        for (path, _) in path.iter_mut().zip(role).filter(|(_, role)| **role == Role::Instrument) {
+        for (path, _) in path.iter_mut().zip(role).filter(|(_, role)| matches!(role, Role::Instrument | Role::Guided)) {
             path.start = path.end;
         }
     }
@@ -231,7 +231,7 @@ impl Model {
         for n in 0..image.len() {
             for k in 0..3 {
                 let e = control.probe[n][k];
-                let image = if constraints.role[n] == Role::Free { image[n][k] - f[n][k] } else { 0.0 };
+                let image = if constraints.role[n].frees(k) { image[n][k] - f[n][k] } else { 0.0 };
                 up += e * image;
                 down += control.mass[n] * e * e;
                 control.probe[n][k] = image / control.mass[n];
@@ -323,6 +323,17 @@ impl<'a> Nodes<'a> {
                     sums.learnt += dot(tangent, f);
                     sums.present += dot(q, f);
                 }
+                Role::Guided => {
+                    let path = &held.path[n];
+                    sums.instrument[2] -= f[2];
+                    for k in 0..2 {
+                        let pull = path.spring * (path.end[k] - self.u[l][k]);
+                        sums.instrument[k] -= pull;
+                        sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
+                        sums.learnt += tangent[k] * (f[k] - pull);
+                        sums.present += q[k] * (f[k] - pull);
+                    }
+                }
             }
         }
         sums
@@ -338,11 +349,30 @@ impl<'a> Nodes<'a> {
             Role::Instrument => {
                 let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
                 for k in 0..3 {
-                    let next = path.start[k] + s * (path.end[k] - path.start[k]);
+                    let next = path.at(s, k);
                     tangent[k] = (next - u[k]) * rule.gain;
                     u[k] = next;
                 }
                 *q = [0.0; 3];
+            }
+            Role::Guided => {
+                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
+                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
+                // the spring at the end of the step, so that it is stable however stiff it is
+                let spring = path.spring * inverse;
+                for k in 0..2 {
+                    let drift = tangent[k] * rule.travel;
+                    let free = drift + rule.keep * q[k] - f[k] * inverse;
+                    let v = (free + spring * (path.at(s, k) - u[k])) / (1.0 + spring);
+                    u[k] += v;
+                    let deviation = v - drift;
+                    let lesson = rule.learn * rule.gain * deviation;
+                    tangent[k] += lesson;
+                    q[k] = deviation - lesson * rule.travel;
+                }
+                let next = path.at(s, 2);
+                tangent[2] = (next - u[2]) * rule.gain;
+                (u[2], q[2]) = (next, 0.0);
             }
             Role::Free => {
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);

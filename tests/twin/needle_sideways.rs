@@ -1,0 +1,187 @@
+//! Sideways motion and lean of an inserted needle, and oblique paths, against finite elements.
+//!
+//! `tests/references/needle_sideways.csv`: lateral force and displacements of points of the tissue per metre of lateral motion, and per
+//! unit of lean (tangent), of a needle of the preset's capture radius in the preset's cylinder: first Fourier mode on the exact
+//! state of the insertion (`tests/references/needle_sideways.py`). Tissue ahead of the tip is free there.
+#![allow(clippy::unwrap_used)]
+
+use crate::coarse::{alone, travel};
+use needle_twin::scene::{Override, Scene};
+use needle_twin::twin::{Pose, Prediction, StampedPose, Twin};
+
+const REFERENCE: &str = "tests/references/needle_sideways.csv";
+/// Lateral motion of the test, m, and lean (sine).
+const MOTION: f64 = 2.5e-4;
+const LEAN: f64 = 0.05;
+
+/// A row of the reference: depth, `sideways` or `lean`, force, and the displacements per unit of motion.
+fn row(depth_m: f64, motion: &str) -> Vec<f64> {
+    let reference = std::fs::read_to_string(REFERENCE).unwrap();
+    let rows = reference.lines().skip(1).map(|l| l.split(',').collect::<Vec<_>>());
+    let found = rows.filter(|r| r[1] == motion && (r[0].parse::<f64>().unwrap() - depth_m).abs() < 1e-9).last();
+    found.unwrap()[2..].iter().map(|x| x.parse().unwrap()).collect()
+}
+
+fn needle(changes: &[(&str, &str)]) -> Twin {
+    let all = [&[("discretisation.dimension", "full")], changes].concat();
+    let changes: Vec<_> = all.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
+    alone(|| Twin::new(&Scene::preset("needle_insertion").unwrap().with(&changes).unwrap()).unwrap())
+}
+
+/// The preset with targets 0.5 and 1 mm ahead of a tip, beside it in x (2 mm above) and in y (1.5 mm above).
+fn with_targets(depth_m: f64, changes: &[(&str, &str)]) -> Twin {
+    let preset = Scene::preset("needle_insertion").unwrap().to_toml();
+    let tip = 0.017 - depth_m;
+    let places =
+        [[0.0, 0.0, tip - 5e-4], [0.0, 0.0, tip - 1e-3], [1.5e-3, 0.0, tip + 2e-3], [0.0, 1.5e-3, tip + 1.5e-3]];
+    let mut text = preset[..preset.find("[[targets]]").unwrap()].to_owned();
+    for (i, p) in places.iter().enumerate() {
+        text += &format!("[[targets]]\nname = \"t{i}\"\nposition_m = [{:.7}, {:.7}, {:.7}]\n", p[0], p[1], p[2]);
+    }
+    let all = [&[("discretisation.dimension", "full")], changes].concat();
+    let changes: Vec<_> = all.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
+    alone(|| Twin::new(&Scene::from_toml(&text, "test").unwrap().with(&changes).unwrap()).unwrap())
+}
+
+fn targets(twin: &Twin) -> Vec<[f64; 3]> {
+    let mut places = Vec::new();
+    twin.target_positions(&mut places);
+    places
+}
+
+/// Waits at a pose until the tissue is at rest.
+fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
+    let mut answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
+    for _ in 0..2000 {
+        if answer.steps == 0 {
+            break;
+        }
+        answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
+    }
+    answer
+}
+
+/// Goes to a depth at once, m, and waits.
+fn insert(twin: &mut Twin, depth_m: f64) -> Prediction {
+    travel(twin, 0.0, depth_m, (depth_m / 2e-5).round() as u32);
+    let pose = twin.pose_at_depth(depth_m);
+    rest(twin, pose)
+}
+
+/// Moves or leans an inserted needle in 25 poses, waits, and returns the change of the force in x and of the targets.
+fn moved(twin: &mut Twin, depth_m: f64, sideways_m: f64, lean: f64) -> (f64, Vec<[f64; 3]>) {
+    let start = insert(twin, depth_m).force_n[0];
+    let before = targets(twin);
+    let pose = |twin: &Twin, s: f64| {
+        let mut pose = twin.pose_at_depth(depth_m);
+        pose.tip[0] += s * sideways_m;
+        pose.axis = [s * lean, 0.0, -(1.0 - (s * lean).powi(2)).sqrt()];
+        pose
+    };
+    for i in 1..25 {
+        let pose = pose(twin, f64::from(i) / 25.0);
+        twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
+    }
+    let pose = pose(twin, 1.0);
+    let force = rest(twin, pose).force_n[0] - start;
+    let now = targets(twin);
+    (force, now.iter().zip(&before).map(|(a, b)| std::array::from_fn(|k| a[k] - b[k])).collect())
+}
+
+/// Compares with the reference: force within a share of it, displacements within a share of the largest motion of the needle.
+fn compare(depth_m: f64, motion: &str, scale: f64, largest: f64, (force, points): (f64, Vec<[f64; 3]>), share: f64) {
+    let row = row(depth_m, motion);
+    let wanted: Vec<f64> = row.iter().map(|x| scale * x).collect();
+    let found = [points[0][0], points[1][0], points[2][0], points[2][2], points[3][0]];
+    println!(
+        "{motion} at {:.2} mm: force {force:.6} N of {:.6} N ({:+.2} %)",
+        1e3 * depth_m,
+        wanted[0],
+        1e2 * (force / wanted[0] - 1.0)
+    );
+    println!(
+        "  displacements, um: {:.1?} of {:.1?}",
+        found.map(|x| 1e6 * x),
+        wanted[1..].iter().map(|x| 1e6 * x).collect::<Vec<_>>()
+    );
+    assert!((force / wanted[0] - 1.0).abs() < share, "{motion} at {depth_m} m: {force} N of {} N", wanted[0]);
+    for (found, wanted) in found.iter().zip(&wanted[1..]) {
+        assert!((found - wanted).abs() < share * largest, "{motion} at {depth_m} m: {found} m of {wanted} m");
+    }
+}
+
+#[test]
+fn tissue_ahead_of_the_tip_goes_sideways_with_the_needle() {
+    // the second depth lies between two layers of nodes
+    for depth_m in [4e-3, 2.6e-3] {
+        let answer = moved(&mut with_targets(depth_m, &[]), depth_m, MOTION, 0.0);
+        compare(depth_m, "sideways", MOTION, MOTION, answer, 0.02);
+    }
+}
+
+#[test]
+fn a_needle_that_leans_meets_the_force_of_the_tissue_behind_its_tip() {
+    for depth_m in [4e-3, 2.6e-3] {
+        let answer = moved(&mut with_targets(depth_m, &[]), depth_m, 0.0, LEAN);
+        let tangent = LEAN / (1.0 - LEAN * LEAN).sqrt();
+        // the axis points into the sample: the shaft goes to -x
+        compare(depth_m, "lean", -tangent, tangent * depth_m, answer, 0.02);
+    }
+}
+
+/// The lateral force of a needle that rests sideways has no saw-tooth at the distance of the layers, 0.25 mm.
+#[test]
+fn the_lateral_force_grows_evenly_with_the_depth() {
+    let depths: Vec<f64> = (0..=5).map(|i| 2.5e-3 + 0.5e-4 * f64::from(i)).collect();
+    let stiffness = |d: &f64| {
+        let mut twin = needle(&[
+            ("motion.depth_m", "0.0035"),
+            ("discretisation.spacing_m", "0.003"),
+            ("discretisation.edge_refinement", "0.0833"),
+        ]);
+        moved(&mut twin, *d, MOTION, 0.0).0 / MOTION
+    };
+    let found: Vec<f64> = depths.iter().map(stiffness).collect();
+    println!("N/m: {found:.3?}");
+    let (first, last) = (found[0], found[5]);
+    for (i, k) in found.iter().enumerate() {
+        let line = first + (last - first) * i as f64 / 5.0;
+        assert!((k / line - 1.0).abs() < 0.01, "{:.3} mm: {k} N/m, {line} N/m on the line", 1e3 * depths[i]);
+    }
+}
+
+/// The same force whatever the cloud: spacings of a half to a quarter of the capture radius.
+#[test]
+fn the_lateral_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
+    let force = |refinement: &str| {
+        let changes = [
+            ("instrument.tilt_rad", "0.26"),
+            ("motion.depth_m", "0.0035"),
+            ("discretisation.spacing_m", "0.003"),
+            ("discretisation.edge_refinement", refinement),
+        ];
+        insert(&mut needle(&changes), 3e-3).force_n[0]
+    };
+    let found = ["0.0833", "0.0556", "0.0417"].map(force);
+    println!("{found:.6?} N");
+    assert!(found.iter().all(|f| (f / found[2] - 1.0).abs() < 0.01), "{found:?}");
+}
+
+/// A needle that has been moved sideways goes on through tissue that was not: what it pierces further down is less and less aside.
+#[test]
+fn what_a_shifted_needle_pierces_further_down_is_not_aside() {
+    let mut twin = with_targets(2e-3, &[]);
+    let depth = 2e-3;
+    moved(&mut twin, depth, 4e-4, 0.0);
+    for i in 1..=100 {
+        let mut pose = twin.pose_at_depth(depth + 2e-5 * f64::from(i));
+        pose.tip[0] += 4e-4;
+        twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
+    }
+    let mut pose = twin.pose_at_depth(2.0 * depth);
+    pose.tip[0] += 4e-4;
+    rest(&mut twin, pose);
+    let x = targets(&twin);
+    println!("0.5 and 1 mm below where it was moved: {:.1} um, {:.1} um", 1e6 * x[0][0], 1e6 * x[1][0]);
+    assert!(x[0][0] > 1e-4 && x[0][0] < 4e-4 && x[1][0] > 5e-5 && x[1][0] < x[0][0], "{x:?}");
+}
