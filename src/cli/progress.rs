@@ -1,6 +1,8 @@
 //! Progress of a run on stderr: curves and a bar where that is a terminal, now and then a line where it isn't.
 
 use std::io::Write as _;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -27,6 +29,66 @@ pub(super) struct Progress {
     due: Option<Duration>,
     /// All of them; 0 if unknown.
     poses: usize,
+    heartbeat: Arc<Heartbeat>,
+}
+
+/// What a thread of its own says while the run says nothing: a pose that diverges can take a minute.
+#[derive(Debug)]
+struct Heartbeat {
+    begun: Instant,
+    /// What is being prepared.
+    what: Mutex<String>,
+    /// When something was said last, after the beginning, ms.
+    said_ms: AtomicU64,
+    /// Poses that are done, and all of them; 0 of 0 while something is prepared.
+    done: AtomicUsize,
+    poses: AtomicUsize,
+}
+
+impl Heartbeat {
+    /// Time between two looks.
+    const LOOK: Duration = Duration::from_millis(500);
+
+    /// Speaks until the run is over, where `aloud`.
+    fn start(what: &str, aloud: bool) -> Arc<Self> {
+        let (said_ms, done, poses) = (AtomicU64::new(0), AtomicUsize::new(0), AtomicUsize::new(0));
+        let heartbeat =
+            Arc::new(Self { begun: Instant::now(), what: Mutex::new(what.to_owned()), said_ms, done, poses });
+        let weak = Arc::downgrade(&heartbeat);
+        let speak = move || {
+            while let Some(heartbeat) = weak.upgrade() {
+                heartbeat.speak();
+                drop(heartbeat);
+                std::thread::sleep(Self::LOOK);
+            }
+        };
+        if aloud {
+            // without the thread the run is as good, and silent
+            let _ = std::thread::Builder::new().name("progress".to_owned()).spawn(speak);
+        }
+        heartbeat
+    }
+
+    fn said(&self) {
+        self.said_ms.store(u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX), Relaxed);
+    }
+
+    fn speak(&self) {
+        let silent = self.begun.elapsed().saturating_sub(Duration::from_millis(self.said_ms.load(Relaxed)));
+        if silent < LINE + Self::LOOK {
+            return;
+        }
+        self.said();
+        let (done, poses, elapsed_s) =
+            (self.done.load(Relaxed), self.poses.load(Relaxed), self.begun.elapsed().as_secs());
+        // a failure to write can't be reported either
+        let _ = if done + poses == 0 {
+            let what = self.what.lock().unwrap_or_else(PoisonError::into_inner);
+            writeln!(std::io::stderr(), "{what}, {elapsed_s} s so far")
+        } else {
+            writeln!(std::io::stderr(), "pose {} is being computed, {elapsed_s} s so far", done + 1)
+        };
+    }
 }
 
 impl Progress {
@@ -35,29 +97,34 @@ impl Progress {
         let bar = ProgressBar::new_spinner().with_message(what.to_owned());
         bar.enable_steady_tick(Duration::from_millis(100));
         let due = if bar.is_hidden() { LINE } else { Duration::ZERO };
-        Self::of(bar, Some(due))
+        let heartbeat = Heartbeat::start(what, bar.is_hidden());
+        Self::of(bar, Some(due), heartbeat)
     }
 
     /// Shows nothing, and only listens for Ctrl-C.
     pub(super) fn silent() -> Self {
-        Self::of(ProgressBar::hidden(), None)
+        Self::of(ProgressBar::hidden(), None, Heartbeat::start("", false))
     }
 
-    fn of(bar: ProgressBar, due: Option<Duration>) -> Self {
+    fn of(bar: ProgressBar, due: Option<Duration>, heartbeat: Arc<Heartbeat>) -> Self {
         let interrupt = Interrupt::listen();
-        Self { bar, interrupt, curves: Curves::default(), begun: Instant::now(), due, poses: 0 }
+        Self { bar, interrupt, curves: Curves::default(), begun: Instant::now(), due, poses: 0, heartbeat }
     }
 
     /// Says what is going on, in the place of the poses.
     pub(super) fn say(&self, what: &str) {
         self.bar.set_message(what.to_owned());
+        what.clone_into(&mut self.heartbeat.what.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
     /// Goes over to counting poses.
     pub(super) fn count(&mut self, poses: usize) {
         (self.begun, self.poses) = (Instant::now(), poses);
-        self.bar.disable_steady_tick();
-        let style = ProgressStyle::with_template("{msg}\n{bar:40} {percent:>3}% {pos}/{len} poses, {eta} left");
+        self.heartbeat.poses.store(poses, Relaxed);
+        // a pose that takes long is seen by the time that goes on
+        self.bar.enable_steady_tick(Duration::from_secs(1));
+        let style =
+            ProgressStyle::with_template("{msg}\n{bar:40} {percent:>3}% {pos}/{len} poses, {elapsed}, {eta} left");
         self.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         self.bar.set_length(poses as u64);
         self.bar.set_message("");
@@ -76,30 +143,29 @@ impl Progress {
 
 impl Watch for Progress {
     fn progress(&mut self, done: usize, answer: Option<&Answer>) {
-        let (Some(due), Some(answer), true) = (self.due, answer, done.is_multiple_of(STRIDE)) else { return };
+        let Some(due) = self.due else { return };
+        self.heartbeat.done.store(done, Relaxed);
         let live = !self.bar.is_hidden();
         if live {
-            self.curves.add(answer.depth_m, Some(answer.predicted_n), answer.measured_n);
+            if !done.is_multiple_of(STRIDE) {
+                return;
+            }
+            if let Some(answer) = answer {
+                self.curves.add(answer.depth_m, Some(answer.predicted_n), answer.measured_n);
+            }
         }
         let elapsed = self.begun.elapsed();
         if elapsed < due {
             return;
         }
         self.due = Some(elapsed + if live { REDRAW } else { LINE });
-        let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {}", newtons(n)));
-        let now = format!(
-            "{}: depth {:.2} mm, predicted {}{measured}, {:.1} times real time, {} steps per pose",
-            answer.phase.as_str(),
-            1e3 * answer.depth_m,
-            newtons(answer.predicted_n),
-            answer.time_s / elapsed.as_secs_f64(),
-            answer.steps
-        );
+        let now = answer.map_or_else(|| "the last one has no answer".to_owned(), |answer| line(answer, elapsed));
         if live {
             self.bar.set_position(done as u64);
             self.bar.set_message(format!("{}\n{now}", self.curves.picture()));
         } else {
             let of = if self.poses > 0 { format!(" of {}", self.poses) } else { String::new() };
+            self.heartbeat.said();
             // a failure to write can't be reported either
             let _ = writeln!(std::io::stderr(), "{done}{of} poses, {now}");
         }
@@ -108,4 +174,17 @@ impl Watch for Progress {
     fn stop(&self) -> bool {
         self.interrupt.pressed()
     }
+}
+
+/// An answer in words.
+fn line(answer: &Answer, elapsed: Duration) -> String {
+    let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {}", newtons(n)));
+    format!(
+        "{}: depth {:.2} mm, predicted {}{measured}, {:.1} times real time, {} steps per pose",
+        answer.phase.as_str(),
+        1e3 * answer.depth_m,
+        newtons(answer.predicted_n),
+        answer.time_s / elapsed.as_secs_f64(),
+        answer.steps
+    )
 }

@@ -28,6 +28,12 @@ impl Range {
         Self { low, low_allowed: true, high, high_allowed: true }
     }
 
+    /// `[low, high)`
+    #[must_use]
+    pub const fn below(low: f64, high: f64) -> Self {
+        Self { low, low_allowed: true, high, high_allowed: false }
+    }
+
     /// `(low, high]`
     #[must_use]
     pub const fn above(low: f64, high: f64) -> Self {

@@ -8,6 +8,7 @@ mod cli;
 mod demo;
 mod docs;
 mod import;
+mod growth;
 mod readme;
 mod recorded;
 mod replay;

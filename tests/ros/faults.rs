@@ -2,6 +2,7 @@
 //! in `docs/faults.md`.
 
 mod disk;
+mod divergence;
 mod input;
 mod load_cell;
 mod overload;

@@ -188,7 +188,8 @@ pub fn recorded_types() -> impl Iterator<Item = String> {
 /// The types that a schema's text uses but does not define: a reader without them can't decode a message.
 #[must_use]
 pub fn missing_types(schema_text: &str) -> Vec<String> {
-    let defined: Vec<&str> = schema_text.lines().filter_map(|line| line.strip_prefix("MSG: ")).map(str::trim).collect();
+    let defined: std::collections::BTreeSet<&str> =
+        schema_text.lines().filter_map(|line| line.strip_prefix("MSG: ")).map(str::trim).collect();
     let mut missing: Vec<String> =
         field_types(schema_text).filter(|name| !defined.contains(name)).map(str::to_owned).collect();
     missing.dedup();

@@ -11,7 +11,7 @@ use ros2_messages::{
     visualization_msgs,
 };
 use serde::Deserialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Topics of metadata.yaml by name.
@@ -76,10 +76,11 @@ pub fn check(path: impl AsRef<Path>) -> Result<CheckReport, BagError> {
     let mut report =
         CheckReport { bag: bag.name().to_owned(), messages: 0, topics: bag.topics().len(), findings: Vec::new() };
     bag.losses().iter().for_each(|loss| report.add(Severity::Lost, loss.to_string()));
+    let of_files: BTreeSet<&String> = bag.files().iter().flat_map(|f| &f.index.warnings).collect();
     for warning in bag.warnings() {
         // An index may be missing; a metadata.yaml that is missing or contradicts the file makes others refuse the bag.
-        let of_a_file = bag.files().iter().any(|f| f.index.warnings.contains(warning));
-        report.add(if of_a_file { Severity::Warning } else { Severity::Error }, warning.clone());
+        let severity = if of_files.contains(warning) { Severity::Warning } else { Severity::Error };
+        report.add(severity, warning.clone());
     }
     let folder = if path.is_dir() { Some(path) } else { path.parent().filter(|_| path.ends_with("metadata.yaml")) };
     let yaml = folder.and_then(|folder| check_yaml(folder, &mut report));
@@ -162,6 +163,8 @@ fn check_topics(bag: &BagReader, yaml: Option<&Metadata>, report: &mut CheckRepo
         // of several of one name the first counts
         yaml.topics_with_message_count.iter().rev().map(|t| (t.topic_metadata.name.as_str(), t)).collect()
     });
+    // topics of one type share its definition
+    let mut missing = BTreeMap::new();
     for topic in bag.topics() {
         let name = &topic.name;
         if topic.encoding != "cdr" {
@@ -169,7 +172,7 @@ fn check_topics(bag: &BagReader, yaml: Option<&Metadata>, report: &mut CheckRepo
         }
         match topic.schema_encoding.as_str() {
             "ros2msg" => {
-                let missing = missing_types(&topic.schema);
+                let missing = missing.entry(topic.schema.as_ptr()).or_insert_with(|| missing_types(&topic.schema));
                 if !missing.is_empty() {
                     report.error(format!(
                         "{name}: its schema does not define {}: readers can't decode it",

@@ -4,6 +4,7 @@ use super::error::{BagError, Loss};
 use super::metadata::Metadata;
 use super::record::MAGIC;
 use super::source::Source;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -51,12 +52,13 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
             return Err(not_a_bag(format!("a bag with {mode} compression by rosbag2"), CONVERT));
         }
     }
-    let listed: Vec<PathBuf> =
-        metadata.iter().flat_map(|m| &m.relative_file_paths).filter_map(|f| inside(folder, f)).collect();
+    let listed = metadata.iter().flat_map(|m| &m.relative_file_paths).filter_map(|f| inside(folder, f));
     let mut losses = Vec::new();
-    let mut files = Vec::new();
+    let (mut files, mut seen) = (Vec::new(), BTreeSet::new());
     for file in listed {
-        if file.is_file() {
+        if !seen.insert(file.clone()) {
+            // a file that is listed twice is read once
+        } else if file.is_file() {
             files.push(file);
         } else {
             losses.push(Loss::MissingFile { file: file.display().to_string() });
@@ -69,7 +71,7 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
                 .push("metadata.yaml lists no file that is there: all MCAP files of the folder were taken".to_owned());
         }
         files = present;
-    } else if let Some(extra) = present.iter().find(|p| !files.contains(p)) {
+    } else if let Some(extra) = present.iter().find(|p| !seen.contains(*p)) {
         warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
     }
     if files.is_empty() {

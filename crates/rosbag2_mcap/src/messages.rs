@@ -5,7 +5,7 @@ use super::index::{Segment, unpack_limit};
 use super::reader::{BagReader, Message};
 use super::segment::{Entry, OpenSegment};
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 /// Messages in the order of their log times. Chunks are read when their time comes.
 #[derive(Debug)]
@@ -22,7 +22,17 @@ pub struct Messages {
     held: u64,
     limit: u64,
     unknown: BTreeMap<usize, u64>,
+    /// Pieces whose loss was found when the bag was opened: their file's name and offset.
+    known: BTreeSet<(String, u64)>,
     losses: Vec<Loss>,
+}
+
+/// File and offset of a chunk that is lost in part.
+fn piece(loss: &Loss) -> Option<(String, u64)> {
+    match loss {
+        Loss::PartOfChunk { file, offset, .. } => Some((file.clone(), *offset)),
+        _ => None,
+    }
 }
 
 impl Messages {
@@ -41,6 +51,7 @@ impl Messages {
             held: 0,
             limit: unpack_limit(bag.size()),
             unknown: BTreeMap::new(),
+            known: bag.losses().iter().filter_map(piece).collect(),
             losses: Vec::new(),
         }
     }
@@ -78,7 +89,7 @@ impl Messages {
         };
         if let Some(reason) = open.cut.clone() {
             let loss = Loss::PartOfChunk { file: name.clone(), offset, read: open.left(), reason };
-            if !bag.losses().contains(&loss) {
+            if piece(&loss).is_none_or(|piece| !self.known.contains(&piece)) {
                 self.losses.push(loss);
             }
         }

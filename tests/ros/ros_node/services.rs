@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::ros::{Peer, coarse_twin, free_domain};
+use crate::ros::{Peer, coarse_twin, free_domain, middleware_of, resident_mb};
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::{Context, Name, NodeName, NodeOptions, QosProfile, ServiceMapping, ServiceTypeName};
 use ros2_messages::std_srvs::{TriggerRequest, TriggerResponse};
@@ -115,4 +115,47 @@ fn a_change_is_announced_on_parameter_events_and_rosout() {
     let line = line.unwrap_or_else(|| panic!("{lines}"));
     assert_eq!((&line["level"], &line["name"]), (&json!(20), &json!("twin")), "{line}");
     drop(node);
+}
+
+/// What fits into one UDP packet is answered whole; more than that is not sent, and said. RustDDS's fragments of it are malformed
+/// for others.
+#[test]
+fn an_answer_is_whole_or_is_not_sent_and_a_long_request_costs_no_memory() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    let get = |names: usize, timeout: f64| {
+        json!({"op": "call", "service": "/twin/get_parameters", "type": "rcl_interfaces/srv/GetParameters",
+            "request": {"names": vec!["joint_name"; names]}, "timeout": timeout, "quiet": true})
+    };
+    let whole = peer.ask(get(500, 20.0))["response"]["values"].clone();
+    let values = whole.as_array().unwrap_or_else(|| panic!("{whole}"));
+    assert!(values.len() == 500 && values.iter().all(|v| v["string_value"] == "insertion"), "{whole}");
+    assert_eq!(peer.ask(get(3000, 3.0))["response"], json!(null), "an answer of over 60 kB");
+    // a name of any length is refused with a few of its letters
+    let set = |bytes: usize, timeout: f64| {
+        json!({"op": "call", "service": "/twin/set_parameters", "type": "rcl_interfaces/srv/SetParameters",
+            "request": {"parameters": [{"name": "n".repeat(bytes), "value": {"type": 1, "bool_value": true}}]},
+            "timeout": timeout, "quiet": true})
+    };
+    let refused = peer.ask(set(50_000, 20.0))["response"]["results"][0].clone();
+    let reason = refused["reason"].as_str().unwrap_or_else(|| panic!("{refused}"));
+    assert!(refused["successful"] == false && reason.len() < 500, "{reason}");
+    // requests of a megabyte are not taken, and leave nothing behind
+    let process = middleware_of(node.id()).unwrap();
+    let before = (resident_mb(node.id()), resident_mb(process));
+    for _ in 0..10 {
+        assert_eq!(peer.ask(set(1_000_000, 0.3))["response"], json!(null));
+    }
+    assert_eq!(
+        peer.ask(get(2, 20.0))["response"]["values"][1]["string_value"],
+        "insertion",
+        "the next one is answered"
+    );
+    let after = (resident_mb(node.id()), resident_mb(process));
+    println!("node and its middleware: {before:.1?} MB, {after:.1?} MB after ten requests of 1 MB");
+    assert!(after.0 < before.0 + 40.0 && after.1 < before.1 + 80.0, "{before:?}, {after:?}");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+    assert!(log.contains("60000 are sent: ask for less at once") && log.contains("60000 are taken"), "{log}");
 }
