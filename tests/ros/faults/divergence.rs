@@ -1,0 +1,63 @@
+//! A needle beside the axis of its sample whose solution is lost: the node says so and goes on.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::time::{Duration, Instant};
+
+use crate::ros::{Peer, Program, TWIN, free_domain};
+use serde_json::json;
+
+/// 10 mm beside the axis, with all of the displacement kept as deformation: lost at about 1 mm.
+const BESIDE: [&str; 17] = [
+    "--scene",
+    "needle_insertion",
+    "--ros-args",
+    "-p",
+    "discretisation.dimension:=full",
+    "-p",
+    "discretisation.spacing_m:=0.003",
+    "-p",
+    "discretisation.edge_refinement:=0.5",
+    "-p",
+    "instrument.capture_radius_m:=0.001",
+    "-p",
+    "instrument.entry_x_m:=0.010",
+    "-p",
+    "instrument.deformation_coefficient:=1.0",
+    "-p",
+    "look_ahead:=false",
+];
+
+#[test]
+fn a_solution_that_is_lost_beside_the_axis_is_said_and_a_reset_brings_it_back() {
+    let domain = free_domain();
+    let node = Program::start(TWIN, &BESIDE, domain, &[]);
+    let mut peer = Peer::start(domain);
+    peer.connect();
+    let begun = Instant::now();
+    let mut depth = 0.0;
+    let lost = loop {
+        // 10 mm/s; held at 6 mm, which is deeper than the solution holds
+        let to = f64::min(depth + 5e-4, 6e-3);
+        peer.ask(json!({"op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 50, "rate_hz": 100.0,
+            "from_m": depth, "depth_m": to, "answers": "/predicted_cf"}));
+        depth = to;
+        let status = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.3}))["message"].clone();
+        if status["health"] == 2 && status["reasons"].to_string().contains("diverged") {
+            break status;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(120), "{depth} m: {status}");
+    };
+    assert_eq!(lost["prediction_valid"], false, "{lost}");
+    assert!(lost["reasons"].to_string().contains("~/reset"), "{lost}");
+    let reset = peer.ask(json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"}));
+    assert_eq!(reset["response"]["success"], true, "{reset}");
+    // the instrument is taken out, and the twin answers as a new one
+    let again = peer.ask(json!({"op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 100,
+        "rate_hz": 50.0, "from_m": -1e-3, "depth_m": 1e-4, "answers": "/predicted_cf"}));
+    assert!(again["answered"].as_u64().unwrap() > 50, "{again}");
+    let status = peer.status();
+    assert!(status["health"] != 2, "{status}");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+    assert!(log.contains("predicted_cf stops: the solution diverged"), "{log}");
+}
