@@ -6,10 +6,10 @@
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, Reliability};
 use serde::Serialize;
@@ -68,7 +68,7 @@ struct Backlog {
 #[derive(Clone)]
 pub struct Tap {
     topic: TopicId,
-    sender: Sender<Entry>,
+    sender: SyncSender<Entry>,
     backlog: Arc<Backlog>,
 }
 
@@ -107,7 +107,7 @@ impl Tap {
 pub struct Recorder {
     writer: BagWriter,
     topics: Vec<String>,
-    sender: Sender<Entry>,
+    sender: SyncSender<Entry>,
     entries: Receiver<Entry>,
     backlog: Arc<Backlog>,
 }
@@ -126,7 +126,7 @@ impl Recorder {
             WriterOptions { flush_after: Some(FLUSH), library: crate::WRITER.to_owned(), ..WriterOptions::default() };
         let writer = BagWriter::create(Path::new(&folder), options)
             .map_err(|e| NodeError::Other(format!("parameter `record`: {e}")))?;
-        let (sender, entries) = crossbeam_channel::bounded(WAITING_MESSAGES);
+        let (sender, entries) = sync_channel(WAITING_MESSAGES);
         let topics = parameters.get(RECORD_TOPICS);
         Ok(Some(Self { writer, topics, sender, entries, backlog: Arc::default() }))
     }
@@ -221,7 +221,7 @@ fn write_all(mut writer: BagWriter, entries: &Receiver<Entry>, backlog: &Backlog
 
 /// A recording that is under way.
 pub struct Recording {
-    sender: Sender<Entry>,
+    sender: SyncSender<Entry>,
     backlog: Arc<Backlog>,
     thread: JoinHandle<()>,
 }

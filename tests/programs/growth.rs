@@ -73,7 +73,7 @@ fn topics_of_a_bag() {
 
 #[test]
 fn targets_of_a_scene() {
-    grows("scene check, targets", 2500, |folder, targets| {
+    grows("scene check, targets", 1800, |folder, targets| {
         let mut text = shown(&[]);
         for target in 0..targets {
             let x = 0.01 * target as f64 / targets as f64;

@@ -187,10 +187,12 @@ impl Link {
         latch: bool,
         fill: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,
     ) -> Result<(), Unsent> {
-        let mut outbox = self.outbox();
-        let mut frame = std::mem::take(&mut outbox.frame);
+        // Others send meanwhile: a large message takes longer to write than a small one may wait.
+        let mut frame = std::mem::take(&mut self.outbox().frame);
         frame.clear();
-        let outcome = match head.frame(&mut frame, fill) {
+        let framed = head.frame(&mut frame, fill);
+        let mut outbox = self.outbox();
+        let outcome = match framed {
             Err(reason) => Err(Unsent::Unwritable(reason)),
             Ok(()) => {
                 if latch {

@@ -213,7 +213,10 @@ impl BagWriter {
             self.summary_bytes += bytes;
         }
         self.topics.push(topic);
-        self.write_metadata_yaml().map_err(|e| self.error(e.to_string()))?;
+        // with every chunk too: until then the topic is not on the disk
+        if self.topics.len().is_power_of_two() {
+            self.write_metadata_yaml().map_err(|e| self.error(e.to_string()))?;
+        }
         Ok(TopicId(self.topics.len() - 1))
     }
 

@@ -1,8 +1,7 @@
 //! The force thread: the one place through which a prediction leaves.
 
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
-
-use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
@@ -61,7 +60,7 @@ pub(super) fn run(
     let mut refusals = Throttle::new(SAID_AGAIN);
     let mut due = Instant::now();
     loop {
-        match events.recv_deadline(due) {
+        match events.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok(Event::Answer(answer)) => {
                 if answered(outputs, frame_id, shared, &mut comparator, &answer) {
                     said.pose = Some(answer.received);

@@ -2,9 +2,10 @@
 //! nothing that a peer does to it reaches the solver.
 
 use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, Sender};
+use crossbeam_channel::Receiver;
 
 use super::declared::{self, Settings};
 use super::force::ForceOutputs;
@@ -66,7 +67,7 @@ pub(super) struct Housekeeping {
 pub(super) struct Context {
     pub frame_id: String,
     pub inbox: Arc<Inbox>,
-    pub events: Sender<Event>,
+    pub events: SyncSender<Event>,
     pub force: Arc<ForceOutputs>,
     pub tissue: Arc<TissueOutputs>,
     pub models: Receiver<Option<Arc<Model>>>,
@@ -300,7 +301,7 @@ impl Housekeeping {
     }
 }
 
-fn tare(events: &Sender<Event>) -> TriggerResponse {
+fn tare(events: &SyncSender<Event>) -> TriggerResponse {
     let (reply, answer) = crossbeam_channel::bounded(1);
     let asked = events.try_send(Event::Tare(reply)).is_ok();
     let outcome = if asked { answer.recv_timeout(Duration::from_millis(500)).ok() } else { None };

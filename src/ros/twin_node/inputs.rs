@@ -1,9 +1,8 @@
 //! The input thread: takes what DDS delivers, refuses what can't be a pose, hands the newest pose to the solver.
 
 use std::collections::BTreeMap;
+use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
-
-use crossbeam_channel::Sender;
 
 use super::inbox::{Inbox, PoseInput, Where};
 use super::shared::{Reject, Shared};
@@ -52,7 +51,7 @@ pub(super) fn run(
     frame_id: &str,
     shared: &Shared,
     inbox: &Inbox,
-    events: &Sender<Event>,
+    events: &SyncSender<Event>,
     stop: &smol::channel::Receiver<()>,
 ) {
     let intake = std::cell::RefCell::new(Intake::new(frame_id, shared, inbox));

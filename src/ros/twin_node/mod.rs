@@ -31,7 +31,7 @@ mod tissue;
 mod warnings;
 
 use std::ffi::OsString;
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
 use clap::Parser;
@@ -60,7 +60,9 @@ use ros2_client::ParameterValue;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, join_before, spawn};
 
-/// Answers that may wait for the force thread, seconds at any sensible rate.
+/// Answers that may wait for the force thread, seconds at any sensible rate. The channel is the standard library's, whose
+/// receiver sleeps: that of crossbeam yields the processor a few times first, and comes back behind everybody else's time slice
+/// on a busy machine, a millisecond late (docs/lab/performance.md).
 const EVENTS: usize = 8192;
 /// When the node stops, a thread that is still busy (building a model) is abandoned after this.
 const LEAVING: Duration = Duration::from_millis(400);
@@ -185,7 +187,7 @@ impl Node {
         let Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared } = self;
         let doubles = parameters.get(declared::LOOK_AHEAD);
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
-        let (event_sender, events) = crossbeam_channel::bounded(EVENTS);
+        let (event_sender, events) = mpsc::sync_channel(EVENTS);
         let (snapshot_sender, snapshots) = crossbeam_channel::bounded(2);
         let (departure_sender, departures) = crossbeam_channel::bounded(2);
         let (built_sender, built) = crossbeam_channel::bounded(1);

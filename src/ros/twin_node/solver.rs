@@ -2,9 +2,10 @@
 
 use crate::scene::Word as _;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Instant;
 
-use crossbeam_channel::{Sender, TrySendError};
+use crossbeam_channel::Sender;
 
 use super::inbox::{Inbox, PoseInput, Where, Work};
 use super::look_ahead::{Departure, Double};
@@ -56,7 +57,7 @@ pub(super) type Built = Result<Box<Model>, String>;
 /// Whom the thread tells what.
 pub(super) struct Outlets {
     pub built: Sender<Built>,
-    pub events: Sender<Event>,
+    pub events: SyncSender<Event>,
     pub snapshots: Sender<Box<Snapshot>>,
     pub departures: Sender<Departure>,
 }
@@ -136,7 +137,7 @@ impl Solver {
         Ok((solver, model))
     }
 
-    fn take(&mut self, work: Work, events: &Sender<Event>, snapshots: &Sender<Box<Snapshot>>) {
+    fn take(&mut self, work: Work, events: &SyncSender<Event>, snapshots: &Sender<Box<Snapshot>>) {
         match work {
             Work::Pose(pose) => {
                 let event = self.answer(&pose);
@@ -232,7 +233,7 @@ impl Solver {
 }
 
 /// An answer never waits for the force thread; what it can't take is counted. The rare other events must get through.
-fn send(events: &Sender<Event>, event: Event) {
+fn send(events: &SyncSender<Event>, event: Event) {
     if matches!(event, Event::Answer(_) | Event::Refused { .. }) {
         if let Err(TrySendError::Full(_)) = events.try_send(event) {
             LOST_ANSWERS.fetch_add(1, Ordering::Relaxed);
