@@ -130,9 +130,10 @@ mod tests {
             assert_eq!((ordered.samples.len() as i64, ordered.strays as i64), (pairs + 1, pairs - 1));
             spent() - begun
         };
-        let few = spent(20_000);
-        let many = spent(160_000);
-        assert!(many < 24.0 * few, "{many} ns for eight times what took {few} ns");
+        let few = spent(40_000);
+        let many = spent(320_000);
+        // the system counts in steps of some milliseconds
+        assert!(many < 24.0 * (few + 1e7), "{many} ns for eight times what took {few} ns");
     }
 
     #[test]

@@ -25,7 +25,7 @@ fn spent(arguments: &[&str]) -> f64 {
     let child = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
         .args(arguments)
         .stdout(Stdio::null())
-        .stderr(Stdio::null())
+        .stderr(Stdio::inherit())
         .spawn()
         .unwrap();
     // SAFETY: both are ours, and a `rusage` of zeros is one.
@@ -68,7 +68,7 @@ fn bag(folder: &Path, topics: usize) -> String {
 #[test]
 fn topics_of_a_bag() {
     grows("bag info, topics", 8000, |folder, topics| words(&["bag", "info", &bag(folder, topics)]));
-    grows("bag check, topics", 8000, |folder, topics| words(&["bag", "check", &bag(folder, topics)]));
+    grows("bag check, topics", 500, |folder, topics| words(&["bag", "check", &bag(folder, topics)]));
 }
 
 #[test]
@@ -76,8 +76,7 @@ fn targets_of_a_scene() {
     grows("scene check, targets", 1800, |folder, targets| {
         let mut text = shown(&[]);
         for target in 0..targets {
-            let x = 0.01 * target as f64 / targets as f64;
-            writeln!(text, "[[targets]]\nname = \"t{target}\"\nposition_m = [{x:e}, 0.0, 0.005]").unwrap();
+            writeln!(text, "[[targets]]\nname = \"t{target}\"\nposition_m = [{target}e-7, 0.0, 0.005]").unwrap();
         }
         let file = folder.join("many.toml");
         std::fs::write(&file, text).unwrap();

@@ -3,6 +3,7 @@
 
 mod disk;
 mod divergence;
+mod forged;
 mod input;
 mod load_cell;
 mod overload;

@@ -11,13 +11,16 @@ use smol::channel::{Receiver, Sender};
 use super::uplink::Uplink;
 use super::wire::{Head, Kind, caller, caller_of};
 use crate::raw::RawCdr;
+use crate::throttle::Throttle;
 
 /// Time between two looks for answers, which nobody waits for in a hurry.
 const ANSWERS: Duration = Duration::from_millis(20);
 /// Answers and calls that may wait.
 pub(super) const ORDERS: usize = 1024;
-/// An answer waits so long for its caller's reader to be discovered.
-const PATIENCE: Duration = Duration::from_secs(1);
+/// An answer waits so long for its caller's reader to be discovered: on a busy machine, discovery takes seconds.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Time between two lines on answers that nobody reads.
+const COMPLAINTS: Duration = Duration::from_secs(10);
 
 /// An answer or a call on its way to the network.
 pub(super) struct Order {
@@ -43,7 +46,8 @@ pub(super) fn reply_topic(service: &str) -> String {
 /// who reads its answer. What is written by then is lost, since answers are volatile, so it waits, as it does in the
 /// middlewares of ROS.
 pub(super) struct ReplyReaders {
-    /// Each with its topic, and whether the writer of that topic is matched with it.
+    /// Each with its topic, "" until discovery has told it, and whether a writer of the node is matched with it. Of the two the
+    /// match may be told first.
     known: RefCell<BTreeMap<GUID, (String, bool)>>,
     news: (Sender<()>, Receiver<()>),
 }
@@ -58,16 +62,14 @@ impl ReplyReaders {
     /// Discovery tells of a reader. Its writer is matched a moment later, and what is written in between is lost.
     pub fn detected(&self, reader: GUID, topic: &str) {
         if topic.starts_with("rr/") {
-            self.known.borrow_mut().entry(reader).or_insert_with(|| (topic.to_owned(), false));
+            topic.clone_into(&mut self.known.borrow_mut().entry(reader).or_default().0);
         }
     }
 
     /// A writer of the node is matched with a reader. What waits goes at the next look and not at once: the reader's side
     /// tells of it a moment before it takes anything (Cyclone DDS).
     pub fn matched(&self, reader: GUID) {
-        if let Some((_, matched)) = self.known.borrow_mut().get_mut(&reader) {
-            *matched = true;
-        }
+        self.known.borrow_mut().entry(reader).or_default().1 = true;
     }
 
     pub fn forget(&self, gone: impl Fn(GUID) -> bool) {
@@ -126,6 +128,7 @@ pub(super) async fn obey(
             || served.is_none_or(|s| readers.has(GUID::from_bytes(caller_of(&order.head.stamp).0), &s.replies))
     };
     let mut waiting: VecDeque<(Instant, Order)> = VecDeque::new();
+    let mut unread = Throttle::new(COMPLAINTS);
     loop {
         let order = async { Some(orders.recv().await) };
         let news = async {
@@ -142,6 +145,11 @@ pub(super) async fn obey(
         waiting.retain_mut(|(since, order)| {
             let waits = surplus == 0 && since.elapsed() < PATIENCE && !may_go(order);
             surplus = surplus.saturating_sub(1);
+            if since.elapsed() >= PATIENCE && !may_go(order) && unread.pass().is_some() {
+                let text =
+                    "an answer of a service has found no reader, and is lost: its caller has gone, or does not listen";
+                uplink.log(log::Level::Warn, text);
+            }
             if !waits && !send(order, servers, clients) {
                 uplink.log(log::Level::Warn, "a call or an answer of a service could not be sent");
             }
@@ -158,5 +166,30 @@ fn send(order: &mut Order, servers: &[Served], clients: &[(u16, Client<RawCdr, R
         servers.iter().find(|s| s.number == head.endpoint).is_some_and(|s| s.server.send_response(id, raw).is_ok())
     } else {
         clients.iter().find(|c| c.0 == head.endpoint).is_some_and(|c| c.1.send_request(raw).is_ok())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reader_that_is_matched_before_it_is_known_is_known() {
+        let reader = |n: u8| GUID::from_bytes([n; 16]);
+        for matched_first in [true, false] {
+            let readers = ReplyReaders::default();
+            let has = || readers.has(reader(1), "rr/twin/resetReply");
+            if matched_first {
+                readers.matched(reader(1));
+            }
+            readers.detected(reader(1), "rr/twin/resetReply");
+            assert_eq!(has(), matched_first);
+            readers.matched(reader(1));
+            assert!(
+                has() && !readers.has(reader(1), "rr/twin/tareReply") && !readers.has(reader(2), "rr/twin/resetReply")
+            );
+            readers.forget(|guid| guid == reader(1));
+            assert!(!has());
+        }
     }
 }

@@ -1,8 +1,10 @@
-//! The newest pose, handed from the input thread to the solver thread.
+//! The newest poses, handed from the input thread to the solver thread.
 //!
-//! There is one place for a pose: a newer one replaces one that has not been begun, so the twin can never fall further
-//! behind than one pose. What was replaced is counted, never lost silently.
+//! There is room for one pose, or for a burst of as many as the solver answers within two milliseconds: a newer one replaces the
+//! oldest that has not been begun, so the twin can never fall further behind than that. What was replaced is counted, never lost
+//! silently.
 
+use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -58,7 +60,10 @@ pub(super) struct Handoff {
 
 #[derive(Default)]
 struct State {
-    pose: Option<PoseInput>,
+    /// The oldest first.
+    poses: VecDeque<PoseInput>,
+    /// Poses that there is room for; one at least.
+    room: usize,
     snapshot: Option<Box<Snapshot>>,
     look_ahead: bool,
     back: Option<Box<Double>>,
@@ -90,7 +95,11 @@ impl Inbox {
 
     pub fn put_pose(&self, pose: PoseInput) -> Handoff {
         let mut state = self.lock();
-        let coalesced = state.pose.replace(pose).is_some();
+        let coalesced = state.poses.len() >= state.room.max(1);
+        if coalesced {
+            state.poses.pop_front();
+        }
+        state.poses.push_back(pose);
         let missed = state.answering && !state.missed;
         state.missed |= missed;
         drop(state);
@@ -120,7 +129,7 @@ impl Inbox {
     pub fn reset(&self, reason: &'static str) {
         let mut state = self.lock();
         state.reset = Some(reason);
-        state.pose = None;
+        state.poses.clear();
         drop(state);
         self.wake.notify_one();
     }
@@ -135,7 +144,7 @@ impl Inbox {
     pub fn discard(&self) {
         let mut state = self.lock();
         state.discard = true;
-        state.pose = None;
+        state.poses.clear();
         drop(state);
         self.wake.notify_one();
     }
@@ -149,12 +158,13 @@ impl Inbox {
     /// there is nothing to do, and while a model is built, which may take as long as it takes.
     pub fn at_work(&self) -> Option<u64> {
         let state = self.lock();
-        (state.at_work || (state.pose.is_some() && !state.building)).then_some(state.given)
+        (state.at_work || (!state.poses.is_empty() && !state.building)).then_some(state.given)
     }
 
-    /// Waits for work. A wish for a snapshot or a look ahead waits for two poses at most.
-    pub fn next(&self) -> Work {
+    /// Waits for work. A wish for a snapshot or a look ahead waits for two poses at most. `room`: for so many poses from now on.
+    pub fn next(&self, room: usize) -> Work {
         let mut state = self.lock();
+        state.room = room;
         state.answering = false;
         state.missed = false;
         state.at_work = false;
@@ -187,7 +197,7 @@ fn take(state: &mut State) -> Option<Work> {
     if let Some(double) = state.back.take() {
         return Some(Work::Back(double));
     }
-    if std::mem::take(&mut state.wish_turn) || state.pose.is_none() {
+    if std::mem::take(&mut state.wish_turn) || state.poses.is_empty() {
         if std::mem::take(&mut state.look_ahead) {
             return Some(Work::LookAhead);
         }
@@ -195,7 +205,7 @@ fn take(state: &mut State) -> Option<Work> {
             return Some(Work::Snapshot(snapshot));
         }
     }
-    let pose = state.pose.take()?;
+    let pose = state.poses.pop_front()?;
     state.answering = true;
     state.wish_turn = true;
     Some(Work::Pose(pose))
@@ -215,12 +225,25 @@ mod tests {
         let inbox = Inbox::default();
         assert_eq!(inbox.put_pose(pose(1.0)), Handoff::default());
         assert_eq!(inbox.put_pose(pose(2.0)), Handoff { coalesced: true, missed: false });
-        let Work::Pose(first) = inbox.next() else { panic!("a pose was put") };
+        let Work::Pose(first) = inbox.next(1) else { panic!("a pose was put") };
         assert_eq!(first.place, Where::Depth(2.0));
         assert_eq!(inbox.put_pose(pose(3.0)), Handoff { coalesced: false, missed: true });
         assert_eq!(inbox.put_pose(pose(4.0)), Handoff { coalesced: true, missed: false });
-        let Work::Pose(second) = inbox.next() else { panic!("a pose was put") };
+        let Work::Pose(second) = inbox.next(1) else { panic!("a pose was put") };
         assert_eq!(second.place, Where::Depth(4.0));
+    }
+
+    #[test]
+    fn a_burst_is_answered_pose_by_pose_as_far_as_there_is_room() {
+        let inbox = Inbox::default();
+        inbox.put_snapshot(Box::default());
+        assert!(matches!(inbox.next(3), Work::Snapshot(_)));
+        let coalesced: Vec<bool> = (1..=5).map(|i| inbox.put_pose(pose(f64::from(i))).coalesced).collect();
+        assert_eq!(coalesced, [false, false, false, true, true]);
+        for depth in [3.0, 4.0, 5.0] {
+            let Work::Pose(next) = inbox.next(3) else { panic!("a pose was put") };
+            assert_eq!(next.place, Where::Depth(depth));
+        }
     }
 
     #[test]
@@ -228,9 +251,9 @@ mod tests {
         let inbox = Inbox::default();
         inbox.put_pose(pose(1.0));
         inbox.reset("test");
-        assert!(matches!(inbox.next(), Work::Reset("test")));
+        assert!(matches!(inbox.next(1), Work::Reset("test")));
         inbox.stop();
-        assert!(matches!(inbox.next(), Work::Stop));
+        assert!(matches!(inbox.next(1), Work::Stop));
     }
 
     #[test]
@@ -238,9 +261,9 @@ mod tests {
         let inbox = Inbox::default();
         inbox.put_snapshot(Box::default());
         inbox.put_pose(pose(1.0));
-        assert!(matches!(inbox.next(), Work::Pose(_)));
+        assert!(matches!(inbox.next(1), Work::Pose(_)));
         inbox.put_pose(pose(2.0));
-        assert!(matches!(inbox.next(), Work::Snapshot(_)));
-        assert!(matches!(inbox.next(), Work::Pose(_)));
+        assert!(matches!(inbox.next(1), Work::Snapshot(_)));
+        assert!(matches!(inbox.next(1), Work::Pose(_)));
     }
 }

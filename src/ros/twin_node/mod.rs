@@ -1,7 +1,7 @@
 //! The twin as a ROS 2 node.
 //!
 //! ```text
-//! input thread ──newest pose──► solver thread ──answers──► force thread ──► predicted_cf, comparison
+//! input thread ──newest poses─► solver thread ──answers──► force thread ──► predicted_cf, comparison
 //!                                    │
 //!                                    ├──snapshots──► tissue thread ──► tissue_state, tissue_points, ...
 //!                                    └──a double───► look-ahead thread ──► answers of ~/look_ahead

@@ -68,7 +68,8 @@ pub(super) fn run(scene: &Scene, look_ahead: bool, inbox: &Inbox, outlets: &Outl
     let mut solver: Option<Solver> = None;
     let mut generation = 0;
     loop {
-        match (inbox.next(), &mut solver) {
+        let room = solver.as_ref().map_or(1, Solver::room);
+        match (inbox.next(room), &mut solver) {
             (Work::Build, _) => {
                 generation += 1;
                 let outcome = Solver::build(scene, look_ahead.then_some(generation)).map(|(ready, model)| {
@@ -111,6 +112,8 @@ struct Solver {
     halted: bool,
     /// Wall time of one explicit step of late, s.
     step_s: f64,
+    /// Wall time of one answer of late, s.
+    answer_s: f64,
     /// The last pose that was answered.
     pose: Option<StampedPose>,
     /// At home, unless somebody looks ahead with it.
@@ -120,6 +123,10 @@ struct Solver {
 /// Wall time that one pose may cost, s: an answer older than this is of no use to a driver, so a twin that can't keep
 /// up takes fewer steps and skips to the newest pose.
 const ANSWER_BUDGET_S: f64 = 0.010;
+/// Wall time that the answers to a burst of poses may cost together, s: two poses of a kilohertz.
+const BURST_S: f64 = 0.002;
+/// Most poses of a burst.
+const BURST: f64 = 32.0;
 
 impl Solver {
     fn build(scene: &Scene, double: Option<u64>) -> Result<(Self, Model), String> {
@@ -132,8 +139,17 @@ impl Solver {
         let double = double.map(|generation| {
             Box::new(Double { twin: twin.double(), from: None, stamp, depth_m: 0.0, step_s: 0.0, generation })
         });
-        let solver =
-            Self { twin, origin_nanos: None, stamp, depth_m: 0.0, halted: false, step_s: 0.0, pose: None, double };
+        let solver = Self {
+            twin,
+            origin_nanos: None,
+            stamp,
+            depth_m: 0.0,
+            halted: false,
+            step_s: 0.0,
+            answer_s: BURST_S,
+            pose: None,
+            double,
+        };
         Ok((solver, model))
     }
 
@@ -179,6 +195,12 @@ impl Solver {
         Ok(double)
     }
 
+    /// Poses that can be answered within [`BURST_S`].
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
+    fn room(&self) -> usize {
+        (BURST_S / self.answer_s).clamp(1.0, BURST) as usize
+    }
+
     fn depth(&self, input: &PoseInput) -> f64 {
         match input.place {
             Where::Depth(depth) => depth,
@@ -198,6 +220,7 @@ impl Solver {
         let stamped = StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose };
         let outcome = self.twin.follow(stamped);
         let done = Instant::now();
+        self.answer_s += 0.2 * ((done - begun).as_secs_f64() - self.answer_s);
         if let Ok(prediction) = &outcome
             && prediction.steps > 0
         {

@@ -67,7 +67,7 @@ fn an_answer_waits_for_its_reader() {
     let node = coarse_twin(domain, &[], &[]);
     let mut peer = Peer::start(domain);
     let early =
-        json!({"op": "call_early", "service": "/twin/reset", "type": "std_srvs/srv/Trigger", "reader_after_s": 0.3});
+        json!({"op": "call_early", "service": "/twin/reset", "type": "std_srvs/srv/Trigger", "reader_after_s": 3.0});
     assert_eq!(peer.ask(early)["response"]["success"], true);
     // One that never reads its answer keeps nobody else waiting.
     let deaf = json!({"op": "garble", "dds_topic": "rq/twin/resetRequest", "bodies": ["00".repeat(17)], "times": 50,

@@ -69,8 +69,8 @@ fn order_is_kept_and_a_jump_back_resets() {
         std::thread::sleep(Duration::from_millis(100));
     }
     assert_eq!(counts(&shared.lock()), (10, 5), "the first poses of the new time are not lost");
-    assert!(matches!(inbox.next(), Work::Reset(_)));
-    assert!(matches!(inbox.next(), Work::Pose(p) if p.place == Where::Depth(0.002)));
+    assert!(matches!(inbox.next(1), Work::Reset(_)));
+    assert!(matches!(inbox.next(1), Work::Pose(p) if p.place == Where::Depth(0.002)));
 }
 
 /// What the live node makes of a message: where the pose is, or the words of the refusal.
@@ -85,7 +85,7 @@ fn live(message: &Message) -> Result<Where, String> {
         }
     });
     if shared.lock().rejected == 0 {
-        let Work::Pose(pose) = inbox.next() else { panic!("a pose was taken") };
+        let Work::Pose(pose) = inbox.next(1) else { panic!("a pose was taken") };
         return Ok(pose.place);
     }
     let words = words.0.lock().unwrap();
