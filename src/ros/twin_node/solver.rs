@@ -123,15 +123,21 @@ struct Solver {
 /// Wall time that one pose may cost, s: an answer older than this is of no use to a driver, so a twin that can't keep
 /// up takes fewer steps and skips to the newest pose.
 const ANSWER_BUDGET_S: f64 = 0.010;
+/// Wall time of one explicit step per integration point, s, until it is known: twice that of a slow machine. A first pose deep inside,
+/// which is walked to in dozens of strides, must not cost more than a node may be silent.
+const POINT_S: f64 = 2e-7;
 /// Wall time that the answers to a burst of poses may cost together, s: two poses of a kilohertz.
 const BURST_S: f64 = 0.002;
 /// Most poses of a burst.
 const BURST: f64 = 32.0;
 
 impl Solver {
+    #[allow(clippy::cast_precision_loss)] // a number of points
     fn build(scene: &Scene, double: Option<u64>) -> Result<(Self, Model), String> {
         let begun = Instant::now();
-        let twin = Twin::new(scene).map_err(|error| error.to_string())?;
+        let mut twin = Twin::new(scene).map_err(|error| error.to_string())?;
+        let step_s = POINT_S * twin.integration_points() as f64;
+        twin.limit_steps(affordable(step_s));
         twin.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
         tracing::info!("the model is {}: {}", twin.dimension().as_str(), twin.dimension_because());
         let model = Model::of(&twin, begun.elapsed());
@@ -145,7 +151,7 @@ impl Solver {
             stamp,
             depth_m: 0.0,
             halted: false,
-            step_s: 0.0,
+            step_s,
             answer_s: BURST_S,
             pose: None,
             double,
@@ -226,8 +232,7 @@ impl Solver {
         {
             let step_s = (done - begun).as_secs_f64() / f64::from(prediction.steps);
             self.step_s += 0.2 * (step_s - self.step_s);
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-            self.twin.limit_steps((ANSWER_BUDGET_S / self.step_s) as u32);
+            self.twin.limit_steps(affordable(self.step_s));
         }
         match outcome {
             Ok(prediction) => {
@@ -253,6 +258,12 @@ impl Solver {
             }
         }
     }
+}
+
+/// Steps that one pose may cost.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+fn affordable(step_s: f64) -> u32 {
+    (ANSWER_BUDGET_S / step_s) as u32
 }
 
 /// An answer never waits for the force thread; what it can't take is counted. The rare other events must get through.

@@ -1,4 +1,4 @@
-//! A needle beside the axis of its sample whose solution is lost: the node says so and goes on.
+//! Poses that cost the solver most, in three dimensions: a solution that is lost beside the axis, and a needle that is deep inside at first.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::time::{Duration, Instant};
@@ -60,4 +60,26 @@ fn a_solution_that_is_lost_beside_the_axis_is_said_and_a_reset_brings_it_back() 
     let (code, log, _) = node.stop("INT");
     assert_eq!(code, Some(0), "{log}");
     assert!(log.contains("predicted_cf stops: the solution diverged"), "{log}");
+}
+
+/// Every stride of the way there once took 2000 steps, and the node ended after 10 s without an answer.
+#[test]
+fn a_first_pose_deep_inside_is_answered() {
+    let domain = free_domain();
+    let deep = ["-p", "discretisation.dimension:=full", "-p", "look_ahead:=false", "-p", "solver_timeout_s:=60.0"];
+    let node = Program::start(TWIN, &[&["--scene", "needle_insertion", "--ros-args"], &deep[..]].concat(), domain, &[]);
+    let mut peer = Peer::start(domain);
+    peer.connect();
+    let begun = Instant::now();
+    loop {
+        let seen = peer.ask(json!({"op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 40,
+            "rate_hz": 20.0, "from_m": 9e-3, "depth_m": 9e-3, "answers": "/predicted_cf"}));
+        if seen["answered"].as_u64().unwrap() > 0 {
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(55), "{}", peer.status());
+    }
+    println!("answered within {:.1} s", begun.elapsed().as_secs_f64());
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
 }
