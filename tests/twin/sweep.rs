@@ -167,6 +167,7 @@ fn sweep(count: u32, from: u32, seed: u64) -> Vec<String> {
             Ok(outcome) => outcome,
             Err(e) => {
                 wrong.push(format!("{i}: {changes:?}: {e} (a hang, or a panic)"));
+                wrong.last().iter().for_each(|wrong| println!("{wrong}"));
                 continue;
             }
         };
