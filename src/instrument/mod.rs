@@ -1,15 +1,16 @@
 //! Plate, indenter and needle: from a pose to prescribed displacements.
 
-mod bonded;
 mod capture;
 mod needle;
 mod phase;
+mod press;
 mod puncture;
 pub mod reading;
+pub mod surface;
 
-pub use bonded::Bonded;
 pub use needle::{Insertion, NeedlePath};
 pub use phase::{Event, Phase};
+pub use press::Press;
 
 use crate::scene::{Instrument, InstrumentKind};
 use mtled::cloud::{Axis, BASE, TOP};
@@ -18,8 +19,8 @@ use mtled::solver::Solver;
 /// An instrument in contact with a solver's nodes.
 #[derive(Clone, Debug)]
 pub enum Contact {
-    /// Plate or indenter, bonded to the top face.
-    Bonded(Bonded),
+    /// Plate or indenter.
+    Press(Press),
     /// Kinematic needle.
     Needle(Box<NeedlePath>),
 }
@@ -51,7 +52,7 @@ impl Contact {
         let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: instrument.slope() };
         let radius = match &instrument.kind {
             InstrumentKind::Plate => f64::INFINITY,
-            InstrumentKind::Indenter { diameter } => 0.5 * diameter.get(),
+            InstrumentKind::Indenter { diameter, .. } => 0.5 * diameter.get(),
             InstrumentKind::Needle(n) => n.capture_radius.get(),
         };
         let on_top = !matches!(instrument.kind, InstrumentKind::Needle(_));
@@ -65,7 +66,7 @@ impl Contact {
     /// Prescribes the nodes for a tip and returns the phase and what happened.
     pub fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
         match self {
-            Self::Bonded(b) => (b.impose(tip, solver), None),
+            Self::Press(p) => (p.impose(tip, solver), None),
             Self::Needle(n) => n.impose(tip, solver),
         }
     }
@@ -88,7 +89,7 @@ impl Contact {
     /// Back to before the first contact.
     pub fn reset(&mut self, solver: &mut Solver) {
         match self {
-            Self::Bonded(b) => b.reset(solver),
+            Self::Press(p) => p.reset(solver),
             Self::Needle(n) => n.reset(solver),
         }
     }

@@ -260,7 +260,7 @@ fn instrument(instrument: &Instrument, points: &[[f64; 3]]) -> Value {
     let across = || points.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
     let (kind, radius) = match instrument.kind {
         InstrumentKind::Plate => ("plate", across()),
-        InstrumentKind::Indenter { diameter } => ("indenter", 0.5 * diameter.get()),
+        InstrumentKind::Indenter { diameter, .. } => ("indenter", 0.5 * diameter.get()),
         InstrumentKind::Needle(needle) => ("needle", 0.5 * needle.diameter.get()),
     };
     json!({ "kind": kind, "radius": radius, "x": instrument.entry[0].get(), "y": instrument.entry[1].get() })

@@ -89,7 +89,7 @@ impl Check<'_> {
         let Some(instrument) = self.scene.instrument else { return Ok(()) };
         match instrument.kind {
             InstrumentKind::Plate => Ok(()),
-            InstrumentKind::Indenter { diameter } => {
+            InstrumentKind::Indenter { diameter, .. } => {
                 self.within_top_face("instrument.diameter_m", &instrument, 0.5 * diameter.get())
             }
             InstrumentKind::Needle(needle) => {

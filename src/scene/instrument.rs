@@ -5,7 +5,11 @@ use super::values::Values;
 use super::{Key, Metres, Radians, Range, SceneError};
 
 const LENGTH: Range = Range::above(0.0, 10.0);
+/// Coefficients of friction; from about 10 on hardly anything slides.
+pub(super) const FRICTION: Range = Range::closed(0.0, 100.0);
 const SHARE: Range = Range::closed(0.0, 1.0);
+/// What a plate or an indenter has, and a needle doesn't.
+const PRESSING: [&str; 2] = ["plate", "indenter"];
 const DIAMETER: Key = Key::real("instrument.diameter_m", LENGTH, "m");
 /// A plate covers the whole face: it has no entry point.
 const WITH_ENTRY: [&str; 2] = ["indenter", "needle"];
@@ -17,6 +21,8 @@ pub struct Instrument {
     pub kind: InstrumentKind,
     /// Where the instrument's axis meets the top face: x, y in frame `sample`; zero for a plate.
     pub entry: [Metres; 2],
+    /// How the tissue meets a plate or indenter; bonded for a needle.
+    pub contact: ContactLaw,
 }
 
 choice! {
@@ -25,12 +31,16 @@ choice! {
     pub enum InstrumentKind = Key::word("instrument.kind", InstrumentKind::WORDS)
         .described("What meets the top face.")
     => {
-        /// Covers and sticks to the whole top face.
+        /// Covers the whole top face.
         "plate" => Plate,
-        /// Flat disc that sticks to the top face.
+        /// Upright cylinder that presses on the top face.
         "indenter" => Indenter {
             /// Diameter of the indenter's face or the needle's shaft.
             diameter: Metres = DIAMETER,
+            /// Lower end of the indenter: flat, or a half ball of the same diameter.
+            tip: IndenterTip = Key::word("instrument.tip", <IndenterTip as super::Word>::WORDS).or("flat"),
+            /// Whether free tissue is kept outside the side wall of a bonded indenter; in contact without a bond it always is.
+            wall_contact: bool = Key::boolean("instrument.wall_contact").or("true"),
         },
         /// Kinematic needle of the source paper.
         "needle" => Needle(needle: Needle),
@@ -64,6 +74,26 @@ section! {
     }
 }
 
+choice! {
+    /// How the tissue meets a plate or indenter (`instrument.contact`).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub enum ContactLaw = Key::word("instrument.contact", ContactLaw::WORDS)
+        .described("How the tissue meets the instrument: it sticks to it, slides freely, or sticks up to Coulomb's limit.")
+        .or("bonded")
+        .only("instrument.kind", &PRESSING)
+    => {
+        /// The face sticks; to a half ball tissue sticks wherever it is pressed on.
+        "bonded" => Bonded,
+        /// Pressure only.
+        "frictionless" => Frictionless,
+        /// Friction up to a share of the pressure.
+        "coulomb" => Coulomb {
+            /// mu: largest friction over pressure between tissue and instrument.
+            friction_coefficient: f64 = Key::real("instrument.friction_coefficient", FRICTION, ""),
+        },
+    }
+}
+
 section! {
     /// Entry point of whatever doesn't cover the whole face.
     struct Entry when |values| values.word("instrument.kind").is_some_and(|kind| WITH_ENTRY.contains(&kind.as_str())) => {
@@ -80,7 +110,7 @@ fn entry(path: &'static str) -> Key {
 
 impl Section for Instrument {
     fn keys() -> Vec<Key> {
-        [InstrumentKind::keys(), Entry::keys()].concat()
+        [InstrumentKind::keys(), ContactLaw::keys(), Entry::keys()].concat()
     }
 
     fn applies(values: &Values) -> bool {
@@ -90,11 +120,16 @@ impl Section for Instrument {
     fn read(values: &Values, scope: Scope<'_>) -> Result<Self, SceneError> {
         let kind = InstrumentKind::read(values, scope)?;
         let entry = Option::<Entry>::read(values, scope)?;
-        Ok(Self { kind, entry: entry.map_or([Metres(0.0); 2], |Entry { x, y }| [x, y]) })
+        let pressing = PRESSING.contains(&kind.as_str());
+        let contact = if pressing { ContactLaw::read(values, scope)? } else { ContactLaw::Bonded };
+        Ok(Self { kind, entry: entry.map_or([Metres(0.0); 2], |Entry { x, y }| [x, y]), contact })
     }
 
     fn write(&self, values: &mut Values, scope: Scope<'_>) {
         self.kind.write(values, scope);
+        if PRESSING.contains(&self.kind.as_str()) {
+            self.contact.write(values, scope);
+        }
         if WITH_ENTRY.contains(&self.kind.as_str()) {
             let [x, y] = self.entry;
             Entry { x, y }.write(values, scope);
@@ -121,6 +156,15 @@ impl Instrument {
             InstrumentKind::Plate | InstrumentKind::Indenter { .. } => [0.0; 2],
         }
     }
+}
+
+/// Lower end of an indenter (`instrument.tip`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IndenterTip {
+    /// Flat.
+    Flat,
+    /// Half ball.
+    Sphere,
 }
 
 /// What the deformation coefficient multiplies (`instrument.deformation_rule`; `docs/method.md`).

@@ -1,5 +1,6 @@
 //! `[sample]`: the tissue sample's geometry.
 
+use super::instrument::FRICTION;
 use super::section::{choice, section};
 use super::{Key, Metres, Range};
 
@@ -12,6 +13,8 @@ section! {
     pub struct Sample => {
         /// Shape and size.
         shape: Shape,
+        /// What holds the base.
+        base: Base,
     }
 }
 
@@ -40,6 +43,25 @@ choice! {
         },
         /// A tetrahedral mesh from a file, in the file's own frame, z up.
         "mesh" => Mesh(mesh: MeshFile),
+    }
+}
+
+choice! {
+    /// How the sample stands on its base (`sample.base`).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub enum Base = Key::word("sample.base", Base::WORDS)
+        .described("How the sample stands on the table: it sticks to it, slides freely, or sticks up to Coulomb's limit.")
+        .or("bonded")
+    => {
+        /// The base is held.
+        "bonded" => Bonded,
+        /// The table pushes, and nothing holds the base sideways.
+        "frictionless" => Frictionless,
+        /// Friction up to a share of the pressure.
+        "coulomb" => Coulomb {
+            /// mu: largest friction over pressure between tissue and table.
+            base_friction_coefficient: f64 = Key::real("sample.base_friction_coefficient", FRICTION, ""),
+        },
     }
 }
 

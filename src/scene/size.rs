@@ -130,7 +130,7 @@ impl Scene {
         let length_times_angle = match self.instrument.map(|i| i.kind) {
             None => 0.0,
             Some(InstrumentKind::Plate) => 2.0 * perimeter * PI / 2.0,
-            Some(InstrumentKind::Indenter { diameter }) => PI * diameter.get() * PI,
+            Some(InstrumentKind::Indenter { diameter, .. }) => PI * diameter.get() * PI,
             Some(InstrumentKind::Needle(_)) => self.height() * 2.0 * PI,
         };
         let edge = grading.edge_refinement * grading.spacing.get();

@@ -3,7 +3,7 @@
 use mtled::material::Volumetric;
 use mtled::solver::{Precision, VolumeRatio};
 
-use super::{DeformationRule, Dimension, Method};
+use super::{DeformationRule, Dimension, IndenterTip, Method};
 
 /// A choice that a scene file makes by a word.
 pub trait Word: Sized + Copy {
@@ -42,6 +42,7 @@ macro_rules! words {
 }
 
 words!(Volumetric: Quadratic = "quadratic", Logarithmic = "logarithmic");
+words!(IndenterTip: Flat = "flat", Sphere = "sphere");
 words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Full = "full");

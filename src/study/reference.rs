@@ -35,7 +35,12 @@ const OUTERMOST_M: f64 = 0.0145;
 /// (depth in m, force in N) of a preset, by rising depth; `None` for a scene without a reference.
 #[must_use]
 pub fn force(preset: &str) -> Option<Vec<(f64, f64)>> {
-    Some(csv::read(force_table(preset)?).filter_map(Result::ok).map(|p: ForcePoint| (p.depth_m, p.force_n)).collect())
+    Some(
+        csv::read(force_table(preset)?)
+            .filter_map(Result::ok)
+            .map(|p: ForcePoint| (p.depth_m, p.walled_n.unwrap_or(p.force_n)))
+            .collect(),
+    )
 }
 
 /// A line of a force table.
@@ -45,6 +50,9 @@ struct ForcePoint {
     depth_m: f64,
     #[serde(rename = "force_N")]
     force_n: f64,
+    /// With the tissue kept outside the wall of the indenter, as the preset keeps it.
+    #[serde(rename = "force_with_indenter_side_contact_N")]
+    walled_n: Option<f64>,
     #[serde(rename = "uncertainty_N")]
     uncertainty_n: f64,
 }

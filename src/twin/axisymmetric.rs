@@ -1,14 +1,15 @@
 //! The half-plane model of a scene with symmetry of revolution: cloud, shape table, solver, contact, and the body that
 //! it sweeps.
 
-use crate::instrument::{Bonded, Contact, NeedlePath};
+use crate::instrument::{Contact, NeedlePath};
 use crate::scene::{Instrument, InstrumentKind, Scene, Shape};
 use mtled::approximation::ShapeTable;
 use mtled::approximation::axisymmetric::AxisymmetricApproximation;
-use mtled::cloud::{self, BASE, Domain, Meridian, Revolved, revolve};
+use mtled::cloud::{self, Domain, Meridian, Revolved, revolve};
+use mtled::solver::Role;
 
 use super::body::Layout;
-use super::build::{Built, roles, settings, solver};
+use super::build::{Built, interpolating, press, roles, settings, solver, surfaces};
 use super::tissue::{Cells, Fields, Tissue};
 use super::{BuildError, regions};
 
@@ -33,7 +34,8 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
         .map_or_else(Vec::new, |i| Contact::nodes(&plane.points, &plane.faces, height.get(), i));
     let region = regions::of_cells(scene, height.get(), &plane.points, &plane.triangles, &[], &[]);
     let material = regions::materials(scene, &region);
-    let mut approximation = approximation(scene, &plane, &held);
+    let mut roles = roles(scene, &plane.faces, &held);
+    let mut approximation = approximation(scene, &plane, &held, &roles);
     if !material.is_empty() {
         approximation = approximation.with_regions(&material);
     }
@@ -41,10 +43,10 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
     let table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
     let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
     let contact = scene.instrument.as_ref().map(|i| contact(i, &plane, height.get(), &held, &layout, &table));
-    let mut roles = roles(scene, &plane.faces, &held);
     regions::hold_rigid(scene, &plane.triangles, &material, &mut roles);
+    let surfaces = surfaces(scene, &plane.points, &plane.faces, [0.0, height.get()]);
     Ok(Built {
-        solver: solver(scene, &cells, &plane.points, roles, &table),
+        solver: solver(scene, &cells, &plane.points, roles, &table, surfaces),
         contact,
         top: height.get(),
         height: height.get(),
@@ -71,9 +73,8 @@ fn cloud_error(e: cloud::CloudError) -> BuildError {
     BuildError::Cloud(e.to_string())
 }
 
-fn approximation(scene: &Scene, plane: &Meridian, held: &[u32]) -> AxisymmetricApproximation {
-    let mut interpolating: Vec<bool> = plane.faces.iter().map(|f| f & BASE != 0).collect();
-    held.iter().for_each(|&n| interpolating[n as usize] = true);
+fn approximation(scene: &Scene, plane: &Meridian, held: &[u32], roles: &[Role]) -> AxisymmetricApproximation {
+    let interpolating = interpolating(roles, held);
     let approximation =
         AxisymmetricApproximation::new(&plane.points, &plane.triangles, &interpolating, settings(scene));
     match scene.instrument.map(|i| i.kind) {
@@ -91,7 +92,7 @@ fn contact(
     table: &ShapeTable,
 ) -> Contact {
     let InstrumentKind::Needle(needle) = &instrument.kind else {
-        return Contact::Bonded(Bonded::new(held.to_vec()));
+        return press(instrument, held);
     };
     let triangle = |p: usize| plane.triangles[table.cell[p] as usize];
     let near = |p: &u32| {

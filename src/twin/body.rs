@@ -1,7 +1,7 @@
 //! The body of a scene: its cloud, and where the instrument meets it.
 
-use crate::instrument::Contact;
-use crate::scene::{Grading, InstrumentKind, Metres, Scene, Shape};
+use crate::instrument::{Contact, surface};
+use crate::scene::{Grading, IndenterTip, InstrumentKind, Metres, Scene, Shape};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Spacing};
 
 use super::{BuildError, mesh, regions};
@@ -13,8 +13,14 @@ const PATH_MARGIN: f64 = 1.0;
 pub const PATH_SPACING: f64 = 0.5;
 /// A contact ring has at least this many nodes along its radius's worth of arc.
 const RING_SPACING: f64 = 0.15;
+/// Largest spacing under a rounded tip over the radius of the contact: the edge of contact lies between two nodes.
+const PATCH_SPACING: f64 = 0.08;
 /// Spacing at an edge of contact in a half plane over that in space.
 const POINT_REFINEMENT: f64 = 0.5;
+/// The same at the edge of a flat indenter with a wall, and the largest growth of the spacing round it: tissue that the edge draws
+/// along the wall is stretched several times (`docs/lab/contact.md` has what was measured).
+const WALL_REFINEMENT: f64 = 0.125;
+const WALL_GROWTH: f64 = 0.15;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
@@ -85,7 +91,11 @@ impl Layout {
 
     /// Spacing in the half plane, where an edge of contact is a point: twice as fine costs next to nothing there.
     pub fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
-        Self::refined(scene, domain, grading, POINT_REFINEMENT)
+        let walled = scene.instrument.is_some_and(|i| surface::has_wall(&i));
+        let (point, growth) = if walled { (WALL_REFINEMENT, WALL_GROWTH) } else { (POINT_REFINEMENT, f64::INFINITY) };
+        let mut layout = Self::refined(scene, domain, grading, point);
+        layout.spacing.growth = layout.spacing.growth.min(growth);
+        layout
     }
 
     /// `point`: spacing at edges of contact over what the scene asks for.
@@ -102,7 +112,15 @@ impl Layout {
                 InstrumentKind::Plate => {
                     features.extend([true, false].map(|top| Feature::Rim { top, spacing: point * edge }));
                 }
-                InstrumentKind::Indenter { diameter } => {
+                InstrumentKind::Indenter { diameter, tip: IndenterTip::Sphere, .. } => {
+                    let ball = 0.5 * diameter.get();
+                    let depth = scene.motion.as_ref().map_or(ball, |m| m.depth.get().min(ball));
+                    // Hertz: the contact's radius at that depth
+                    let radius = (ball * depth).sqrt();
+                    let spacing = point * far.min(PATCH_SPACING * radius);
+                    features.push(Feature::Patch { centre, radius, spacing });
+                }
+                InstrumentKind::Indenter { diameter, tip: IndenterTip::Flat, .. } => {
                     let radius = 0.5 * diameter.get();
                     let spacing = point * edge.min(RING_SPACING * radius);
                     features.push(Feature::ContactRing { centre, radius, spacing });

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::instrument::{Bonded, Contact, NeedlePath};
-use crate::scene::{Dimension, Instrument, InstrumentKind, Method, Scene};
+use crate::instrument::{Contact, NeedlePath, Press, surface};
+use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use mtled::cloud::{BASE, Cloud, TOP};
-use mtled::solver::{Model, Role, Solver, SolverSettings};
+use mtled::solver::{Model, Role, Solver, SolverSettings, Surface};
 
 use super::pace::Pace;
 use super::recover::Saved;
@@ -84,8 +84,8 @@ fn thinner(scene: &Scene, contact: &Contact) -> Option<String> {
 fn full(scene: &Scene) -> Result<Built, BuildError> {
     let body = Body::new(scene)?;
     let (cloud, held) = (&body.cloud, &body.held);
-    let mut interpolating: Vec<bool> = cloud.faces.iter().map(|f| f & BASE != 0).collect();
-    held.iter().for_each(|&n| interpolating[n as usize] = true);
+    let mut roles = roles(scene, &cloud.faces, held);
+    let interpolating = interpolating(&roles, held);
     let region = regions::of_cells(scene, body.top, &cloud.points, &cloud.cells, &[], &[]);
     let material = regions::materials(scene, &region);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
@@ -96,9 +96,9 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
     table.guarded = guarded(scene, cloud, held, body.height);
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table, scene.material.shear_modulus()));
-    let mut roles = roles(scene, &cloud.faces, held);
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
-    let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table);
+    let surfaces = surfaces(scene, &cloud.points, &cloud.faces, [body.top - body.height, body.top]);
+    let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table, surfaces);
     // the table is the largest object: dropped before the fields are made
     let (of_point, volume) = {
         let table = table;
@@ -141,8 +141,7 @@ pub(super) fn settings(scene: &Scene) -> Settings {
 
 /// Cells to guard against folding, if the scene asks for it: those at the edge of a bonded instrument.
 fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32], height: f64) -> Vec<u32> {
-    let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
-    if bonded && scene.discretisation.fold_guard {
+    if scene.instrument.is_some_and(|i| i.is_bonded()) && scene.discretisation.fold_guard {
         edge::cells(&cloud.points, &cloud.cells, &cloud.surface, held, GUARDED * height)
     } else {
         Vec::new()
@@ -152,7 +151,7 @@ fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32], height: f64) -> Vec<u32> 
 fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable, shear_modulus: f64) -> Contact {
     let Body { cloud, held, top, reach, layer, .. } = body;
     match &instrument.kind {
-        InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Contact::Bonded(Bonded::new(held.clone())),
+        InstrumentKind::Plate | InstrumentKind::Indenter { .. } => press(instrument, held),
         InstrumentKind::Needle(needle) => {
             let [x, y] = instrument.entry.map(|m| m.get());
             let corners = table.cell.iter().map(|&c| cloud.cells[c as usize]);
@@ -176,13 +175,40 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable, shear_
 
 /// What holds each node from the start.
 pub(super) fn roles(scene: &Scene, faces: &[u8], held: &[u32]) -> Vec<Role> {
-    let base = |f: &u8| if f & BASE != 0 { Role::Base } else { Role::Free };
-    let mut role: Vec<Role> = faces.iter().map(base).collect();
-    let bonded = scene.instrument.as_ref().is_some_and(|i| !matches!(i.kind, InstrumentKind::Needle(_)));
-    if bonded {
+    let touchable = surface::touchable(scene);
+    let of = |f: &u8| match f {
+        f if f & BASE != 0 && scene.sample.base == Base::Bonded => Role::Base,
+        f if f & touchable != 0 => Role::Surface,
+        _ => Role::Free,
+    };
+    let mut role: Vec<Role> = faces.iter().map(of).collect();
+    if scene.instrument.is_some_and(|i| i.is_bonded()) {
         held.iter().for_each(|&n| role[n as usize] = Role::Instrument);
     }
     role
+}
+
+/// Nodes whose parameter has to be the field's value: those with a role, and those that a needle may hold.
+pub(super) fn interpolating(roles: &[Role], held: &[u32]) -> Vec<bool> {
+    let mut interpolating: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
+    held.iter().for_each(|&n| interpolating[n as usize] = true);
+    interpolating
+}
+
+/// A plate or indenter over the nodes of its face.
+pub(super) fn press(instrument: &Instrument, face: &[u32]) -> Contact {
+    Contact::Press(Press::new(if instrument.is_bonded() { face.to_vec() } else { Vec::new() }))
+}
+
+/// The surfaces of instrument and base for a body between two heights, m: its bottom, and its top where the instrument meets it.
+pub(super) fn surfaces(
+    scene: &Scene,
+    points: &[[f64; 3]],
+    faces: &[u8],
+    [bottom, top]: [f64; 2],
+) -> [Option<Surface>; 2] {
+    let edge = scene.instrument.map_or(0.0, |i| surface::edge(&i, points, faces));
+    [surface::of_instrument(scene, top, edge), surface::of_base(scene, bottom)]
 }
 
 /// The solver of a scene's shape table.
@@ -192,6 +218,7 @@ pub(super) fn solver(
     points: &[[f64; 3]],
     role: Vec<Role>,
     table: &ShapeTable,
+    [instrument, base]: [Option<Surface>; 2],
 ) -> Solver {
     let d = &scene.discretisation;
     let settings = SolverSettings {
@@ -201,6 +228,7 @@ pub(super) fn solver(
         step_factor: scene.stepping.step_factor,
         threads: rayon::current_num_threads(),
     };
-    let model = Model::of_materials(table, cells, points, role, &regions::laws(scene, table), &settings);
+    let laws = regions::laws(scene, table);
+    let model = Model::of_materials(table, cells, points, role, &laws, &settings).with_surfaces(instrument, base);
     Solver::of(Arc::new(model), settings.threads)
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::instrument::Contact;
 use crate::scene::size::MEMORY_LIMIT;
-use crate::scene::{Instrument, InstrumentKind, MeshFile, Scene};
+use crate::scene::{Base, Instrument, InstrumentKind, MeshFile, Scene};
 use mtled::approximation::table::tetrahedron;
 use mtled::cloud::{Axis, BASE, Cloud, TOP};
 
@@ -17,6 +17,8 @@ const LEAST_HELD: usize = 6;
 const LEAST_COVER: f64 = 0.75;
 /// Largest height of the held surface over its width: a bond moves it as one rigid piece, which is right for a nearly flat one.
 const MOST_RELIEF: f64 = 0.1;
+/// Largest height of a flat base over that of the body.
+const FLAT: f64 = 1e-6;
 /// Layers of nodes below a needle's deepest pose.
 const LAYERS_BELOW: f64 = 2.0;
 
@@ -42,6 +44,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
     targets(scene, &cloud)?;
     let z = || cloud.points.iter().map(|p| p[2]);
     let (lowest, highest) = (z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max));
+    base(scene, &cloud, [lowest, highest])?;
     let mut body = Body {
         top: highest,
         height: highest - lowest,
@@ -75,6 +78,22 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
 
 fn refuse<T>(key: &str, reason: String) -> Result<T, BuildError> {
     Err(BuildError::Mesh { key: key.to_owned(), reason })
+}
+
+/// Does the body stand on a table, if its base is not bonded?
+fn base(scene: &Scene, cloud: &Cloud, [lowest, highest]: [f64; 2]) -> Result<(), BuildError> {
+    let on_base = cloud.points.iter().zip(&cloud.faces).filter(|(_, face)| **face & BASE != 0);
+    let relief = on_base.map(|(p, _)| p[2] - lowest).fold(0.0, f64::max);
+    if scene.sample.base == Base::Bonded || relief <= FLAT * (highest - lowest) {
+        return Ok(());
+    }
+    refuse(
+        "sample.base",
+        format!(
+            "the mesh's base (sample.base_group) is {relief:.6} m high, and only a flat one can slide on a table: turn the \
+             mesh so that its base is horizontal, or take \"bonded\""
+        ),
+    )
 }
 
 /// Triangles of the contact surface, by their corners.
@@ -136,7 +155,7 @@ fn bond(body: &Body, instrument: &Instrument) -> Result<(), BuildError> {
     }
     let mut under = vec![false; cloud.points.len()];
     held.iter().for_each(|&n| under[n as usize] = true);
-    if let InstrumentKind::Indenter { diameter } = &instrument.kind {
+    if let InstrumentKind::Indenter { diameter, .. } = &instrument.kind {
         let held_triangles = contact_surface(cloud).filter(|(t, _)| t.iter().all(|&n| under[n as usize]));
         let area: f64 = held_triangles.map(|(_, p)| 0.5 * seen_from_above(&p)).sum();
         let cover = area / (0.25 * PI * diameter.get().powi(2));

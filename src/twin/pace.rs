@@ -98,8 +98,8 @@ impl Pace {
         self.peak = self.peak.max(force);
         let unbalanced = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
         self.imbalance = if self.peak > 0.0 { unbalanced / self.peak } else { 0.0 };
-        // at rest the gap is the only error estimate
-        let error = if moving { balance.error_estimate.max(balance.gap / LAG) } else { balance.gap };
+        let gap = if moving { balance.gap / LAG } else { balance.gap };
+        let error = balance.error_estimate.max(gap);
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
         self.unsettled = self.gap.max(FADE * self.unsettled);
         self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);

@@ -52,7 +52,11 @@ pub fn needle(pose_hz: f64) -> Run {
             von_mises_pa,
         },
         snapshots,
-        instrument: Some(Instrument { kind: InstrumentKind::Needle(needle_shape()), entry: [metres(0.0); 2] }),
+        instrument: Some(Instrument {
+            kind: InstrumentKind::Needle(needle_shape()),
+            entry: [metres(0.0); 2],
+            contact: needle_twin::scene::ContactLaw::Bonded,
+        }),
         scene_toml: SCENE.into(),
         command: "replay".into(),
         ..Run::default()

@@ -8,6 +8,7 @@ mod clouds;
 mod coarse;
 #[path = "../common/mod.rs"]
 mod common;
+mod contact;
 mod determinism;
 mod door;
 mod force_balance;

@@ -85,7 +85,7 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
                 let layers = spacing.layers(domain, &axis, length, fine);
                 path(&mut nodes, height, &axis, capture_radius, fine, &layers);
             }
-            Feature::Rim { .. } | Feature::Region { .. } => {}
+            Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } => {}
         }
     }
     too_close(domain, spacing, &nodes)?;

@@ -177,7 +177,7 @@ impl Plane<'_> {
                     inner = capture_radius;
                 }
                 Feature::ContactRing { radius, .. } => marks.push(radius),
-                Feature::Rim { .. } | Feature::Region { .. } => {}
+                Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } => {}
             }
         }
         let (r, h) = (self.radius, self.height);

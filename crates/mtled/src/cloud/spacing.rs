@@ -35,6 +35,15 @@ pub enum Feature {
         /// Spacing along the rim.
         spacing: f64,
     },
+    /// Refines a disc of the top face, as under the rounded tip of an indenter.
+    Patch {
+        /// Centre in x, y.
+        centre: [f64; 2],
+        /// Radius of the disc.
+        radius: f64,
+        /// Spacing within it.
+        spacing: f64,
+    },
     /// A needle path from the top face down: nodes in equal horizontal layers, on the axis and on concentric rings, the
     /// outermost at the capture radius. No other node lies within the capture radius.
     Path {
@@ -64,6 +73,7 @@ impl Feature {
             Feature::ContactRing { spacing, .. }
             | Feature::Rim { spacing, .. }
             | Feature::Path { spacing, .. }
+            | Feature::Patch { spacing, .. }
             | Feature::Region { spacing, .. } => spacing,
         }
     }
@@ -79,6 +89,10 @@ impl Feature {
             Feature::Rim { top, .. } => {
                 let z = if top { height - p[2] } else { p[2] };
                 length2(domain.rim_distance([p[0], p[1]]), z)
+            }
+            Feature::Patch { centre, radius, .. } => {
+                let r = length2(p[0] - centre[0], p[1] - centre[1]);
+                length2((r - radius).max(0.0), height - p[2])
             }
             Feature::Path { axis, capture_radius, length, .. } => {
                 let r = (axis.distance(height, p) - capture_radius).max(0.0);
@@ -115,6 +129,7 @@ impl Feature {
     fn offset_area(&self, domain: &Domain, s: f64) -> f64 {
         match *self {
             Feature::ContactRing { radius, .. } => 2.0 * PI * radius * PI * s,
+            Feature::Patch { radius, .. } => PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s,
             Feature::Rim { .. } => {
                 let length = match *domain {
                     Domain::Cylinder { radius, .. } => 2.0 * PI * radius,
@@ -335,6 +350,7 @@ fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
             fits("contact radius", centre, radius, 0.7 * spacing)
         }
         Feature::Rim { .. } | Feature::Region { .. } => Ok(()),
+        Feature::Patch { radius, .. } => positive("contact radius", radius),
         Feature::Path { axis, capture_radius, length, spacing } => {
             positive("capture radius", capture_radius)?;
             positive("path length", length)?;

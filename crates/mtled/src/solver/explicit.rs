@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::approximation::ShapeTable;
 
+use super::contact::Touch;
 use super::model::{Model, Workspace, with_kernel};
 use super::settings::SolverSettings;
 use super::state::{Moving, Role, State};
@@ -95,6 +96,17 @@ impl Solver {
     /// [`State::guide`].
     pub fn guide(&mut self, node: usize, displacement: [f64; 3], spring: f64) {
         self.state.guide(node, displacement, spring);
+    }
+
+    /// [`State::move_surface`].
+    pub fn move_surface(&mut self, displacement: [f64; 3]) {
+        self.state.move_surface(displacement);
+    }
+
+    /// [`State::touches`].
+    #[must_use]
+    pub fn touches(&self) -> &[Touch] {
+        self.state.touches()
     }
 
     /// [`State::slowest`].

@@ -46,6 +46,13 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    /// A free node of a mass with what is left of the internal force on it.
+    pub fn add_free(&mut self, mass: f64, q: &[f64; 3], tangent: &[f64; 3], left: &[f64; 3]) {
+        self.kinetic += 0.5 * mass * dot(q, q);
+        self.learnt += dot(tangent, left);
+        self.present += dot(q, left);
+    }
+
     /// Those of a state that holds no numbers any more.
     pub const LOST: Self =
         Self { instrument: [f64::NAN; 3], base: [f64::NAN; 3], kinetic: f64::NAN, learnt: f64::NAN, present: f64::NAN };
@@ -74,11 +81,14 @@ impl Model {
         if travel == 0.0 {
             return;
         }
-        let Constraints { role, path } = &state.constraints;
+        let Constraints { role, path, instrument, way, .. } = &state.constraints;
         let (mut sum, mut count) = ([0.0; 3], 0.0);
         for (path, _) in path.iter().zip(role).filter(|(_, role)| **role == Role::Instrument) {
             (0..3).for_each(|k| sum[k] += path.end[k] - path.start[k]);
             count += 1.0;
+        }
+        if count == 0.0 && instrument.is_some() {
+            (sum, count) = (std::array::from_fn(|k| way.end[k] - way.start[k]), 1.0);
         }
         if self.form == Form::Axisymmetric {
             // round a ring radial motions cancel, as their forces do
@@ -91,8 +101,8 @@ impl Model {
 }
 
 impl Motion {
-    /// Takes inertia out of the force on the instrument; fills in gap and error estimate.
-    pub fn take_out_inertia(&self, b: &mut Balance, sums: &Sums) {
+    /// Takes inertia out of the force on the instrument; fills in gap and error estimate. `slides`: tissue may slide on a surface.
+    pub fn take_out_inertia(&self, b: &mut Balance, sums: &Sums, slides: bool) {
         let Self { rate, gain } = self;
         let sum: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
         b.gap = dot(&sum, &sum).sqrt();
@@ -105,6 +115,10 @@ impl Motion {
         let wanted = sums.learnt / square.sqrt() + half;
         let taken = wanted.clamp(most.min(0.0), most.max(0.0));
         b.error_estimate = half.abs().min(most.abs());
+        if slides {
+            // tissue that spreads between two smooth plates has a balance of forces, but no rest
+            b.error_estimate = b.error_estimate.max((wanted - taken).abs());
+        }
         (0..3).for_each(|k| b.instrument[k] -= taken * rate[k] / square.sqrt());
     }
 }

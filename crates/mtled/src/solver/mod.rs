@@ -2,6 +2,7 @@
 
 mod block;
 mod cloned;
+mod contact;
 mod dilatation;
 #[allow(unsafe_code)] // parts of a slice for several threads
 mod disjoint;
@@ -15,6 +16,7 @@ mod kernel;
 mod mass;
 mod memory;
 mod model;
+mod nodes;
 mod passes;
 mod points;
 #[allow(unsafe_code)] // threads that run a borrowed closure
@@ -24,10 +26,12 @@ mod settings;
 mod state;
 mod step;
 mod strip;
+mod surface;
 mod sync;
 mod vertices;
 mod work;
 
+pub use contact::{By, Surface, Touch};
 pub use explicit::Solver;
 pub use kernel::{InternalForce, Kernel};
 pub use model::{Model, Workspace};
@@ -35,4 +39,5 @@ pub use pool::Pool;
 pub use settings::{Precision, SolverSettings, VolumeRatio};
 pub use state::{Role, State};
 pub use step::{Advance, Balance};
+pub use surface::{Inside, Shape};
 pub use work::StepWork;

@@ -8,6 +8,7 @@
 use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 
+use super::contact::{Surface, Touch};
 use super::inertia::{Motion, Sums};
 use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
 use super::mass::FundamentalMode;
@@ -75,6 +76,8 @@ pub struct Model {
     pub(super) step_factor: f64,
     /// Threads that are worth having.
     threads: usize,
+    /// Undeformed places of the nodes, m.
+    pub(super) points: Vec<[f64; 3]>,
     /// The undeformed state.
     pub(super) rest: State,
 }
@@ -146,6 +149,7 @@ impl Model {
             }
         };
         let mut model = Self {
+            points: points.to_vec(),
             rest: undeformed(&kernel, role),
             kernel,
             form: table.form,
@@ -156,6 +160,13 @@ impl Model {
         };
         model.scale_masses();
         model
+    }
+
+    /// With surfaces that nodes of [`Role::Surface`] may not pass: the instrument's, and one that the body stands on.
+    #[must_use]
+    pub fn with_surfaces(mut self, instrument: Option<Surface>, base: Option<Surface>) -> Self {
+        (self.rest.constraints.instrument, self.rest.constraints.base) = (instrument, base);
+        self
     }
 
     /// Finds the masses' scale, the largest eigenvalue at rest, and its eigenvector.
@@ -240,6 +251,8 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
             mass_factor: 1.0,
             time: None,
             memory: with_kernel!((kernel) => (k) { k.memory() }),
+            touch: vec![Touch::default(); nodes],
+            offset: [0.0; 3],
         },
         control: Control {
             mass: vec![0.0; nodes],
@@ -251,7 +264,13 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
             motion: Motion::default(),
             sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],
         },
-        constraints: Constraints { role, path: vec![Path::default(); nodes] },
+        constraints: Constraints {
+            role,
+            path: vec![Path::default(); nodes],
+            instrument: None,
+            way: Path::default(),
+            base: None,
+        },
         points,
     }
 }

@@ -1,6 +1,7 @@
 //! What changes from step to step, and what holds the nodes. Copied in one line, by `clone_from`, with no allocation.
 
 use super::cloned::cloned_field_by_field;
+use super::contact::{Moved, Surface, Touch};
 use super::inertia::{Motion, Sums};
 use super::kernel::Points;
 use super::memory::Memory;
@@ -18,13 +19,15 @@ pub enum Role {
     Instrument,
     /// The instrument in z; in x and y a spring pulls the node to its prescribed displacement ([`State::guide`]).
     Guided,
+    /// Nothing, unless it meets a rigid surface. Its parameter has to be the field's value.
+    Surface,
 }
 
 impl Role {
     /// Whether the component k of the node's displacement is a degree of freedom.
     pub(super) const fn frees(self, k: usize) -> bool {
         match self {
-            Self::Free => true,
+            Self::Free | Self::Surface => true,
             Self::Guided => k < 2,
             Self::Base | Self::Instrument => false,
         }
@@ -45,6 +48,12 @@ impl Path {
     #[inline]
     pub fn at(&self, share: f64, k: usize) -> f64 {
         self.start[k] + share * (self.end[k] - self.start[k])
+    }
+
+    /// Where it is after a step of so many.
+    pub fn place(&self, step: u32, steps: u32) -> [f64; 3] {
+        let share = f64::from(step) / f64::from(steps);
+        std::array::from_fn(|k| self.at(share, k))
     }
 }
 
@@ -77,6 +86,10 @@ cloned_field_by_field! {
         pub time: Option<f64>,
         /// What the points of a relaxing material remember, by block.
         pub memory: Vec<Memory>,
+        /// What surfaces do to each node.
+        pub touch: Vec<Touch>,
+        /// Displacement of the instrument's surface, m.
+        pub offset: [f64; 3],
     }
 }
 
@@ -86,6 +99,11 @@ cloned_field_by_field! {
     pub(super) struct Constraints {
         pub role: Vec<Role>,
         pub path: Vec<Path>,
+        /// The instrument's surface and its way, if it has one.
+        pub instrument: Option<Surface>,
+        pub way: Path,
+        /// The surface that the body stands on, if it isn't held there.
+        pub base: Option<Surface>,
     }
 }
 
@@ -144,9 +162,31 @@ impl State {
         *path = Path { start: [x, y, self.moving.u[node][2]], end: displacement, spring };
     }
 
+    /// Moves the instrument's surface, if it has one, to a displacement at the end of the next advance, m.
+    pub fn move_surface(&mut self, displacement: [f64; 3]) {
+        self.constraints.way = Path { start: self.moving.offset, end: displacement, spring: 0.0 };
+    }
+
+    /// What surfaces do to each node.
+    #[must_use]
+    pub fn touches(&self) -> &[Touch] {
+        &self.moving.touch
+    }
+
     /// Angular frequency of the slowest mode, rad per step.
     #[must_use]
     pub fn slowest(&self) -> f64 {
         self.control.slowest / self.moving.mass_factor.sqrt()
+    }
+}
+
+impl Constraints {
+    /// The surfaces that a free node may meet in a step of so many.
+    pub fn surfaces(&self, step: u32, steps: u32) -> [Option<Moved<'_>>; 2] {
+        let (from, to) = (self.way.place(step - 1, steps), self.way.place(step, steps));
+        [
+            self.instrument.as_ref().map(|surface| Moved { surface, from, to }),
+            self.base.as_ref().map(|surface| Moved { surface, from: [0.0; 3], to: [0.0; 3] }),
+        ]
     }
 }

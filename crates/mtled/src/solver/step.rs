@@ -12,11 +12,11 @@
 
 use crate::approximation::Form;
 
-use super::disjoint::{Chunks, Each};
-use super::inertia::{Sums, dot};
-use super::kernel::NODES_PER_CHUNK;
+use super::disjoint::Each;
+use super::inertia::Sums;
 use super::model::{Model, Workspace, with_kernel};
-use super::state::{Constraints, Control, Moving, Path, Role, State};
+use super::nodes::{Held, Nodes, Rule, nodes};
+use super::state::{Constraints, Control, Moving, Role, State};
 
 /// Damping per step over the slowest frequency: critical.
 const DAMPING: f64 = 2.0;
@@ -98,7 +98,9 @@ impl Model {
             }
         }
         // further steps at the same pose must not travel the path again
-        let Constraints { role, path } = &mut state.constraints;
+        let Constraints { role, path, way, .. } = &mut state.constraints;
+        way.start = way.end;
+        state.moving.offset = way.end;
         for (path, _) in path.iter_mut().zip(role).filter(|(_, role)| matches!(role, Role::Instrument | Role::Guided)) {
             path.start = path.end;
         }
@@ -106,18 +108,27 @@ impl Model {
 
     /// Takes the steps from `rule.first` to `rule.last`.
     fn march(&self, state: &mut State, work: &mut Workspace, rule: &Rule) {
-        let State { moving, constraints: Constraints { role, path }, control: Control { mass, sums, .. }, points } =
-            state;
-        let held = Held { mass, role, path };
+        let State { moving, constraints, control: Control { mass, sums, .. }, points: shares } = state;
+        let Constraints { role, path, .. } = &*constraints;
+        let held = |step| Held {
+            mass,
+            role,
+            path,
+            points: &self.points,
+            revolved: self.form == Form::Axisymmetric,
+            surfaces: constraints.surfaces(step, rule.steps),
+        };
         let pool = &mut work.pool;
         pool.each(nodes(moving), |i, part| {
             let mut part = Nodes::new(i, part);
+            let held = held(rule.first);
             (0..part.u.len()).for_each(|l| part.integrate(l, &held, rule.first, rule));
         });
-        with_kernel!((&self.kernel, points, &mut work.scratch) => (k, points, scratch) {
+        with_kernel!((&self.kernel, shares, &mut work.scratch) => (k, shares, scratch) {
             for step in rule.first..=rule.last {
-                k.force(points, &moving.memory, scratch, pool, &moving.u);
+                k.force(shares, &moving.memory, scratch, pool, &moving.u);
                 let scratch = &*scratch;
+                let held = held(step + 1);
                 pool.each((nodes(moving), Each::new(sums)), |i, (part, sums)| {
                     let mut part = Nodes::new(i, part);
                     for l in 0..part.u.len() {
@@ -149,7 +160,8 @@ impl Model {
             // the radial forces round a ring cancel
             (b.instrument[0], b.base[0]) = (0.0, 0.0);
         }
-        state.control.motion.take_out_inertia(&mut b, &sums);
+        let Constraints { instrument, base, .. } = &state.constraints;
+        state.control.motion.take_out_inertia(&mut b, &sums, instrument.is_some() || base.is_some());
         b
     }
 
@@ -189,6 +201,7 @@ impl Model {
         for (path, u) in state.constraints.path.iter_mut().zip(&state.moving.u) {
             path.start = *u;
         }
+        state.constraints.way.start = state.moving.offset;
     }
 
     /// Angular frequency of the fastest mode of the present state, rad per step, by so many power iterations. The
@@ -255,135 +268,6 @@ impl State {
         if share.is_finite() {
             for (e, q) in probe.iter_mut().zip(&self.moving.q) {
                 (0..3).for_each(|k| e[k] += share * q[k]);
-            }
-        }
-    }
-}
-
-struct Rule {
-    /// Steps to take, of `steps` in all.
-    first: u32,
-    last: u32,
-    steps: u32,
-    travel: f64,
-    /// d / (d^2 + e^2), 1/m.
-    gain: f64,
-    keep: f64,
-    learn: f64,
-    mass_factor: f64,
-}
-
-/// What holds all nodes, and their masses.
-struct Held<'a> {
-    mass: &'a [f64],
-    role: &'a [Role],
-    path: &'a [Path],
-}
-
-type Vectors<'a> = &'a mut [[f64; 3]];
-type OfNodes<'a> = Chunks<'a, [f64; 3]>;
-
-/// The state's nodes, cut up for the team: u, q, tangent, f.
-fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, OfNodes<'_>) {
-    (
-        Chunks::new(&mut state.u, NODES_PER_CHUNK),
-        Chunks::new(&mut state.q, NODES_PER_CHUNK),
-        Chunks::new(&mut state.tangent, NODES_PER_CHUNK),
-        Chunks::new(&mut state.f, NODES_PER_CHUNK),
-    )
-}
-
-/// Consecutive nodes of the state.
-struct Nodes<'a> {
-    /// Index of the first.
-    first: usize,
-    u: Vectors<'a>,
-    q: Vectors<'a>,
-    tangent: Vectors<'a>,
-    f: Vectors<'a>,
-}
-
-impl<'a> Nodes<'a> {
-    /// Part `i` of [`nodes`].
-    fn new(i: usize, (u, q, tangent, f): (Vectors<'a>, Vectors<'a>, Vectors<'a>, Vectors<'a>)) -> Self {
-        Self { first: i * NODES_PER_CHUNK, u, q, tangent, f }
-    }
-
-    /// What these nodes contribute to the balance.
-    fn sums(&self, held: &Held<'_>, mass_factor: f64) -> Sums {
-        let mut sums = Sums::default();
-        for l in 0..self.u.len() {
-            let (q, tangent, f, n) = (&self.q[l], &self.tangent[l], &self.f[l], self.first + l);
-            match held.role[n] {
-                // The internal force on a held node is what its holder exerts on the tissue.
-                Role::Instrument => (0..3).for_each(|k| sums.instrument[k] -= f[k]),
-                Role::Base => (0..3).for_each(|k| sums.base[k] -= f[k]),
-                Role::Free => {
-                    sums.kinetic += 0.5 * held.mass[n] * mass_factor * dot(q, q);
-                    sums.learnt += dot(tangent, f);
-                    sums.present += dot(q, f);
-                }
-                Role::Guided => {
-                    let path = &held.path[n];
-                    sums.instrument[2] -= f[2];
-                    for k in 0..2 {
-                        let pull = path.spring * (path.end[k] - self.u[l][k]);
-                        sums.instrument[k] -= pull;
-                        sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
-                        sums.learnt += tangent[k] * (f[k] - pull);
-                        sums.present += q[k] * (f[k] - pull);
-                    }
-                }
-            }
-        }
-        sums
-    }
-
-    /// Moves the node at `l` of these through one step, from the force at its start.
-    #[inline]
-    fn integrate(&mut self, l: usize, held: &Held<'_>, step: u32, rule: &Rule) {
-        let n = self.first + l;
-        let (u, q, tangent, f) = (&mut self.u[l], &mut self.q[l], &mut self.tangent[l], &self.f[l]);
-        match held.role[n] {
-            Role::Base => {}
-            Role::Instrument => {
-                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
-                for k in 0..3 {
-                    let next = path.at(s, k);
-                    tangent[k] = (next - u[k]) * rule.gain;
-                    u[k] = next;
-                }
-                *q = [0.0; 3];
-            }
-            Role::Guided => {
-                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
-                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
-                // the spring at the end of the step, so that it is stable however stiff it is
-                let spring = path.spring * inverse;
-                for k in 0..2 {
-                    let drift = tangent[k] * rule.travel;
-                    let free = drift + rule.keep * q[k] - f[k] * inverse;
-                    let v = (free + spring * (path.at(s, k) - u[k])) / (1.0 + spring);
-                    u[k] += v;
-                    let deviation = v - drift;
-                    let lesson = rule.learn * rule.gain * deviation;
-                    tangent[k] += lesson;
-                    q[k] = deviation - lesson * rule.travel;
-                }
-                let next = path.at(s, 2);
-                tangent[2] = (next - u[2]) * rule.gain;
-                (u[2], q[2]) = (next, 0.0);
-            }
-            Role::Free => {
-                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
-                for k in 0..3 {
-                    let drift = tangent[k] * rule.travel;
-                    let deviation = rule.keep * q[k] - f[k] * inverse;
-                    u[k] += drift + deviation;
-                    let lesson = rule.learn * rule.gain * deviation;
-                    tangent[k] += lesson;
-                    q[k] = deviation - lesson * rule.travel;
-                }
             }
         }
     }

@@ -1,0 +1,190 @@
+//! One explicit step of a run of consecutive nodes, by what holds each.
+
+use super::contact::{By, Moved, Touch};
+use super::disjoint::Chunks;
+use super::inertia::Sums;
+use super::kernel::NODES_PER_CHUNK;
+use super::state::{Moving, Path, Role};
+
+/// What a run of steps has in common.
+pub struct Rule {
+    /// Steps to take, of `steps` in all.
+    pub first: u32,
+    pub last: u32,
+    pub steps: u32,
+    pub travel: f64,
+    /// d / (d^2 + e^2), 1/m.
+    pub gain: f64,
+    pub keep: f64,
+    pub learn: f64,
+    pub mass_factor: f64,
+}
+
+/// What holds all nodes, and their masses.
+pub struct Held<'a> {
+    pub mass: &'a [f64],
+    pub role: &'a [Role],
+    pub path: &'a [Path],
+    /// Undeformed places, m.
+    pub points: &'a [[f64; 3]],
+    /// Whether x is a radius, which stays zero on the axis.
+    pub revolved: bool,
+    /// What free nodes of the surface may meet.
+    pub surfaces: [Option<Moved<'a>>; 2],
+}
+
+pub type Vectors<'a> = &'a mut [[f64; 3]];
+pub type OfNodes<'a> = Chunks<'a, [f64; 3]>;
+pub type Parts<'a> = (Vectors<'a>, Vectors<'a>, Vectors<'a>, Vectors<'a>, &'a mut [Touch]);
+
+/// The state's nodes, cut up for the team: u, q, tangent, f, touch.
+pub fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, Chunks<'_, Touch>) {
+    (
+        Chunks::new(&mut state.u, NODES_PER_CHUNK),
+        Chunks::new(&mut state.q, NODES_PER_CHUNK),
+        Chunks::new(&mut state.tangent, NODES_PER_CHUNK),
+        Chunks::new(&mut state.f, NODES_PER_CHUNK),
+        Chunks::new(&mut state.touch, NODES_PER_CHUNK),
+    )
+}
+
+/// Consecutive nodes of the state.
+pub struct Nodes<'a> {
+    /// Index of the first.
+    pub first: usize,
+    pub u: Vectors<'a>,
+    q: Vectors<'a>,
+    tangent: Vectors<'a>,
+    pub f: Vectors<'a>,
+    touch: &'a mut [Touch],
+}
+
+impl<'a> Nodes<'a> {
+    /// Part `i` of [`nodes`].
+    pub fn new(i: usize, (u, q, tangent, f, touch): Parts<'a>) -> Self {
+        Self { first: i * NODES_PER_CHUNK, u, q, tangent, f, touch }
+    }
+
+    /// What these nodes contribute to the balance.
+    pub fn sums(&self, held: &Held<'_>, mass_factor: f64) -> Sums {
+        let mut sums = Sums::default();
+        for l in 0..self.u.len() {
+            let (q, tangent, f, n) = (&self.q[l], &self.tangent[l], &self.f[l], self.first + l);
+            match held.role[n] {
+                // The internal force on a held node is what its holder exerts on the tissue.
+                Role::Instrument => (0..3).for_each(|k| sums.instrument[k] -= f[k]),
+                Role::Base => (0..3).for_each(|k| sums.base[k] -= f[k]),
+                Role::Free => sums.add_free(held.mass[n] * mass_factor, q, tangent, f),
+                Role::Surface => {
+                    let touch = &self.touch[l];
+                    let force = match touch.by {
+                        By::Nobody => [0.0; 3],
+                        By::Instrument | By::Base => touch.force(f),
+                    };
+                    let on = if touch.by == By::Base { &mut sums.base } else { &mut sums.instrument };
+                    (0..3).for_each(|k| on[k] -= force[k]);
+                    let left = std::array::from_fn(|k| f[k] - force[k]);
+                    sums.add_free(held.mass[n] * mass_factor, q, tangent, &left);
+                }
+                Role::Guided => {
+                    let path = &held.path[n];
+                    sums.instrument[2] -= f[2];
+                    for k in 0..2 {
+                        let pull = path.spring * (path.end[k] - self.u[l][k]);
+                        sums.instrument[k] -= pull;
+                        sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
+                        sums.learnt += tangent[k] * (f[k] - pull);
+                        sums.present += q[k] * (f[k] - pull);
+                    }
+                }
+            }
+        }
+        sums
+    }
+
+    /// Moves the node at `l` of these through one step, from the force at its start.
+    #[inline]
+    pub fn integrate(&mut self, l: usize, held: &Held<'_>, step: u32, rule: &Rule) {
+        let n = self.first + l;
+        let (u, q, tangent, f) = (&mut self.u[l], &mut self.q[l], &mut self.tangent[l], &self.f[l]);
+        match held.role[n] {
+            Role::Base => {}
+            Role::Instrument => {
+                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
+                for k in 0..3 {
+                    let next = path.at(s, k);
+                    tangent[k] = (next - u[k]) * rule.gain;
+                    u[k] = next;
+                }
+                *q = [0.0; 3];
+            }
+            Role::Guided => {
+                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
+                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
+                // the spring at the end of the step, so that it is stable however stiff it is
+                let spring = path.spring * inverse;
+                for k in 0..2 {
+                    let drift = tangent[k] * rule.travel;
+                    let free = drift + rule.keep * q[k] - f[k] * inverse;
+                    let v = (free + spring * (path.at(s, k) - u[k])) / (1.0 + spring);
+                    u[k] += v;
+                    let deviation = v - drift;
+                    let lesson = rule.learn * rule.gain * deviation;
+                    tangent[k] += lesson;
+                    q[k] = deviation - lesson * rule.travel;
+                }
+                let next = path.at(s, 2);
+                tangent[2] = (next - u[2]) * rule.gain;
+                (u[2], q[2]) = (next, 0.0);
+            }
+            Role::Free => {
+                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
+                for k in 0..3 {
+                    let drift = tangent[k] * rule.travel;
+                    let deviation = rule.keep * q[k] - f[k] * inverse;
+                    u[k] += drift + deviation;
+                    let lesson = rule.learn * rule.gain * deviation;
+                    tangent[k] += lesson;
+                    q[k] = deviation - lesson * rule.travel;
+                }
+            }
+            Role::Surface => self.touch_or_go(l, held, rule),
+        }
+    }
+
+    /// Moves a node that may meet a surface (see [`super::contact`]).
+    fn touch_or_go(&mut self, l: usize, held: &Held<'_>, rule: &Rule) {
+        let n = self.first + l;
+        let (u, q, tangent, f) = (&mut self.u[l], &mut self.q[l], &mut self.tangent[l], &self.f[l]);
+        let mass = held.mass[n] * rule.mass_factor;
+        let mut deviation: [f64; 3] = std::array::from_fn(|k| rule.keep * q[k] - f[k] / mass);
+        if held.revolved && held.points[n][0] == 0.0 {
+            // the radial parameter of a node on the axis has no force
+            deviation[0] = 0.0;
+        }
+        let mut way: [f64; 3] = std::array::from_fn(|k| tangent[k] * rule.travel + deviation[k]);
+        let mut touch = Touch::default();
+        let x: [f64; 3] = std::array::from_fn(|k| held.points[n][k] + u[k]);
+        for (surface, by) in held.surfaces.iter().zip([By::Instrument, By::Base]) {
+            let trial = std::array::from_fn(|k| x[k] + way[k]);
+            if let Some((out, met)) = surface.as_ref().and_then(|s| s.meet(&x, &trial)) {
+                (0..3).for_each(|k| (way[k], deviation[k]) = (way[k] + out[k], deviation[k] + out[k]));
+                touch = Touch { by, friction: met.friction.map(|x| mass * x), ..met };
+            }
+        }
+        self.touch[l] = touch;
+        (0..3).for_each(|k| u[k] += way[k]);
+        let (free, learnt) = if touch.by == By::Nobody {
+            (deviation, *tangent)
+        } else {
+            // what is held moves with the surface
+            let (slides, known) = (touch.free(&way), touch.free(tangent));
+            (touch.free(&deviation), std::array::from_fn(|k| known[k] + (way[k] - slides[k]) * rule.gain))
+        };
+        for k in 0..3 {
+            let lesson = rule.learn * rule.gain * free[k];
+            tangent[k] = learnt[k] + lesson;
+            q[k] = free[k] - lesson * rule.travel;
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! The rigid surfaces of a scene and the nodes that may meet them: from the keys of instrument and sample to the solver's shapes.
+
+use crate::scene::{Base, ContactLaw, IndenterTip, Instrument, InstrumentKind, Scene};
+use mtled::cloud::{BASE, SIDE, TOP};
+use mtled::solver::{Shape, Surface};
+
+/// The surface of the scene's instrument, whose tip touches the body at z = `top` at depth zero; `None` where nothing but a bond
+/// holds the tissue. `edge`: distance between nodes at the edge of an indenter's face, m.
+#[must_use]
+pub fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
+    let instrument = scene.instrument.as_ref()?;
+    let shape = match instrument.kind {
+        InstrumentKind::Plate if instrument.contact == ContactLaw::Bonded => return None,
+        InstrumentKind::Plate => Shape::Plate,
+        InstrumentKind::Indenter { tip: IndenterTip::Flat, .. } if !has_wall(instrument) => return None,
+        InstrumentKind::Indenter { diameter, tip: IndenterTip::Flat, .. } => {
+            Shape::Punch { radius: 0.5 * diameter.get(), edge: if instrument.is_bonded() { 0.0 } else { edge } }
+        }
+        InstrumentKind::Indenter { diameter, tip: IndenterTip::Sphere, .. } => {
+            Shape::Ball { radius: 0.5 * diameter.get() }
+        }
+        InstrumentKind::Needle(_) => return None,
+    };
+    let [x, y] = instrument.entry.map(|m| m.get());
+    let friction = match instrument.contact {
+        // beside a bonded face the wall is smooth
+        ContactLaw::Bonded if instrument.is_bonded() => 0.0,
+        ContactLaw::Bonded => f64::INFINITY,
+        ContactLaw::Frictionless => 0.0,
+        ContactLaw::Coulomb { friction_coefficient } => friction_coefficient,
+    };
+    Some(Surface { shape, origin: [x, y, top], friction })
+}
+
+/// The table under a sample whose base is not bonded, at z = `bottom`.
+#[must_use]
+pub fn of_base(scene: &Scene, bottom: f64) -> Option<Surface> {
+    let friction = match scene.sample.base {
+        Base::Bonded => return None,
+        Base::Frictionless => 0.0,
+        Base::Coulomb { base_friction_coefficient } => base_friction_coefficient,
+    };
+    Some(Surface { shape: Shape::Table, origin: [0.0, 0.0, bottom], friction })
+}
+
+/// Faces of the body whose nodes may meet a surface. What touches a plate or a table may roll onto it with its side.
+#[must_use]
+pub fn touchable(scene: &Scene) -> u8 {
+    let instrument = of_instrument(scene, 0.0, 0.0).map_or(0, |surface| match surface.shape {
+        Shape::Plate | Shape::Table => TOP | SIDE,
+        Shape::Punch { .. } | Shape::Ball { .. } => TOP,
+    });
+    let base = of_base(scene, 0.0).map_or(0, |_| BASE | SIDE);
+    instrument | base
+}
+
+/// Whether free tissue meets the side wall of a flat indenter.
+#[must_use]
+pub fn has_wall(instrument: &Instrument) -> bool {
+    match instrument.kind {
+        InstrumentKind::Indenter { tip: IndenterTip::Flat, wall_contact, .. } => {
+            wall_contact || !instrument.is_bonded()
+        }
+        _ => false,
+    }
+}
+
+/// Nodes along the radius of an edge: with fewer, tissue goes round it in jumps, and loading and unloading part by half a per cent.
+const EDGE_NODES: f64 = 5.0;
+/// Largest radius of an edge over that of the face.
+const LARGEST_EDGE: f64 = 0.05;
+
+/// Radius of an indenter's edge, m: as many times the distance to the nearest node of the top face beyond it, m; 0 without one.
+#[must_use]
+pub fn edge(instrument: &Instrument, points: &[[f64; 3]], faces: &[u8]) -> f64 {
+    let InstrumentKind::Indenter { diameter, .. } = instrument.kind else { return 0.0 };
+    let ([x, y], radius) = (instrument.entry.map(|m| m.get()), 0.5 * diameter.get());
+    let beyond = |p: &[f64; 3]| (p[0] - x).hypot(p[1] - y) - radius;
+    let on_top = points.iter().zip(faces).filter(|(_, face)| **face & TOP != 0);
+    let nearest = on_top.map(|(p, _)| beyond(p)).filter(|d| *d > 1e-9 * radius).fold(f64::INFINITY, f64::min);
+    (EDGE_NODES * nearest).min(LARGEST_EDGE * radius)
+}
+
+impl Instrument {
+    /// Whether nodes of the contact face move with it from the start.
+    #[must_use]
+    pub fn is_bonded(&self) -> bool {
+        match self.kind {
+            InstrumentKind::Plate | InstrumentKind::Indenter { tip: IndenterTip::Flat, .. } => {
+                self.contact == ContactLaw::Bonded
+            }
+            InstrumentKind::Indenter { .. } | InstrumentKind::Needle(_) => false,
+        }
+    }
+}
