@@ -17,7 +17,9 @@ use crate::compare::{self, Answer, Explains, Watch};
 use crate::input::Recording;
 use crate::report;
 use crate::scene::Scene;
-use crate::study::calibrate::{self, Calibration, Estimate, HoldOut, LoadCell, Prediction, Task, Wanted, calibrate};
+use crate::study::calibrate::{
+    self, Calibration, Estimate, HoldOut, LoadCell, MarkerFit, MarkerTask, Prediction, Task, Wanted, calibrate,
+};
 
 /// Find the values of scene keys with which the twin's force comes nearest to the recorded one, and say how sure they are
 #[derive(Debug, Args)]
@@ -50,6 +52,15 @@ pub(super) struct Arguments {
     /// Another bag to predict with the values found, in the scene that it names
     #[arg(long, value_name = "BAG", help_heading = "Fit")]
     predict: Option<PathBuf>,
+
+    /// Fit the tracked points (measured_targets) as well: standard deviation of one of their coordinates. The scene's targets are the
+    /// points, in their order
+    #[arg(long, value_name = "M", value_parser = positive, conflicts_with_all = ["hold_out", "fit_to_depth_m", "predict"], help_heading = "Fit")]
+    marker_noise_m: Option<f64>,
+
+    /// Leave the force out: fit the tracked points alone
+    #[arg(long, requires = "marker_noise_m", help_heading = "Fit")]
+    markers_only: bool,
 
     #[command(flatten)]
     threads: ThreadOptions,
@@ -92,6 +103,9 @@ fn share(text: &str) -> Result<f64, String> {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     refuse_repeats(&arguments.fit)?;
     let (recording, scene) = arguments.recorded.load()?;
+    if let Some(noise_m) = arguments.marker_noise_m {
+        return of_markers(arguments, &recording, &scene, noise_m);
+    }
     let other = arguments.predict.as_deref().map(|bag| other(arguments, bag, &scene)).transpose()?;
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let work = || found(arguments, &scene, &recording, other.as_ref());
@@ -110,6 +124,61 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     print(&if arguments.json { json } else { summary(&calibration, prediction.as_ref(), &recording.source, &files) })?;
     let complete = recording.losses.is_empty() && !calibration.rejected();
     Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
+}
+
+/// Fits tracked points, with the force or without.
+fn of_markers(arguments: &Arguments, recording: &Recording, scene: &Scene, noise_m: f64) -> Result<Outcome, CliError> {
+    let progress = Progress::preparing("fitting the tracked points");
+    recording.warnings.iter().for_each(|text| progress.warn(text));
+    let readings = arguments.recorded.topics.readings(recording);
+    let measured = series(recording);
+    let task = MarkerTask {
+        scene,
+        readings: &readings,
+        markers: &recording.markers,
+        noise_m,
+        force: (!arguments.markers_only && !measured.is_empty()).then_some((&measured, arguments.force_error)),
+        wanted: &arguments.fit,
+    };
+    let mut stop = Stop(&progress);
+    let fit = arguments.threads.install(|| calibrate::calibrate_markers(&task, &mut stop))??;
+    progress.finish();
+    let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
+    let written = folder.map(|folder| report::write_marker_fit(&folder.path, &fit, &recording.source)).transpose()?;
+    recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    let text = report::marker_fit_json(&fit, &recording.source);
+    print(&if arguments.json { text } else { marker_summary(&fit, written.as_deref().unwrap_or_default()) })?;
+    let explained = fit.converged && fit.reduced_chi_square <= compare::verdict::EXPLAINED;
+    if !explained {
+        let chi = fit.reduced_chi_square;
+        warn(&format!(
+            "the model does not explain the tracked points within their noise (reduced chi-square {chi:.2}): see the residual map"
+        ));
+    }
+    Ok(if explained && recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
+}
+
+fn marker_summary(fit: &MarkerFit, files: &[PathBuf]) -> String {
+    let mut lines = Vec::new();
+    for e in &fit.estimates {
+        let error = e.standard_error.map_or_else(|| "not determined by the data".to_owned(), |s| short(s, s));
+        lines.push((
+            "fit",
+            format!("{} = {} ± {error}", e.key, e.standard_error.map_or(e.value.to_string(), |s| short(e.value, s))),
+        ));
+    }
+    for r in &fit.residuals {
+        let [x, y, z] = r.mean_m.map(|m| 1e3 * m + 0.0);
+        let rms = 1e3 * r.rms_m;
+        lines.push((
+            "marker",
+            format!("{}: rms {rms:.3} mm, mean {x:.3} {y:.3} {z:.3} mm, seen {} times", r.name, r.seen),
+        ));
+    }
+    lines.extend(fit.rmse_n.map(|rmse| ("force", format!("rmse {rmse:.6} N at the times of the markers"))));
+    lines.push(("search", format!("{} runs of the twin, reduced chi-square {:.2}", fit.runs, fit.reduced_chi_square)));
+    lines.extend(files.first().map(|first| ("files", written(first, files))));
+    screen(&lines)
 }
 
 fn refuse_repeats(fit: &[Wanted]) -> Result<(), CliError> {

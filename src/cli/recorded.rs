@@ -166,6 +166,10 @@ pub(super) struct TableOptions {
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3)]
     pub pose_columns: Option<Vec<String>>,
 
+    /// Columns of tracked points in the sample's frame, x, y and z of each, in the position's unit; an empty cell: not seen
+    #[arg(long, value_name = "X,Y,Z,...", value_delimiter = ',')]
+    pub marker_columns: Vec<String>,
+
     /// The position is a strain, a share of this length
     #[arg(long, value_name = "L", value_parser = positive)]
     pub gauge_length_m: Option<f64>,
@@ -228,6 +232,7 @@ impl SourceOptions {
             time_unit: table.time_unit.clone(),
             rate_hz: table.rate_hz,
             pose: table.pose_columns.as_ref().and_then(|names| <[String; 3]>::try_from(names.clone()).ok()),
+            markers: table.marker_columns.clone(),
             gauge_length_m: table.gauge_length_m,
             layout: TableLayout {
                 separator: table.separator,

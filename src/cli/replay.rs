@@ -88,7 +88,7 @@ fn replay(
 
 /// The measured force over time.
 pub(super) fn series(recording: &Recording) -> ForceSeries {
-    ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect())
+    ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect()).on_one_clock(recording.one_clock)
 }
 
 /// Refuses a recording whose units, signs or scene are likely wrong, before any time is spent on it; says it only if `forced`.

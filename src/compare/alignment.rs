@@ -138,12 +138,13 @@ impl<'a> Problem<'a> {
     }
 
     /// The shifts of a grid that leave the least.
-    fn grid(&self, deepest_m: f64) -> Option<[f64; 2]> {
+    fn grid(&self, deepest_m: f64, timed: bool) -> Option<[f64; 2]> {
         let whole = self.time_s.last()? - self.time_s.first()?;
         let most = [(MOST_M.0 * deepest_m).min(MOST_M.1), (MOST_S.0 * whole).min(MOST_S.1)];
         let value = |k: usize, i: i32| most[k] * f64::from(i) / f64::from(STEPS[1 - k]);
-        let shifts =
-            (-STEPS[1]..=STEPS[1]).flat_map(|i| (-STEPS[0]..=STEPS[0]).map(move |j| [value(0, i), value(1, j)]));
+        let shifts = (-STEPS[1]..=STEPS[1]).flat_map(|i| {
+            (-STEPS[0]..=STEPS[0]).filter(move |j| timed || *j == 0).map(move |j| [value(0, i), value(1, j)])
+        });
         let left = shifts.filter_map(|at| self.linear(at).map(|(_, left)| (at, left)));
         left.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
     }
@@ -174,8 +175,11 @@ impl<'a> Problem<'a> {
 #[must_use]
 pub fn align(path: &ForcePath, rows: &Rows) -> Option<Alignment> {
     let coarse = Problem::new(path, rows, GRID_ROWS);
-    let start = coarse.grid(rows.deepest_m())?;
+    let start = coarse.grid(rows.deepest_m(), !rows.one_clock)?;
     let fine = Problem::new(path, rows, SEARCH_ROWS);
+    if rows.one_clock {
+        return search(&fine, rows, start, false);
+    }
     let both = search(&fine, rows, start, true)?;
     let told_apart = both.time_offset_s.error.is_some() && both.contact_depth_m.error.is_some();
     if told_apart { Some(both) } else { search(&fine, rows, [start[0], 0.0], false).or(Some(both)) }

@@ -116,6 +116,11 @@ impl Collector {
         answer
     }
 
+    /// Says whether force and position were stamped by one clock.
+    pub(super) const fn on_one_clock(&mut self, one_clock: bool) {
+        self.run.one_clock = one_clock;
+    }
+
     fn note_health(&mut self, prediction: &Prediction) {
         let health = &prediction.health;
         self.energy_ratio.push(health.kinetic_to_strain_energy);

@@ -54,6 +54,7 @@ pub fn drive(
     mut collector: Collector,
     watch: &mut dyn Watch,
 ) -> Run {
+    collector.on_one_clock(measured.is_some_and(ForceSeries::one_clock));
     let mut readings = readings.into_iter().peekable();
     let mut done = 0;
     while let Some(reading) = readings.next() {

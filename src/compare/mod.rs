@@ -161,6 +161,8 @@ pub struct Run {
     pub instrument: Option<Instrument>,
     /// The scene as it was run (presets and `--set` merged), TOML as `scene show` prints it.
     pub scene_toml: String,
+    /// Whether force and position were stamped by one clock.
+    pub one_clock: bool,
     /// Word for what ran: `replay`, `solve`, `demo`.
     pub command: String,
 }

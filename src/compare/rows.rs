@@ -21,6 +21,8 @@ pub struct Rows {
     pub measured_n: Vec<f64>,
     /// What was taken off as the load cell's zero, N.
     pub zero_n: f64,
+    /// Whether force and position were stamped by one clock: no offset between them is looked for.
+    pub one_clock: bool,
 }
 
 impl Rows {
@@ -31,18 +33,19 @@ impl Rows {
         let usable = |a: &Answer| a.residual_n().is_some() && a.time_s.is_finite() && a.depth_m.is_finite();
         let kept: Vec<&Answer> =
             run.answers.iter().zip(at_rest).filter(|(a, at_rest)| *at_rest && usable(a)).map(|(a, _)| a).collect();
-        Self::new(
+        let rows = Self::new(
             kept.iter().map(|a| a.time_s).collect(),
             kept.iter().map(|a| a.depth_m).collect(),
             kept.iter().map(|a| a.predicted_n).collect(),
             kept.iter().map(|a| a.measured_n.unwrap_or(0.0)).collect(),
-        )
+        );
+        Self { one_clock: run.one_clock, ..rows }
     }
 
     /// From columns of equal length: times in s, depths in m, predicted and measured forces in N, of which the load cell's zero is taken off.
     #[must_use]
     pub fn new(time_s: Vec<f64>, depth_m: Vec<f64>, predicted_n: Vec<f64>, measured_n: Vec<f64>) -> Self {
-        let mut rows = Self { time_s, depth_m, predicted_n, measured_n, zero_n: 0.0 };
+        let mut rows = Self { time_s, depth_m, predicted_n, measured_n, zero_n: 0.0, one_clock: false };
         rows.zero_n = rows.idle().unwrap_or(0.0);
         rows.measured_n.iter_mut().for_each(|m| *m -= rows.zero_n);
         rows

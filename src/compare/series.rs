@@ -13,6 +13,7 @@ pub struct ForceSeries {
     samples: Vec<(f64, [f64; 3])>,
     longest_gap_s: f64,
     left_out: usize,
+    one_clock: bool,
 }
 
 impl ForceSeries {
@@ -34,7 +35,19 @@ impl ForceSeries {
         let mut intervals: Vec<f64> = samples.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         intervals.sort_unstable_by(f64::total_cmp);
         let median = intervals.get(intervals.len() / 2).copied().unwrap_or(0.0);
-        Self { samples, longest_gap_s: (GAP_INTERVALS * median).max(LEAST_GAP_S), left_out }
+        Self { samples, longest_gap_s: (GAP_INTERVALS * median).max(LEAST_GAP_S), left_out, one_clock: false }
+    }
+
+    /// Says that force and position were stamped by one clock, so that no offset between them is looked for.
+    #[must_use]
+    pub fn on_one_clock(self, one_clock: bool) -> Self {
+        Self { one_clock, ..self }
+    }
+
+    /// Whether force and position were stamped by one clock.
+    #[must_use]
+    pub const fn one_clock(&self) -> bool {
+        self.one_clock
     }
 
     /// What was left out, in one sentence, if anything was.

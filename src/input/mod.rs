@@ -7,12 +7,15 @@ mod recording;
 mod selection;
 mod series;
 mod table;
+mod topics;
 mod unit;
 mod write;
 
 pub use adapter::{Adapter, Refusal};
 pub use foreign::{ForceSource, ForeignError, PositionSource};
-pub use recording::{DepthSample, ForceSample, PoseSample, Recording, RecordingError, TopicNames, tables};
+pub use recording::{
+    DepthSample, ForceSample, MarkerSample, PoseSample, Recording, RecordingError, TopicNames, tables,
+};
 pub use selection::{Quantity, Selection, TableLayout, UnknownUnit};
 pub use table::{Column, Columns, Table, TableError};
 pub use unit::Dimension;

@@ -1,16 +1,15 @@
 //! What the twin needs of a recording: depths or poses, and measured forces, each over time.
 
 use super::Adapter;
-use super::foreign::{ForceSource, ForeignError, PositionSource};
+use super::foreign::ForeignError;
 use super::selection::{Selection, UnknownUnit};
 use super::series::{Reading, Series, in_order};
 use super::table::{Table, TableError};
-use super::unit::Dimension;
+use super::topics::{describe, find, force, force_source, no_motion, position_source, topic_error};
 use crate::twin::Pose;
 use ros2_messages::RosMessage;
-use ros2_messages::geometry_msgs::{PoseStamped, WrenchStamped};
+use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
-use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
 use std::path::{Path, PathBuf};
@@ -71,6 +70,15 @@ impl PoseSample {
     }
 }
 
+/// Tracked points inside the sample and when they were seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MarkerSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Position of each marker in frame `sample`, m; NaN where it was not seen.
+    pub positions: Vec<[f64; 3]>,
+}
+
 /// A force and when it was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSample {
@@ -95,6 +103,10 @@ pub struct Recording {
     pub poses: Vec<PoseSample>,
     /// From the load cell; empty without one.
     pub forces: Vec<ForceSample>,
+    /// Tracked points; empty without them.
+    pub markers: Vec<MarkerSample>,
+    /// Whether force and position were stamped by one clock, as the rows of one table are.
+    pub one_clock: bool,
     /// Topics of the three series, where there are such.
     pub topics: TopicNames,
     /// Frame of the forces, "" where it is not said.
@@ -131,6 +143,7 @@ struct Stamped {
     depths: Series<f64>,
     poses: Series<Pose>,
     forces: Series<[f64; 3]>,
+    markers: Series<Vec<[f64; 3]>>,
 }
 
 impl Recording {
@@ -187,6 +200,8 @@ impl Recording {
             Some(source) => Some(source.check(bag)?),
             None => find::<WrenchStamped>(bag, names.wrench.as_deref(), "measured_cf", &["predicted_cf"])?,
         };
+        let measured = |t: &Topic| t.type_name == PoseArray::TYPE && t.name.ends_with("measured_targets");
+        let targets = bag.topics().iter().position(measured);
         if joint_state.is_none() && pose.is_none() {
             return Err(no_motion(bag).into());
         }
@@ -206,11 +221,24 @@ impl Recording {
                 Some(source) => reading.series(wrench, |m| Ok(force(source.convert(bag, m)?))),
                 None => reading.series(wrench, |m| Ok(force(bag.decode(m)?))),
             },
+            markers: reading.series(targets, |m| {
+                let m: PoseArray = bag.decode(m)?;
+                Ok((marked(&m, &names.frame_id), m.header))
+            }),
         };
+        if let Some((last, _)) = stamped.markers.0.split_last() {
+            let odd = stamped.markers.0.iter().filter(|m| m.1.len() != last.1.len()).count();
+            if odd > 0 {
+                reading
+                    .warnings
+                    .push(format!("measured_targets: {odd} messages have another number of markers; left out"));
+            }
+        }
         let name = |topic: Option<usize>| topic.map(|t| bag.topics()[t].name.clone());
         let mut recording = Self {
             source: describe(bag),
             scene: bag.custom_data("scene").map(str::to_owned),
+            one_clock: bag.custom_data("one_clock") == Some("true"),
             topics: TopicNames {
                 joint_state: name(joint_state),
                 pose: name(pose),
@@ -249,6 +277,7 @@ impl Recording {
         let stamped = Stamped {
             depths: (in_order(&motion.file, motion.depths.clone(), &mut losses, &mut warnings), String::new()),
             poses: (in_order(&motion.file, motion.poses.clone(), &mut losses, &mut warnings), String::new()),
+            markers: (in_order(&motion.file, motion.markers.clone(), &mut losses, &mut warnings), String::new()),
             forces: cell.map_or_else(Default::default, |t| {
                 (in_order(&t.file, t.forces.clone(), &mut losses, &mut warnings), String::new())
             }),
@@ -256,6 +285,7 @@ impl Recording {
         let files: Vec<&str> = read.iter().map(|t| t.file.rsplit(['/', '\\']).next().unwrap_or(&t.file)).collect();
         let mut recording = Self {
             source: format!("table {}", files.join(" and ")),
+            one_clock: cell.is_some_and(|cell| std::ptr::eq(cell, motion)) && said.time_offset_s == 0.0,
             topics: said.names.clone(),
             losses,
             warnings,
@@ -267,12 +297,20 @@ impl Recording {
 
     /// Series with a common origin; the force's stamps are late by so much.
     fn of(stamped: Stamped, late_s: f64) -> Self {
-        let Stamped { depths: (depths, _), poses: (poses, _), forces: (mut forces, force_frame) } = stamped;
+        let Stamped {
+            depths: (depths, _),
+            poses: (poses, _),
+            forces: (mut forces, force_frame),
+            markers: (markers, _),
+        } = stamped;
         let late_ns = (late_s * 1e9).round() as i64;
         forces.iter_mut().for_each(|(time, _)| *time -= late_ns);
         let firsts = [depths.first().map(|s| s.0), poses.first().map(|s| s.0), forces.first().map(|s| s.0)];
         let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
         let seconds = |ns: i64| (ns - origin_ns) as f64 * 1e-9;
+        let count = markers.last().map_or(0, |m| m.1.len());
+        let whole = markers.into_iter().filter(|m| m.1.len() == count);
+        let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
         let depth = |&(t, depth_m): &(i64, f64)| DepthSample { time_s: seconds(t), depth_m };
         let pose = |&(t, Pose { tip, axis }): &(i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
         Self {
@@ -282,6 +320,8 @@ impl Recording {
             depths: depths.iter().map(depth).collect(),
             poses: poses.iter().map(pose).collect(),
             forces: forces.iter().map(|&(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
+            markers,
+            one_clock: false,
             topics: TopicNames::default(),
             force_frame,
             losses: Vec::new(),
@@ -320,96 +360,15 @@ fn span(times: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     times.fold(None, |span, t| Some(span.map_or((t, t), |(a, b): (f64, f64)| (a.min(t), b.max(t)))))
 }
 
-/// The bag and what it says of itself.
-fn describe(bag: &BagReader) -> String {
-    let name = Path::new(bag.name()).file_name().map_or(bag.name().into(), |n| n.to_string_lossy());
-    match bag.custom_data("description") {
-        Some(description) => format!("bag {name} ({description})"),
-        None => format!("bag {name}"),
+/// Positions of tracked points; one that is not finite was not seen.
+fn marked(m: &PoseArray, frame_id: &str) -> Result<Vec<[f64; 3]>, String> {
+    let frame = m.header.frame_id.trim_start_matches('/');
+    if !frame.is_empty() && frame != frame_id.trim_start_matches('/') {
+        return Err(format!(
+            "it is in frame `{frame}`, the twin needs `{frame_id}`: transform it, or name the frame (--frame-id)"
+        ));
     }
-}
-
-fn topic_error(bag: &BagReader, topic: &Topic, reason: String) -> BagError {
-    BagError::Topic {
-        bag: bag.name().to_owned(),
-        topic: topic.name.clone(),
-        type_name: topic.type_name.clone(),
-        reason,
-    }
-}
-
-fn no_motion(bag: &BagReader) -> BagError {
-    let lost: Vec<String> = bag.losses().iter().map(ToString::to_string).collect();
-    let remedy = if lost.is_empty() {
-        "Name the topics with the depth or the pose (--measured-js, --measured-cp), or remap them when recording. Of other types \
-         (std_msgs/Float64, sensor_msgs/Range, ...), units or signs the rig makes these: `rig_node BAG --ros-args -p \
-         position_topic:=TOPIC -p position_m_per_unit:=0.001`, recorded by `-p record:=FOLDER`"
-            .to_owned()
-    } else {
-        format!("The bag is damaged: {}", lost.join("; "))
-    };
-    BagError::NoTopic {
-        bag: bag.name().to_owned(),
-        wanted: format!(
-            "the depth (measured_js, {}) or the tip's pose (measured_cp, {})",
-            JointState::TYPE,
-            PoseStamped::TYPE
-        ),
-        available: bag.describe_topics(),
-        remedy,
-    }
-}
-
-/// The topic of type `T`: the named one, or the one whose name ends in `suffix`, or the only one of the type that is
-/// not in `never`.
-fn find<T: RosMessage>(
-    bag: &BagReader,
-    named: Option<&str>,
-    suffix: &str,
-    never: &[&str],
-) -> Result<Option<usize>, BagError> {
-    if let Some(name) = named {
-        let found = bag.topics().iter().position(|t| t.name.trim_start_matches('/') == name.trim_start_matches('/'));
-        let Some(found) = found else {
-            return Err(BagError::NoTopic {
-                bag: bag.name().to_owned(),
-                wanted: name.to_owned(),
-                available: bag.describe_topics(),
-                remedy: "Name one of these".to_owned(),
-            });
-        };
-        let topic = &bag.topics()[found];
-        if topic.type_name != T::TYPE {
-            return Err(topic_error(bag, topic, format!("{} is needed here", T::TYPE)));
-        }
-        return Ok(Some(found));
-    }
-    let last = |t: &Topic| t.name.rsplit('/').next().unwrap_or_default().to_owned();
-    let typed: Vec<usize> = (0..bag.topics().len())
-        .filter(|&t| bag.topics()[t].type_name == T::TYPE && !never.contains(&last(&bag.topics()[t]).as_str()))
-        .collect();
-    let suffixed: Vec<usize> = typed.iter().copied().filter(|&t| last(&bag.topics()[t]) == suffix).collect();
-    match (suffixed.as_slice(), typed.as_slice()) {
-        ([one], _) | ([], [one]) => Ok(Some(*one)),
-        ([], []) => Ok(None),
-        ([], several) | (several, _) => {
-            let names: Vec<&str> = several.iter().map(|&t| bag.topics()[t].name.as_str()).collect();
-            Err(BagError::NoTopic {
-                bag: bag.name().to_owned(),
-                wanted: format!("{suffix} that stands out"),
-                available: format!("several of type {}: {}", T::TYPE, names.join(", ")),
-                remedy: "Name the one to take".to_owned(),
-            })
-        }
-    }
-}
-
-/// The force of the tissue on the instrument, N, with its stamp and frame.
-fn force(m: WrenchStamped) -> (Result<[f64; 3], String>, Header) {
-    let force: [f64; 3] = m.wrench.force.into();
-    let finite = force.iter().all(|f| f.is_finite());
-    let reason = || format!("its force {force:?} is not finite; check the load cell");
-    (if finite { Ok(force) } else { Err(reason()) }, m.header)
+    Ok(m.poses.iter().map(|pose| pose.position.into()).collect())
 }
 
 /// Whether a path is a bag: a folder, or an MCAP file.
@@ -424,40 +383,4 @@ fn is_bag(path: &Path) -> bool {
 /// [`TableError`].
 pub fn tables(paths: &[PathBuf], said: &Selection) -> Result<Vec<Table>, TableError> {
     paths.iter().enumerate().map(|(number, path)| Table::read(path, said, number)).collect()
-}
-
-/// The displacement sensor as the user describes it; `None` where its own numbers are taken as they are.
-fn position_source(bag: &BagReader, said: &Selection) -> Result<Option<PositionSource>, RecordingError> {
-    let m_per_unit = said.position.scale(Dimension::Length, "--position-unit")?;
-    if said.position.is_plain() {
-        return Ok(None);
-    }
-    let own = find::<JointState>(bag, said.names.joint_state.as_deref(), "measured_js", &[]);
-    let topic = match &said.position.place {
-        Some(topic) => Some(topic.clone()),
-        None => own?.map(|t| bag.topics()[t].name.clone()),
-    };
-    let source = |topic| PositionSource {
-        topic,
-        joint: String::new(),
-        m_per_unit,
-        offset_m: 0.0,
-        joint_name: said.names.joint.clone(),
-    };
-    Ok(topic.map(source))
-}
-
-/// The load cell as the user describes it; as [`position_source`].
-fn force_source(bag: &BagReader, said: &Selection) -> Result<Option<ForceSource>, RecordingError> {
-    let n_per_unit = said.force.scale(Dimension::Force, "--force-unit")?;
-    if said.force.is_plain() {
-        return Ok(None);
-    }
-    let own = find::<WrenchStamped>(bag, said.names.wrench.as_deref(), "measured_cf", &["predicted_cf"]);
-    let topic = match &said.force.place {
-        Some(topic) => Some(topic.clone()),
-        None => own?.map(|t| bag.topics()[t].name.clone()),
-    };
-    let (axis, frame_id) = ([0.0, 0.0, 1.0], said.names.frame_id.clone());
-    Ok(topic.map(|topic| ForceSource { topic, n_per_unit, axis, frame_id }))
 }

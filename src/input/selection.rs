@@ -82,6 +82,8 @@ pub struct Selection {
     pub rate_hz: Option<f64>,
     /// Columns of the tip's x, y and z in the sample's frame, in the position's unit.
     pub pose: Option<[String; 3]>,
+    /// Columns of markers, x, y and z of each, in the position's unit.
+    pub markers: Vec<String>,
     /// Length that a strain is a share of, m: the position is given as a strain.
     pub gauge_length_m: Option<f64>,
     /// How the text is laid out.

@@ -23,7 +23,7 @@ pub(super) type Series<V> = (Vec<(i64, V)>, String);
 
 impl Reading<'_> {
     /// Values of one topic in the order of their stamps; why a message has none is counted by its reason.
-    pub fn series<V: Copy, E: Display>(
+    pub fn series<V, E: Display>(
         &mut self,
         topic: Option<usize>,
         value: impl Fn(&Message) -> Result<(Result<V, E>, Header), String>,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::Recording;
 use ros2_messages::builtin_interfaces::Time;
-use ros2_messages::geometry_msgs::{Point, Pose, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
+use ros2_messages::geometry_msgs::{Point, Pose, PoseArray, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagError, BagWriter, Qos, WriterOptions, Written};
@@ -20,10 +20,11 @@ enum Sample {
     Depth(usize),
     Pose(usize),
     Force(usize),
+    Markers(usize),
 }
 
 impl Recording {
-    /// Writes the series as a rosbag2 folder: `/measured_js`, `/measured_cp`, `/measured_cf`, as far as there are such. The same
+    /// Writes the series as a rosbag2 folder: `/measured_js`, `/measured_cp`, `/measured_cf`, `/measured_targets`, as far as there are such. The same
     /// recording gives the same bytes.
     ///
     /// # Errors
@@ -32,6 +33,9 @@ impl Recording {
         let mut custom_data: BTreeMap<String, String> =
             [("description".to_owned(), format!("imported from {}", self.source))].into();
         custom_data.extend(scene.or(self.scene.as_deref()).map(|scene| ("scene".to_owned(), scene.to_owned())));
+        if self.one_clock {
+            custom_data.insert("one_clock".to_owned(), "true".to_owned());
+        }
         let own_clock = self.origin_ns < OWN_CLOCK_NS;
         if own_clock {
             custom_data.insert("clock".to_owned(), "its own: 2000-01-01 is its time 0".to_owned());
@@ -48,6 +52,9 @@ impl Recording {
             some(self.poses.len()).map(|()| bag.add_topic::<PoseStamped>("/measured_cp", &reliable)).transpose()?;
         let force =
             some(self.forces.len()).map(|()| bag.add_topic::<WrenchStamped>("/measured_cf", &reliable)).transpose()?;
+        let targets = some(self.markers.len())
+            .map(|()| bag.add_topic::<PoseArray>("/measured_targets", &reliable))
+            .transpose()?;
         let stamp = |time_s: f64| origin_ns + (time_s * 1e9).round() as i64;
         let header = |ns: i64, frame: &str| Header { stamp: Time::from_nanos(ns), frame_id: frame.to_owned() };
         for sample in self.in_time() {
@@ -67,6 +74,13 @@ impl Recording {
                     };
                     pose.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &message))?;
                 }
+                Sample::Markers(i) => {
+                    let ns = stamp(self.markers[i].time_s);
+                    let point = |&[x, y, z]: &[f64; 3]| Pose { position: Point { x, y, z }, ..Pose::default() };
+                    let poses = self.markers[i].positions.iter().map(point).collect();
+                    let message = PoseArray { header: header(ns, &self.topics.frame_id), poses };
+                    targets.map_or(Ok(()), |topic| bag.write(topic, ns as u64, ns as u64, &message))?;
+                }
                 Sample::Force(i) => {
                     let ns = stamp(self.forces[i].time_s);
                     let wrench = Wrench { force: self.forces[i].force_n.into(), torque: Vector3::default() };
@@ -81,19 +95,20 @@ impl Recording {
 
     /// All samples in the order of their times, of equal times the motion's first.
     fn in_time(&self) -> impl Iterator<Item = Sample> {
-        let mut next = [0_usize; 3];
+        let mut next = [0_usize; 4];
         std::iter::from_fn(move || {
             let times = [
                 self.depths.get(next[0]).map(|s| s.time_s),
                 self.poses.get(next[1]).map(|s| s.time_s),
                 self.forces.get(next[2]).map(|s| s.time_s),
+                self.markers.get(next[3]).map(|s| s.time_s),
             ];
-            let first = (0..3)
+            let first = (0..4)
                 .filter(|&k| times[k].is_some())
                 .min_by(|&a, &b| times[a].partial_cmp(&times[b]).unwrap_or(std::cmp::Ordering::Equal))?;
             let at = next[first];
             next[first] += 1;
-            Some([Sample::Depth, Sample::Pose, Sample::Force][first](at))
+            Some([Sample::Depth, Sample::Pose, Sample::Force, Sample::Markers][first](at))
         })
     }
 }

@@ -16,14 +16,19 @@ const PACKAGES: [&str; 6] = [
 
 /// The environment's Python. Needs `python3` with venv, and the package index the first time.
 pub fn python() -> PathBuf {
+    environment("python-venv", &PACKAGES)
+}
+
+/// Python of an environment with these packages.
+pub fn environment(name: &str, packages: &[&str]) -> PathBuf {
     // target/tmp is made by cargo for integration tests.
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().to_path_buf();
-    let (folder, done) = (target.join("python-venv"), target.join("python-venv/installed.txt"));
+    let (folder, done) = (target.join(name), target.join(name).join("installed.txt"));
     let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
     // Several test programs may come here at once.
-    let lock = File::create(target.join("python-venv.lock")).unwrap();
+    let lock = File::create(target.join(format!("{name}.lock"))).unwrap();
     lock.lock().unwrap();
-    let wanted = PACKAGES.join("\n");
+    let wanted = packages.join("\n");
     if fs::read_to_string(&done).is_ok_and(|installed| installed == wanted) {
         return python;
     }
@@ -31,7 +36,7 @@ pub fn python() -> PathBuf {
         "these tests need Python 3 with venv (Debian: python3-venv) and, the first time, the Python package index";
     run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder), what);
     let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-    run(Command::new(&python).args(pip).args(PACKAGES), what);
+    run(Command::new(&python).args(pip).args(packages), what);
     fs::write(done, wanted).unwrap();
     python
 }
@@ -44,7 +49,7 @@ pub fn run_script(script: &str, arguments: &[&Path]) -> String {
 }
 
 /// Runs a command to its end; panics with its output if it fails.
-fn run(command: &mut Command, what: &str) -> Output {
+pub fn run(command: &mut Command, what: &str) -> Output {
     let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}; {what}"));
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let (out, err) = (text(&output.stdout), text(&output.stderr));

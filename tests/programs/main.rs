@@ -5,10 +5,14 @@ mod bad_input;
 mod batch;
 mod calibrate;
 mod cli;
+mod cluster;
+#[path = "../common/mod.rs"]
+mod common;
 mod demo;
 mod docs;
 mod growth;
 mod import;
+mod markers;
 mod readme;
 mod recorded;
 mod replay;

@@ -28,6 +28,8 @@ pub struct Columns {
     pub force: Option<Column>,
     /// Tip.
     pub pose: Option<[Column; 3]>,
+    /// Markers: x, y and z of each.
+    pub markers: Vec<[Column; 3]>,
 }
 
 /// First words of headers that stand for a quantity.
@@ -59,6 +61,7 @@ struct Sought<'a> {
 const TIME: Sought = Sought { what: "time", option: "--time", words: &TIMES, dimension: Dimension::Time };
 const POSITION: Sought =
     Sought { what: "position", option: "--position", words: &POSITIONS, dimension: Dimension::Length };
+const MARKER: Sought = Sought { what: "marker", option: "--position", words: &[], dimension: Dimension::Length };
 const FORCE: Sought = Sought { what: "force", option: "--force", words: &FORCES, dimension: Dimension::Force };
 
 /// Finds columns in one of several files.
@@ -165,6 +168,13 @@ impl Finder<'_> {
             if let [x, y, z] = found[..] {
                 let of = |i| self.column(&POSITION, i, said.position.unit.as_deref(), 1.0);
                 columns.pose = Some([of(x)?, of(y)?, of(z)?]);
+            }
+        }
+        for names in said.markers.chunks_exact(3) {
+            let found: Vec<usize> = names.iter().filter_map(|name| self.named(name)).collect();
+            if let [x, y, z] = found[..] {
+                let of = |i| self.column(&MARKER, i, said.position.unit.as_deref(), 1.0);
+                columns.markers.push([of(x)?, of(y)?, of(z)?]);
             }
         }
         if said.pose.is_none() {

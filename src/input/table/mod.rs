@@ -88,6 +88,7 @@ pub struct Table {
     pub(super) depths: Vec<(i64, f64)>,
     pub(super) forces: Vec<(i64, [f64; 3])>,
     pub(super) poses: Vec<(i64, Pose)>,
+    pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
 }
 
 /// A reader of the cells of a text.
@@ -191,6 +192,13 @@ impl Table {
             if let (Some(x), Some(y), Some(z)) = (x, y, z) {
                 self.poses.push((stamp, Pose { tip: [x, y, z], axis: DOWN }));
             }
+        }
+        if !columns.markers.is_empty() {
+            // an empty cell: not seen
+            let one = |column: &Column| row.value(column).map(|x| x.unwrap_or(f64::NAN));
+            let of = |[x, y, z]: &[Column; 3]| Ok::<_, ()>([one(x)?, one(y)?, one(z)?]);
+            let positions = columns.markers.iter().map(of).collect::<Result<Vec<_>, ()>>().ok()?;
+            self.markers.push((stamp, positions));
         }
         Some(())
     }

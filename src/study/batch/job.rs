@@ -142,6 +142,7 @@ impl Job<'_> {
         let wanted = entry.wanted(candidate)?;
         let readings = readings(recording, entry.to_depth_m);
         let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
+        let measured = measured.on_one_clock(recording.one_clock);
         let mut watch = Quiet(stop);
         let twin = compare::build(&scene).map_err(|e| e.to_string())?;
         if let Some(what) = compare::scale::mistaken(&twin.0, &readings, &measured, recording.scene.as_deref()) {

@@ -303,6 +303,7 @@ impl Entry {
             time_unit: self.time_unit.clone(),
             rate_hz: self.rate_hz,
             pose: None,
+            markers: Vec::new(),
             gauge_length_m: self.gauge_length_m,
             layout: TableLayout {
                 separator: self.separator,

@@ -12,6 +12,7 @@
 
 mod forces;
 mod judgement;
+mod markers;
 mod prediction;
 mod problem;
 mod split;
@@ -26,6 +27,7 @@ use crate::scene::{Override, Scene, SceneError};
 use crate::twin::BuildError;
 
 pub use forces::{Forces, rmse};
+pub use markers::{MarkerEstimate, MarkerFit, MarkerResidual, MarkerTask, calibrate_markers};
 pub use prediction::{Prediction, predict};
 use problem::Recorded;
 pub use split::{HoldOut, Parts};

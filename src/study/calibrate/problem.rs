@@ -209,6 +209,7 @@ impl<'a> Recorded<'a> {
             depth_m: of(&forces.depth_m),
             predicted_n: of(predicted_n),
             measured_n: measured.collect(),
+            one_clock: self.task.measured.one_clock(),
             zero_n: 0.0,
         }
     }
