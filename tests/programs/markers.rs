@@ -57,7 +57,8 @@ fn table(folder: &Path, scene: &Path) -> (PathBuf, Vec<String>) {
         .args(["--set", &truth])
         .arg("--out")
         .arg(&out)
-        .assert();
+        .output()
+        .unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let [marker, cell] = [NOISE_M, NOISE_N].map(|s| Normal::new(0.0, s).unwrap());
     let names: Vec<String> = (0..MARKERS.len()).flat_map(|i| ["x", "y", "z"].map(|c| format!("m{i}{c}"))).collect();
