@@ -105,13 +105,16 @@ struct Problem<'a> {
     path: &'a ForcePath,
     time_s: Vec<f64>,
     measured_n: Vec<f64>,
+    /// How many of size, zero and drift are free.
+    free: usize,
 }
 
 impl<'a> Problem<'a> {
     fn new(path: &'a ForcePath, rows: &Rows, most: usize) -> Self {
         let step = rows.len().div_ceil(most).max(1);
         let every = |v: &[f64]| v.iter().copied().step_by(step).collect();
-        Self { path, time_s: every(&rows.time_s), measured_n: every(&rows.measured_n) }
+        let free = LINEAR - rows.known.min(LINEAR - 1);
+        Self { path, time_s: every(&rows.time_s), measured_n: every(&rows.measured_n), free }
     }
 
     fn force(&self, i: usize, [c, tau]: [f64; 2]) -> f64 {
@@ -125,13 +128,15 @@ impl<'a> Problem<'a> {
         let start = self.time_s[0];
         for i in (0..self.time_s.len()).filter(|&i| self.path.covers(self.time_s[i] - at[1])) {
             let (columns, m) = ([self.force(i, at), 1.0, self.time_s[i] - start], self.measured_n[i]);
-            for a in 0..LINEAR {
-                (0..LINEAR).for_each(|b| n[a][b] += columns[a] * columns[b]);
+            for a in 0..self.free {
+                (0..self.free).for_each(|b| n[a][b] += columns[a] * columns[b]);
                 y[a] += columns[a] * m;
             }
             squares += m * m;
             count += 1.0;
         }
+        // what is known stays 0
+        (self.free..LINEAR).for_each(|a| n[a][a] = 1.0);
         let x = nalgebra::Matrix3::from_fn(|a, b| n[a][b]).cholesky()?.solve(&nalgebra::Vector3::from(y));
         let left = squares - (0..LINEAR).map(|a| x[a] * y[a]).sum::<f64>();
         (x[0] > 0.0 && count > 2.0 * LINEAR as f64).then_some(([x[0], x[1], x[2]], left.max(0.0) / count))
@@ -191,6 +196,7 @@ fn search(problem: &Problem, rows: &Rows, start: [f64; 2], timed: bool) -> Optio
     let (mut linear, mut left) = problem.linear(at)?;
     for _ in 0..ITERATIONS {
         let (r, j) = problem.jacobian(at, linear);
+        let j = j.columns(0, 2 + problem.free).into_owned();
         let j = if timed { j } else { j.remove_column(1) };
         let Some(step) = (j.transpose() * &j).cholesky().map(|n| n.solve(&-(j.transpose() * r))) else { break };
         let mut share = 1.0;
@@ -215,6 +221,7 @@ fn search(problem: &Problem, rows: &Rows, start: [f64; 2], timed: bool) -> Optio
 
 fn judged(problem: &Problem, rows: &Rows, at: [f64; 2], linear: [f64; LINEAR], timed: bool) -> Alignment {
     let (r, mut j) = problem.jacobian(at, linear);
+    (2 + problem.free..2 + LINEAR).for_each(|k| j.column_mut(k).fill(0.0));
     if !timed {
         j.column_mut(1).fill(0.0);
     }
@@ -238,7 +245,12 @@ impl Run {
     /// Alignment of the recording with the model; `None` where there is no contact, or too little is measured.
     #[must_use]
     pub fn alignment(&self) -> Option<Alignment> {
-        let rows = Rows::of(self);
+        self.alignment_of(Rows::of(self))
+    }
+
+    /// The same by some of its readings.
+    #[must_use]
+    pub fn alignment_of(&self, rows: Rows) -> Option<Alignment> {
         if rows.is_empty() || rows.loaded(0.02).len() < 64 {
             return None;
         }

@@ -23,6 +23,8 @@ pub struct Rows {
     pub zero_n: f64,
     /// Whether force and position were stamped by one clock: no offset between them is looked for.
     pub one_clock: bool,
+    /// What of the load cell an alignment may not take for free, of its drift and its zero: it is known.
+    pub known: usize,
 }
 
 impl Rows {
@@ -45,7 +47,7 @@ impl Rows {
     /// From columns of equal length: times in s, depths in m, predicted and measured forces in N, of which the load cell's zero is taken off.
     #[must_use]
     pub fn new(time_s: Vec<f64>, depth_m: Vec<f64>, predicted_n: Vec<f64>, measured_n: Vec<f64>) -> Self {
-        let mut rows = Self { time_s, depth_m, predicted_n, measured_n, zero_n: 0.0, one_clock: false };
+        let mut rows = Self { time_s, depth_m, predicted_n, measured_n, zero_n: 0.0, one_clock: false, known: 0 };
         rows.zero_n = rows.idle().unwrap_or(0.0);
         rows.measured_n.iter_mut().for_each(|m| *m -= rows.zero_n);
         rows

@@ -14,7 +14,7 @@ use tempfile::TempDir;
 /// Noise of one coordinate of a marker, m; of the load cell, N, and by how much its size is wrong.
 const NOISE_M: f64 = 5e-5;
 const NOISE_N: f64 = 2e-4;
-const TOO_LARGE: f64 = 1.05;
+const TOO_LARGE: f64 = 1.02;
 const TRUTH: f64 = 0.47;
 
 const MARKERS: [[f64; 3]; 5] =

@@ -159,7 +159,10 @@ fn left_one_out(rows: &[&Row], candidate: &str) -> Vec<(String, f64)> {
             let sum: f64 = others.iter().map(|o| o.curve.at(&o.curve.predicted_n, *d)).sum();
             (sum / others.len() as f64 - m).powi(2)
         };
-        let squares: Vec<f64> = fit.curve.depth_m.iter().zip(&fit.curve.measured_n).map(error).collect();
+        // as deep as all of them go
+        let common = others.iter().filter_map(|o| o.curve.depth_m.last().copied()).fold(f64::INFINITY, f64::min);
+        let places = fit.curve.depth_m.iter().zip(&fit.curve.measured_n).filter(|(d, _)| **d <= common);
+        let squares: Vec<f64> = places.map(error).collect();
         Some(((*name).to_owned(), mean(&squares).sqrt() / peak))
     };
     fits.iter().enumerate().filter_map(one).collect()

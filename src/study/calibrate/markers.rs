@@ -1,12 +1,12 @@
 //! Calibration from tracked points inside the sample, with the force or without it.
 //!
 //! ```text
-//! smallest sum_i |u(X_i, t; keys) - u_measured,i|^2 / s_m^2  +  sum_t (F(t; keys) + b - F_measured)^2 / (s_F^2 + (e F)^2)
+//! smallest sum_i |u(X_i, t; keys) - u_measured,i|^2 / s_m^2  +  sum_t (a F(t; keys) + b - F_measured)^2 / s_F^2  +  (a - 1)^2 / e^2
 //! ```
 //!
-//! s_m: noise of one coordinate of a marker; s_F: that of the load cell, from its own readings; e: relative standard uncertainty of the force's
-//! size (`Task::force_error`), which no number of readings reduces; b: the load cell's zero. The force is read at the markers' times, so
-//! that a fast load cell does not outvote them. The source paper wants its deformation coefficient from such points.
+//! s_m: noise of one coordinate of a marker; s_F: that of the load cell, from its own readings; a: the force's size, wrong by the relative
+//! standard uncertainty e (`Task::force_error`), which no number of readings reduces; b: the load cell's zero. The force is read at the
+//! markers' times. The source paper wants its deformation coefficient from such points.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -111,6 +111,7 @@ pub fn calibrate_markers(task: &MarkerTask, watch: &mut dyn Watch) -> Result<Mar
     if !marked.forces.is_empty() {
         let free = [f64::NEG_INFINITY, f64::INFINITY];
         unknowns.push(Unknown { start: 0.0, bounds: free, scale: 1e-6, largest_step: f64::INFINITY });
+        unknowns.push(Unknown { start: 1.0, bounds: [0.1, 10.0], scale: 1.0, largest_step: 0.5 });
     }
     let solution = least_squares::solve(&mut marked, &unknowns)?;
     let solution = solution.ok_or_else(|| CalibrateError::Diverged("at the start of the search".to_owned()))?;
@@ -199,19 +200,22 @@ impl Marked<'_> {
     }
 
     /// Predicted + zero - measured force, N, each with its standard deviation.
-    fn force_residuals(&self, run: &Run, zero_n: f64) -> Vec<(f64, f64)> {
+    fn force_residuals(&self, run: &Run, [zero_n, size]: [f64; 2]) -> Vec<(f64, f64)> {
         let times: Vec<f64> = run.answers.iter().map(|a| a.time_s).collect();
-        let share_of_size = self.task.force.map_or(0.0, |(_, share)| share);
         let peak = self.forces.iter().map(|f| f.1.abs()).fold(0.0, f64::max);
         let one = |&(time_s, measured): &(f64, f64)| {
             let (i, share) = between(&times, time_s)?;
             let next = run.answers.get(i + 1).unwrap_or(&run.answers[i]).predicted_n;
             let predicted = run.answers[i].predicted_n + share * (next - run.answers[i].predicted_n);
-            // weights that do not change with the keys
-            let deviation = self.noise_n.hypot(share_of_size * measured.abs()).max(1e-6 * peak).max(f64::MIN_POSITIVE);
-            Some((predicted + zero_n - measured, deviation))
+            Some((size * predicted + zero_n - measured, self.noise_n.max(1e-6 * peak).max(f64::MIN_POSITIVE)))
         };
         self.forces.iter().filter_map(one).collect()
+    }
+
+    /// The load cell's zero, N, and the size of its force over the predicted one.
+    fn cell(&self, x: &[f64]) -> [f64; 2] {
+        let at = |k: usize, else_: f64| x.get(self.task.wanted.len() + k).copied().unwrap_or(else_);
+        [at(0, 0.0), at(1, 1.0)]
     }
 
     fn scaled(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
@@ -223,8 +227,11 @@ impl Marked<'_> {
         let Some(markers) = self.marker_residuals(&run) else { return Ok(None) };
         let noise_m = self.task.noise_m;
         let mut all: Vec<f64> = markers.iter().flat_map(|(_, r)| r.map(|r| r / noise_m)).collect();
-        let zero = x.get(self.task.wanted.len()).copied().unwrap_or(0.0);
-        all.extend(self.force_residuals(&run, zero).iter().map(|(r, s)| r / s));
+        let cell = self.cell(x);
+        all.extend(self.force_residuals(&run, cell).iter().map(|(r, s)| r / s));
+        if let (Some((_, share)), false) = (self.task.force, self.forces.is_empty()) {
+            all.push((cell[1] - 1.0) / share.max(1e-6));
+        }
         Ok(Some(DVector::from_vec(all)))
     }
 
@@ -240,8 +247,7 @@ impl Marked<'_> {
             start: unknowns[k].start,
             standard_error: error(k),
         });
-        let zero = solution.x.get(self.task.wanted.len()).copied().unwrap_or(0.0);
-        let forces = self.force_residuals(run, zero);
+        let forces = self.force_residuals(run, self.cell(&solution.x));
         let rmse = (forces.iter().map(|(r, _)| r * r).sum::<f64>() / forces.len().max(1) as f64).sqrt();
         MarkerFit {
             estimates: estimates.collect(),

@@ -22,7 +22,7 @@ use std::ops::Range;
 
 use crate::compare::alignment::{Alignment, align};
 use crate::compare::rows::Rows;
-use crate::compare::{ForceSeries, Reading, Verdict, Watch, least_squares};
+use crate::compare::{ForceSeries, Reading, Run, Verdict, Watch, least_squares};
 use crate::scene::{Override, Scene, SceneError};
 use crate::twin::BuildError;
 
@@ -69,6 +69,17 @@ pub enum LoadCell {
     Offset,
     /// The same, and its change with time.
     Drift,
+}
+
+impl LoadCell {
+    /// How many of drift and zero are known.
+    const fn known(self) -> usize {
+        match self {
+            Self::Drift => 0,
+            Self::Offset => 1,
+            Self::Exact => 2,
+        }
+    }
 }
 
 /// What is to be found from what.
@@ -279,7 +290,7 @@ pub fn calibrate(
     let mut problem = Recorded::new(task, sought, watch, tell);
     let mut first = problem.first(0.0)?;
     let mut realigned = [Sought::Contact, Sought::Clock].map(|s| problem.sought.contains(&s));
-    let before = first.alignment();
+    let before = first.alignment_of(rows_of(task, &first));
     let mut shift = [0.0; 2];
     if let Some(found) = &before {
         realigned = [realigned[0] || found.contact_is_off(), realigned[1] || found.clock_is_off()];
@@ -315,6 +326,25 @@ pub fn calibrate(
         Calibration { left_out, realigned, ..judgement::judged(task, scene, &solution, &unknowns, forces, &problem) };
     let seen = aligned(&mut problem, &solution.x)?;
     Ok(found.with_alignment(seen))
+}
+
+/// Readings of a run that are fitted: what was held out is not looked at.
+fn rows_of(task: &Task, run: &Run) -> Rows {
+    let rows = Rows::of(run);
+    let fitted = &run.answers[Parts::of(run, task.part).fitted];
+    let (Some(first), Some(last)) = (fitted.first(), fitted.last()) else { return Rows::default() };
+    let within = |t: f64| (first.time_s..=last.time_s).contains(&t);
+    let kept = |column: &[f64]| rows.time_s.iter().zip(column).filter(|(t, _)| within(**t)).map(|(_, x)| *x).collect();
+    let measured = rows.measured_n.iter().map(|m| if task.load_cell == LoadCell::Exact { m + rows.zero_n } else { *m });
+    Rows {
+        time_s: kept(&rows.time_s),
+        depth_m: kept(&rows.depth_m),
+        predicted_n: kept(&rows.predicted_n),
+        measured_n: kept(&measured.collect::<Vec<f64>>()),
+        zero_n: if task.load_cell == LoadCell::Exact { 0.0 } else { rows.zero_n },
+        known: task.load_cell.known(),
+        ..rows
+    }
 }
 
 /// Searches on.

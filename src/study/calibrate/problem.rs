@@ -15,8 +15,9 @@ use crate::scene::{Override, Scene};
 /// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
 /// is small against the steps of the search.
 const DIFFERENCE: f64 = 0.01;
-/// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so another value of it needs no run.
-const PROPORTIONAL: &str = "material.shear_modulus_pa";
+/// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so another value of it needs no run. The second is a list
+/// of one where it is sought.
+const PROPORTIONAL: [&str; 2] = ["material.shear_modulus_pa", "material.ogden_shear_moduli_pa"];
 /// Shift of the contact, m, within which the last run's own slope says what it does.
 const NEAR_M: f64 = 2e-5;
 /// Share of the poses that must be answered.
@@ -210,6 +211,7 @@ impl<'a> Recorded<'a> {
             predicted_n: of(predicted_n),
             measured_n: measured.collect(),
             one_clock: self.task.measured.one_clock(),
+            known: self.task.load_cell.known(),
             zero_n: 0.0,
         }
     }
@@ -250,7 +252,7 @@ impl<'a> Recorded<'a> {
         let (mut factor, mut shift) = (1.0, 0.0);
         for ((sought, new), old) in self.sought.iter().zip(x).zip(&kept.x) {
             match sought {
-                Sought::Key(key) if key == PROPORTIONAL => factor = new / old,
+                Sought::Key(key) if PROPORTIONAL.contains(&key.as_str()) => factor = new / old,
                 Sought::Key(_) if new != old => return None,
                 Sought::Contact => shift = new - old,
                 _ => {}
@@ -308,7 +310,7 @@ impl<'a> Recorded<'a> {
         let clock = self.value(x, &Sought::Clock);
         let times = self.fitted.iter().map(|&i| self.forces.time_s[i]);
         Some(match &self.sought[k] {
-            Sought::Key(key) if key == PROPORTIONAL => force.iter().map(|f| f / x[k]).collect(),
+            Sought::Key(key) if PROPORTIONAL.contains(&key.as_str()) => force.iter().map(|f| f / x[k]).collect(),
             Sought::Key(_) => return None,
             Sought::Contact => times.map(|t| -factor * kept.path.stiffness(t - clock, shift)).collect(),
             Sought::Clock => times.map(|t| -factor * kept.path.rate(t - clock, shift)).collect(),

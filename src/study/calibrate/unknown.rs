@@ -100,10 +100,14 @@ impl Sought {
 fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_squares::Unknown, CalibrateError> {
     let refuse = |reason: String| CalibrateError::Key { key: name.to_owned(), reason };
     let key = keys::require(name, "to be found", "--fit")?;
-    let Kind::Real(range) = key.kind else {
-        return Err(refuse(format!("only a single number can be searched for; this is: {}", key.allowed())));
+    let value = scene.get(name);
+    // a list of one is a number: the constants of a law with a single term
+    let list = value.as_ref().and_then(|v| v.as_list()).filter(|list| list.len() == 1);
+    let (range, start) = match key.kind {
+        Kind::Real(range) => (range, value.and_then(|v| v.as_real())),
+        Kind::List(range, _) if list.is_some() => (range, list.map(|list| list[0])),
+        _ => return Err(refuse(format!("only a single number can be searched for; this is: {}", key.allowed()))),
     };
-    let start = scene.get(name).and_then(|v| v.as_real());
     let start = start.ok_or_else(|| refuse(format!("scene {} has no such key", scene.name)))?;
     let off = OFF_THE_END * start.abs().max(f64::MIN_POSITIVE);
     let own = [
