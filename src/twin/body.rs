@@ -21,6 +21,8 @@ const POINT_REFINEMENT: f64 = 0.5;
 /// along the wall is stretched several times (`docs/lab/contact.md` has what was measured).
 const WALL_REFINEMENT: f64 = 0.125;
 const WALL_GROWTH: f64 = 0.15;
+/// Spacing in a half plane of several regions over that in space: there, too, it costs next to nothing.
+const PLANE_REFINEMENT: f64 = 0.5;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
@@ -93,7 +95,9 @@ impl Layout {
     pub fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
         let walled = scene.instrument.is_some_and(|i| surface::has_wall(&i));
         let (point, growth) = if walled { (WALL_REFINEMENT, WALL_GROWTH) } else { (POINT_REFINEMENT, f64::INFINITY) };
-        let mut layout = Self::refined(scene, domain, grading, point);
+        let several = if scene.regions.is_empty() { 1.0 } else { PLANE_REFINEMENT };
+        let spacing = Metres(several * grading.spacing.get());
+        let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, point);
         layout.spacing.growth = layout.spacing.growth.min(growth);
         layout
     }
@@ -122,7 +126,8 @@ impl Layout {
                 }
                 InstrumentKind::Indenter { diameter, tip: IndenterTip::Flat, .. } => {
                     let radius = 0.5 * diameter.get();
-                    let spacing = point * edge.min(RING_SPACING * radius);
+                    let ring = if scene.regions.is_empty() { RING_SPACING } else { point * RING_SPACING };
+                    let spacing = point * edge.min(ring * radius);
                     features.push(Feature::ContactRing { centre, radius, spacing });
                 }
                 InstrumentKind::Needle(needle) => {
@@ -136,7 +141,8 @@ impl Layout {
                 }
             }
         }
-        features.extend(interfaces(scene, domain, far));
+        let across = if point < 1.0 { CELLS_ACROSS } else { 1.0 };
+        features.extend(interfaces(scene, domain, far, across));
         Self { spacing: Spacing { far, growth: grading.growth, features }, reach }
     }
 
@@ -146,11 +152,11 @@ impl Layout {
     }
 }
 
-/// Cells across the thickness of a region, at least.
+/// Cells across the thickness of a region in a half plane, at least; in space one has to do.
 const CELLS_ACROSS: f64 = 2.0;
 
 /// The regions' boundaries, fine enough for the thinnest of them.
-fn interfaces(scene: &Scene, domain: &Domain, far: f64) -> impl Iterator<Item = Feature> {
+fn interfaces(scene: &Scene, domain: &Domain, far: f64, across: f64) -> impl Iterator<Item = Feature> {
     let solids = scene.regions.iter().filter_map(|r| regions::solid(&r.shape, domain.height()));
-    solids.map(move |solid| Feature::Region { solid, spacing: far.min(solid.thickness() / CELLS_ACROSS) })
+    solids.map(move |solid| Feature::Region { solid, spacing: far.min(solid.thickness() / across) })
 }

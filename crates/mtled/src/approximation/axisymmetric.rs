@@ -148,8 +148,8 @@ impl AxisymmetricApproximation {
     #[must_use]
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.triangles, region);
-        let mut interpolating = self.supports.supports.interpolating()[..self.points.len()].to_vec();
-        self.regions.interface().for_each(|n| interpolating[n] = true);
+        self.regions.widen(&self.triangles, &mut self.first);
+        let interpolating = self.supports.supports.interpolating()[..self.points.len()].to_vec();
         self.supports = MirroredSupports::new(&self.points, &self.first, &interpolating);
         self
     }
@@ -227,9 +227,9 @@ impl AxisymmetricApproximation {
             .collect()
     }
 
-    /// phi at a node or in the triangle that holds x.
+    /// phi at a node or in the triangle that holds x: on an interface the mean of what its regions have there.
     fn entries_at(&self, x: [f64; 3]) -> Result<Vec<Entry>, ApproximationError> {
-        let region = self.regions.at(x, |cell| {
+        let regions = self.regions.at(x, |cell| {
             let corners = self.corners(&self.triangles[cell]);
             let (_, slope) = triangle(&corners);
             let value = |a: usize| {
@@ -238,7 +238,13 @@ impl AxisymmetricApproximation {
             };
             (0..3).map(value).fold(f64::INFINITY, f64::min)
         });
-        self.entries(x, region, None)
+        let share = 1.0 / regions.len() as f64;
+        let mut all = Vec::new();
+        for region in regions {
+            let scaled = |e: Entry| Entry { value: share * e.value, slope: e.slope.map(|s| share * s), ..e };
+            all.extend(self.entries(x, region, None)?.into_iter().map(scaled));
+        }
+        Ok(all)
     }
 
     /// phi of every node and image at x in a region, and its slope; linear triangles take `within`, or the one that holds x.

@@ -210,8 +210,8 @@ impl Approximation {
     #[must_use]
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.cells, region);
-        let mut interpolating = self.supports.interpolating().to_vec();
-        self.regions.interface().for_each(|n| interpolating[n] = true);
+        self.regions.widen(&self.cells, &mut self.first);
+        let interpolating = self.supports.interpolating().to_vec();
         self.supports = Supports::new(&self.points, self.first.clone(), interpolating);
         self.share = shares(&self.points, &self.cells, region, &self.settings);
         self
@@ -265,11 +265,7 @@ impl Approximation {
         let rows: Vec<Vec<(u32, f64)>> = match self.settings.basis {
             Some(basis) => at
                 .par_iter()
-                .map(|&x| {
-                    self.with_fit(x, self.region_at(x), basis, false, |n, fit| {
-                        n.iter().map(|n| n.node).zip(fit.value.iter().copied()).collect()
-                    })
-                })
+                .map(|&x| self.mean(x, basis))
                 .collect::<Result<_, _>>()?,
             None => at.par_iter().map(|&x| self.barycentric(x)).collect(),
         };
@@ -284,8 +280,21 @@ impl Approximation {
         Ok(field)
     }
 
-    /// Region of a node or of the cell that holds x.
-    fn region_at(&self, x: [f64; 3]) -> u8 {
+    /// phi at x: on an interface the mean of what its regions have there.
+    fn mean(&self, x: [f64; 3], basis: Basis) -> Result<Vec<(u32, f64)>, ApproximationError> {
+        let regions = self.regions_at(x);
+        let share = 1.0 / regions.len() as f64;
+        let mut row = Vec::new();
+        for region in regions {
+            self.with_fit(x, region, basis, false, |n, fit| {
+                row.extend(n.iter().zip(&fit.value).map(|(n, value)| (n.node, share * value)));
+            })?;
+        }
+        Ok(row)
+    }
+
+    /// Regions of a node or of the cell that holds x.
+    fn regions_at(&self, x: [f64; 3]) -> Vec<u8> {
         self.regions.at(x, |cell| {
             let corners = self.corners(&self.cells[cell]);
             let (_, slope) = tetrahedron(&corners);
@@ -387,7 +396,7 @@ impl Supported for Approximation {
     }
 
     fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {
-        self.settings.basis.map_or(Ok(()), |basis| self.with_fit(x, self.region_at(x), basis, false, |_, _| ()))
+        self.settings.basis.map_or(Ok(()), |basis| self.mean(x, basis).map(|_| ()))
     }
 
     fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {

@@ -2,6 +2,7 @@
 
 use super::domain::{BASE, Domain, TOP};
 use super::error::CloudError;
+use super::interfaces;
 use super::path::Axis;
 use super::spacing::{Feature, Spacing};
 use super::vector::Point;
@@ -58,7 +59,7 @@ pub(crate) fn equidistribute(
 }
 
 /// A circle in a horizontal plane.
-fn circle(centre: [f64; 2], radius: f64, z: f64) -> impl Fn(f64) -> Point {
+pub(crate) fn circle(centre: [f64; 2], radius: f64, z: f64) -> impl Fn(f64) -> Point {
     move |t| {
         let (sin, cos) = (2.0 * PI * t).sin_cos();
         [centre[0] + radius * cos, centre[1] + radius * sin, z]
@@ -88,6 +89,7 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
             Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } => {}
         }
     }
+    interfaces::place_edges(domain, spacing, &mut nodes);
     too_close(domain, spacing, &nodes)?;
     Ok(nodes)
 }

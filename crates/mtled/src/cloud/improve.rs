@@ -7,6 +7,8 @@ use super::vector::Point;
 
 /// Cells below this quality are worked on.
 const WANTED: f64 = 0.45;
+/// Quality of a cell that reaches across an interface over that of its shape: such a cell is worked on, and rarely made.
+const ACROSS: f64 = 0.3;
 /// Least gain worth a change.
 pub(super) const GAIN: f64 = 1e-6;
 
@@ -18,6 +20,8 @@ pub(crate) struct Rules<'a> {
     pub(crate) fixed: &'a [bool],
     /// Bits of the curved faces.
     pub(crate) curved: u8,
+    /// One bit for each region that a node touches; empty without regions.
+    pub(crate) regions: &'a [u64],
     /// Puts a node back on its face; None where it may not be.
     pub(crate) place: &'a dyn Fn(u8, Point) -> Option<Point>,
 }
@@ -54,7 +58,14 @@ impl<'a> Mesh<'a> {
     }
 
     pub(super) fn measure(&self, c: [u32; 4]) -> f64 {
-        volume_length(&self.corners(c))
+        let quality = volume_length(&self.corners(c));
+        if self.reaches_across(c) { ACROSS * quality } else { quality }
+    }
+
+    /// Whether a cell has nodes on both sides of an interface.
+    fn reaches_across(&self, c: [u32; 4]) -> bool {
+        let regions = self.rules.regions;
+        !regions.is_empty() && c.iter().fold(u64::MAX, |bits, &v| bits & regions[v as usize]) == 0
     }
 
     pub(super) fn add(&mut self, c: [u32; 4]) {

@@ -23,6 +23,7 @@ mod domain;
 mod edges;
 mod error;
 mod improve;
+mod interfaces;
 pub mod meridian;
 mod order;
 mod packing;
@@ -54,6 +55,8 @@ use vector::Point;
 pub const LEAST_QUALITY: f64 = 0.25;
 /// Sweeps of smoothing over the first triangulation.
 const SWEEPS: usize = 2;
+/// Distance that moved nodes keep from interfaces, as a fraction of the spacing.
+const INTERFACE_CLEARANCE: f64 = 0.3;
 /// Passes of the improvement of cells.
 const PASSES: usize = 12;
 
@@ -103,10 +106,16 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     cells = delaunay::triangulate(&points)?;
     let place = |face: u8, p: Point| {
         let q = if face == 0 { p } else { domain.project(face, p) };
-        (domain.depth(q) >= -1e-9 * domain.height() && !packing.reserved(q)).then_some(q)
+        let clear = spacing.interface_distance(q) > INTERFACE_CLEARANCE * packing.h(q);
+        (clear && domain.depth(q) >= -1e-9 * domain.height() && !packing.reserved(q)).then_some(q)
+    };
+    let regions: Vec<u64> = if spacing.solids().next().is_some() {
+        points.iter().map(|&p| spacing.touching(domain, p)).collect()
+    } else {
+        Vec::new()
     };
     let curved = if domain.is_plane(SIDE) { 0 } else { SIDE };
-    let rules = improve::Rules { faces: &faces, fixed: &fixed, curved, place: &place };
+    let rules = improve::Rules { faces: &faces, fixed: &fixed, curved, regions: &regions, place: &place };
     let mut mesh = improve::Mesh::new(points, cells, rules);
     mesh.peel();
     mesh.improve(PASSES);

@@ -81,6 +81,8 @@ impl Packing<'_> {
         }
         self.relax(nodes, &mut grid, FACE_RELAXATIONS, |faces| faces.count_ones() == 1);
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
+        self.fill_interfaces(nodes, &mut grid, &mut spacings);
+        spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
         self.fill_body(nodes, &mut grid, &mut spacings);
         self.relax(nodes, &mut grid, BODY_RELAXATIONS, |faces| faces == 0);
     }
@@ -101,7 +103,7 @@ impl Packing<'_> {
                 let way = add(scale(t1, cos), scale(t2, sin));
                 let candidate = self.domain.project(face, add(p, scale(way, self.stride(p, h, way))));
                 let gap = self.h(candidate);
-                if self.domain.edge_distance(face, candidate) < CLEARANCE * gap
+                if self.domain.edge_distance(face, candidate).min(self.spacing.interface_distance(candidate)) < CLEARANCE * gap
                     || self.reserved(candidate)
                     || self.crowded(nodes, spacings, grid, candidate, gap, FACE_GAP)
                 {
@@ -130,7 +132,7 @@ impl Packing<'_> {
                     continue;
                 }
                 let gap = self.h(candidate);
-                if self.domain.depth(candidate) < CLEARANCE * gap
+                if self.domain.depth(candidate).min(self.spacing.interface_distance(candidate)) < CLEARANCE * gap
                     || self.reserved(candidate)
                     || self.crowded(nodes, spacings, grid, candidate, gap, BODY_GAP)
                 {
@@ -208,6 +210,7 @@ impl Packing<'_> {
             q = self.domain.project(face, q);
             self.domain.edge_distance(face, q)
         };
+        let room = room.min(self.spacing.interface_distance(q));
         if room < CLEARANCE * h || self.reserved(q) { p } else { q }
     }
 }

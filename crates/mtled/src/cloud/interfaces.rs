@@ -1,0 +1,238 @@
+//! Nodes on the boundaries of regions in space: on their edges and where they meet the body's side first, then over the
+//! surfaces by an advancing front, relaxed within the surface. They stay fixed after that.
+
+use super::domain::Domain;
+use super::edges::{Nodes, circle, equidistribute};
+use super::packing::Packing;
+use super::solid::Solid;
+use super::spacing::Spacing;
+use super::vector::{Point, add, distance, hash01, norm, scale, sub};
+use crate::grid::Grid;
+use std::f64::consts::PI;
+
+/// Nearest accepted distance as a fraction of the spacing, and distance kept from faces.
+const GAP: f64 = 0.86;
+const CLEARANCE: f64 = 0.55;
+const TRIES: usize = 10;
+const RELAXATIONS: usize = 18;
+/// "On the surface", over the height of the body.
+const ON: f64 = 1e-7;
+
+impl Solid {
+    /// Outward normal of the surface of equal distance through p.
+    fn normal(&self, p: Point, step: f64) -> Point {
+        let slope = |k: usize| {
+            let (mut a, mut b) = (p, p);
+            a[k] -= step;
+            b[k] += step;
+            self.signed(b) - self.signed(a)
+        };
+        let n = [0, 1, 2].map(slope);
+        let length = norm(n);
+        if length > 0.0 { scale(n, 1.0 / length) } else { [0.0, 0.0, 1.0] }
+    }
+
+    /// The point of the boundary next to p, nearly.
+    fn onto(&self, p: Point, step: f64) -> Point {
+        let once = |p: Point| sub(p, scale(self.normal(p, step), self.signed(p)));
+        match *self {
+            Self::Layer { bottom, top } => {
+                let z = if (p[2] - bottom).abs() < (p[2] - top).abs() { bottom } else { top };
+                [p[0], p[1], z]
+            }
+            _ => once(once(p)),
+        }
+    }
+
+    /// Edges of the boundary within a body, and where it meets the body's side: curves, whether each is closed, and the bits
+    /// of the faces that it lies on.
+    fn edges(&self, domain: &Domain) -> Vec<(Box<dyn Fn(f64) -> Point>, bool, u8)> {
+        let line = |a: Point, b: Point| move |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) });
+        let mut edges: Vec<(Box<dyn Fn(f64) -> Point>, bool, u8)> = Vec::new();
+        match (*self, *domain) {
+            (Self::Layer { bottom, top }, Domain::Cylinder { radius, .. }) => {
+                for z in [bottom, top] {
+                    edges.push((Box::new(circle([0.0; 2], radius, z)), true, 4));
+                }
+            }
+            (Self::Layer { bottom, top }, Domain::Box { size }) => {
+                let (x, y) = (0.5 * size[0], 0.5 * size[1]);
+                for z in [bottom, top] {
+                    edges.push((Box::new(line([-x, -y, z], [-x, y, z])), false, 4));
+                    edges.push((Box::new(line([x, -y, z], [x, y, z])), false, 8));
+                    edges.push((Box::new(line([-x, -y, z], [x, -y, z])), false, 16));
+                    edges.push((Box::new(line([-x, y, z], [x, y, z])), false, 32));
+                    for (corner, faces) in [([-x, -y], 20), ([x, -y], 24), ([-x, y], 36), ([x, y], 40)] {
+                        edges.push((Box::new(move |_| [corner[0], corner[1], z]), true, faces));
+                    }
+                }
+            }
+            (Self::Cylinder { centre: [x, y, z], radius, height }, _) => {
+                for z in [z - 0.5 * height, z + 0.5 * height] {
+                    edges.push((Box::new(circle([x, y], radius, z)), true, 0));
+                }
+            }
+            (Self::Box { centre, size }, _) => {
+                let corner = move |bits: usize| [0, 1, 2].map(|k| centre[k] + size[k] * if bits >> k & 1 == 1 { 0.5 } else { -0.5 });
+                for bits in 0..8 {
+                    edges.push((Box::new(move |_| corner(bits)), true, 0));
+                    for axis in (0..3).filter(|axis| bits >> axis & 1 == 0) {
+                        edges.push((Box::new(line(corner(bits), corner(bits | 1 << axis))), false, 0));
+                    }
+                }
+            }
+            (Self::Sphere { .. }, _) => {}
+        }
+        edges
+    }
+}
+
+impl Spacing {
+    /// One bit for each region that touches a point.
+    pub(crate) fn touching(&self, domain: &Domain, p: Point) -> u64 {
+        let near = ON * domain.height();
+        let mut bits = 1 << self.region(p);
+        if self.interface_distance(p) < near {
+            for k in 0..27 {
+                let way = [k % 3, k / 3 % 3, k / 9].map(|i| 4.0 * near * (f64::from(i) - 1.0));
+                bits |= 1 << self.region(add(p, way));
+            }
+        }
+        bits
+    }
+
+    /// Whether a point on a boundary lies between two regions.
+    fn parts(&self, solid: &Solid, p: Point, step: f64) -> bool {
+        let off = scale(solid.normal(p, step), step);
+        self.region(add(p, off)) != self.region(sub(p, off))
+    }
+}
+
+/// Nodes on the edges of the regions' boundaries, as far as they lie in the body.
+pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
+    let step = 4.0 * ON * domain.height();
+    for solid in spacing.solids() {
+        for (curve, closed, faces) in solid.edges(domain) {
+            let point = distance(curve(0.0), curve(0.3)) == 0.0;
+            let at = if point { vec![0.0] } else { equidistribute(domain, spacing, &curve, closed, if closed { 6 } else { 1 }) };
+            for p in at.into_iter().map(&curve) {
+                let inside = p[2] > step && p[2] < domain.height() - step && domain.depth(p) > -step;
+                let apart = |q: &Point| distance(p, *q) > 0.5 * spacing.at(domain, p);
+                let bits = spacing.touching(domain, p);
+                if inside && bits.count_ones() > 1 && nodes.points.iter().all(apart) {
+                    nodes.push(p, faces, true);
+                }
+            }
+        }
+    }
+}
+
+impl Packing<'_> {
+    /// Fills the regions' boundaries with nodes, and fixes them.
+    pub(crate) fn fill_interfaces(&self, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>) {
+        for solid in self.spacing.solids() {
+            self.fill_interface(solid, nodes, grid, spacings);
+        }
+    }
+
+    fn fill_interface(&self, solid: &Solid, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>) {
+        let height = self.domain.height();
+        let (near, step) = (ON * height, 4.0 * ON * height);
+        let on = |p: Point| solid.signed(p).abs() < near && self.domain.depth(p) > -near;
+        let first = nodes.points.len();
+        let mut front: Vec<u32> = (0..first as u32).filter(|&i| on(nodes.points[i as usize])).collect();
+        let mut push = |nodes: &mut Nodes, grid: &mut Grid, p: Point, h: f64| {
+            nodes.push(p, 0, true);
+            grid.push(p);
+            spacings.push(h);
+        };
+        if let (true, Solid::Sphere { centre, radius }) = (front.is_empty(), *solid) {
+            let seed = add(centre, [0.0, 0.0, radius]);
+            if self.accepts(solid, seed, step) {
+                push(nodes, grid, seed, self.h(seed));
+                front.push(first as u32);
+            }
+        }
+        let mut next = 0;
+        while next < front.len() {
+            let seed = front[next];
+            let p = nodes.points[seed as usize];
+            next += 1;
+            let [t1, t2] = tangents(solid.normal(p, step));
+            let turn = hash01(u64::from(seed), 8);
+            for k in 0..TRIES {
+                let (sin, cos) = (2.0 * PI * (k as f64 + turn) / TRIES as f64).sin_cos();
+                let way = add(scale(t1, cos), scale(t2, sin));
+                let candidate = solid.onto(add(p, scale(way, self.h(p))), step);
+                let h = self.h(candidate);
+                let close = |q: &Point| distance(*q, candidate) < GAP * 0.5 * (h + self.h(*q));
+                if !self.accepts(solid, candidate, step) || self.near(nodes, grid, candidate, h).any(|q| close(&q)) {
+                    continue;
+                }
+                front.push(nodes.points.len() as u32);
+                push(nodes, grid, candidate, h);
+            }
+        }
+        self.relax_interface(solid, nodes, first, step);
+        grid.clear();
+        nodes.points.iter().for_each(|&p| grid.push(p));
+    }
+
+    /// Whether a node may be put there on an interface.
+    fn accepts(&self, solid: &Solid, p: Point, step: f64) -> bool {
+        self.domain.depth(p) > CLEARANCE * self.h(p)
+            && solid.signed(p).abs() < step
+            && !self.reserved(p)
+            && self.spacing.parts(solid, p, step)
+    }
+
+    /// Nodes within a spacing and a half.
+    fn near<'a>(&self, nodes: &'a Nodes, grid: &Grid, p: Point, h: f64) -> impl Iterator<Item = Point> + 'a {
+        let mut found = Vec::new();
+        grid.any(&nodes.points, p, 1.5 * h, |j, _| {
+            found.push(j);
+            false
+        });
+        found.into_iter().map(|j| nodes.points[j as usize])
+    }
+
+    /// Short-range forces between the nodes from `first` on and all that lie on the surface.
+    fn relax_interface(&self, solid: &Solid, nodes: &mut Nodes, first: usize, step: f64) {
+        let on = |p: &Point| solid.signed(*p).abs() < step;
+        for _ in 0..RELAXATIONS {
+            let all: Vec<Point> = nodes.points.iter().copied().filter(on).collect();
+            let mut grid = Grid::new(self.domain.bounds().0, self.domain.bounds().1, all.len().max(64));
+            all.iter().for_each(|&p| grid.push(p));
+            let moved: Vec<Point> = nodes.points[first..].iter().map(|&p| self.pushed(solid, p, &all, &grid, step)).collect();
+            nodes.points[first..].copy_from_slice(&moved);
+        }
+    }
+
+    fn pushed(&self, solid: &Solid, p: Point, all: &[Point], grid: &Grid, step: f64) -> Point {
+        let h = self.h(p);
+        let mut force = [0.0; 3];
+        grid.any(all, p, 1.7 * h, |j, _| {
+            let d = sub(p, all[j as usize]);
+            let length = norm(d);
+            let w = 2.0 * length / (h + self.h(all[j as usize]));
+            if length > 0.0 && w < 1.5 {
+                let f = 1.125 + w * w * (1.25 * w - 2.375);
+                force = add(force, scale(d, f / length));
+            }
+            false
+        });
+        let q = solid.onto(add(p, scale(force, 0.2 * h / norm(force).max(1.0))), step);
+        if self.accepts(solid, q, step) { q } else { p }
+    }
+}
+
+/// Two unit vectors across a unit vector.
+fn tangents(n: Point) -> [Point; 2] {
+    let least = (0..3).fold(0, |best, k| if n[k].abs() < n[best].abs() { k } else { best });
+    let mut axis = [0.0; 3];
+    axis[least] = 1.0;
+    let across = sub(axis, scale(n, n[least]));
+    let first = scale(across, 1.0 / norm(across));
+    let second = [0, 1, 2].map(|k| n[(k + 1) % 3] * first[(k + 2) % 3] - n[(k + 2) % 3] * first[(k + 1) % 3]);
+    [first, second]
+}
