@@ -22,7 +22,7 @@ const POINT_REFINEMENT: f64 = 0.5;
 const WALL_REFINEMENT: f64 = 0.125;
 const WALL_GROWTH: f64 = 0.15;
 /// Spacing in a half plane of several regions over that in space: there, too, it costs next to nothing.
-const PLANE_REFINEMENT: f64 = 0.5;
+const PLANE_REFINEMENT: f64 = 1.0 / 3.0;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]

@@ -18,6 +18,7 @@ mod mesh_import;
 mod needle_capture;
 mod needle_motion;
 mod needle_sideways;
+mod regions;
 mod relaxation;
 mod scenes;
 mod stable_step;

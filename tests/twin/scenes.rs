@@ -114,18 +114,54 @@ fn every_key_can_be_set_to_what_it_is() {
         ])
         .unwrap();
     assert_eq!(mesh.get("discretisation.spacing_m"), None, "the mesh brings its nodes");
+    let laws: [&[(&str, &str)]; 3] = [
+        &[("model", "mooney_rivlin"), ("c10_pa", "500.0"), ("c01_pa", "300.0")],
+        &[("model", "yeoh"), ("c10_pa", "500.0"), ("c20_pa", "-10.0")],
+        &[("model", "veronda_westmann"), ("shear_modulus_pa", "500.0"), ("stiffening_exponent", "2.0")],
+    ];
+    let of_law = |law: &&[(&str, &str)]| {
+        let keys: Vec<_> = law.iter().map(|(k, v)| Override::text(&format!("material.{k}"), v, "test")).collect();
+        whole.with(&keys).unwrap()
+    };
+    let mut scenes: Vec<Scene> = laws.iter().map(of_law).collect();
+    scenes.extend([whole.clone(), cuboid, mesh]);
+    scenes.extend(scenes.clone().iter().map(with_regions));
     for key in KEYS.iter() {
         let path = match key.section() {
             "targets" => format!("targets.1.{}", key.field()),
+            "materials" => format!("materials.skin.{}", key.field()),
+            "regions" => format!("regions.{}.{}", if key.field() == "group" { "group" } else { "inner" }, key.field()),
             _ => key.path.to_owned(),
         };
-        let scene = [&whole, &cuboid, &mesh].into_iter().find(|scene| scene.get(&path).is_some());
+        let known = |scene: &&Scene| scene.get(&path).is_some();
+        let outer = path.replace("inner", "outer");
+        let path = if scenes.iter().any(|s| known(&s)) { path.clone() } else { outer };
+        let scene = scenes.iter().find(|scene| scene.get(&path).is_some());
         let scene = scene.unwrap_or_else(|| panic!("{path} applies to no scene"));
         let value = scene.get(&path).unwrap();
         let mut set = scene.clone();
         set.set(&path, &value.to_string()).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(&set, scene, "{path} = {value}");
     }
+}
+
+/// The scene with its own material as `skin`, and regions of every shape.
+fn with_regions(scene: &Scene) -> Scene {
+    let text = scene.to_toml();
+    let own =
+        text.split("\n[").find(|part| part.starts_with("material]")).unwrap().replace("material]", "[materials.skin]");
+    let region = |name: &str, keys: &str| format!("[[regions]]\nname = \"{name}\"\nmaterial = \"skin\"\n{keys}\n");
+    let mut regions =
+        region("inner", "shape = \"cylinder\"\ncentre_m = [0, 0, 0.005]\nradius_m = 0.001\nheight_m = 0.002")
+            + &region("outer", "shape = \"layer\"\nto_depth_m = 0.001")
+            + &region("ball", "shape = \"sphere\"\ncentre_m = [0, 0, 0.005]\nradius_m = 0.003");
+    if text.contains("shape = \"mesh\"") {
+        regions += &region("group", "shape = \"group\"\ngroup = \"tumour\"");
+    } else if text.contains("shape = \"box\"") {
+        regions = regions.replace("cylinder\"", "box\"\nsize_m = [0.002, 0.002, 0.002]");
+        regions = regions.replacen("\nradius_m = 0.001\nheight_m = 0.002", "", 1);
+    }
+    Scene::from_toml(&(text + "\n" + &own + "\n" + &regions), "regions.toml").unwrap_or_else(|e| panic!("{e}"))
 }
 
 #[test]

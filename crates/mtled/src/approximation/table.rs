@@ -263,10 +263,7 @@ impl Approximation {
     /// [`ApproximationError`] as above.
     pub fn field(&self, at: &[[f64; 3]]) -> Result<Field, ApproximationError> {
         let rows: Vec<Vec<(u32, f64)>> = match self.settings.basis {
-            Some(basis) => at
-                .par_iter()
-                .map(|&x| self.mean(x, basis))
-                .collect::<Result<_, _>>()?,
+            Some(basis) => at.par_iter().map(|&x| self.mean(x, basis)).collect::<Result<_, _>>()?,
             None => at.par_iter().map(|&x| self.barycentric(x)).collect(),
         };
         let mut field = Field { start: vec![0], ..Field::default() };

@@ -47,7 +47,9 @@ impl Solid {
     /// Edges of the boundary within a body, and where it meets the body's side: curves, whether each is closed, and the bits
     /// of the faces that it lies on.
     fn edges(&self, domain: &Domain) -> Vec<(Box<dyn Fn(f64) -> Point>, bool, u8)> {
-        let line = |a: Point, b: Point| move |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) });
+        let line = |a: Point, b: Point| {
+            move |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) })
+        };
         let mut edges: Vec<(Box<dyn Fn(f64) -> Point>, bool, u8)> = Vec::new();
         match (*self, *domain) {
             (Self::Layer { bottom, top }, Domain::Cylinder { radius, .. }) => {
@@ -73,7 +75,9 @@ impl Solid {
                 }
             }
             (Self::Box { centre, size }, _) => {
-                let corner = move |bits: usize| [0, 1, 2].map(|k| centre[k] + size[k] * if bits >> k & 1 == 1 { 0.5 } else { -0.5 });
+                let corner = move |bits: usize| {
+                    [0, 1, 2].map(|k| centre[k] + size[k] * if bits >> k & 1 == 1 { 0.5 } else { -0.5 })
+                };
                 for bits in 0..8 {
                     edges.push((Box::new(move |_| corner(bits)), true, 0));
                     for axis in (0..3).filter(|axis| bits >> axis & 1 == 0) {
@@ -114,7 +118,11 @@ pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes)
     for solid in spacing.solids() {
         for (curve, closed, faces) in solid.edges(domain) {
             let point = distance(curve(0.0), curve(0.3)) == 0.0;
-            let at = if point { vec![0.0] } else { equidistribute(domain, spacing, &curve, closed, if closed { 6 } else { 1 }) };
+            let at = if point {
+                vec![0.0]
+            } else {
+                equidistribute(domain, spacing, &curve, closed, if closed { 6 } else { 1 })
+            };
             for p in at.into_iter().map(&curve) {
                 let inside = p[2] > step && p[2] < domain.height() - step && domain.depth(p) > -step;
                 let apart = |q: &Point| distance(p, *q) > 0.5 * spacing.at(domain, p);
@@ -203,7 +211,8 @@ impl Packing<'_> {
             let all: Vec<Point> = nodes.points.iter().copied().filter(on).collect();
             let mut grid = Grid::new(self.domain.bounds().0, self.domain.bounds().1, all.len().max(64));
             all.iter().for_each(|&p| grid.push(p));
-            let moved: Vec<Point> = nodes.points[first..].iter().map(|&p| self.pushed(solid, p, &all, &grid, step)).collect();
+            let moved: Vec<Point> =
+                nodes.points[first..].iter().map(|&p| self.pushed(solid, p, &all, &grid, step)).collect();
             nodes.points[first..].copy_from_slice(&moved);
         }
     }

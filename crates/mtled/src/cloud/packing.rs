@@ -103,7 +103,8 @@ impl Packing<'_> {
                 let way = add(scale(t1, cos), scale(t2, sin));
                 let candidate = self.domain.project(face, add(p, scale(way, self.stride(p, h, way))));
                 let gap = self.h(candidate);
-                if self.domain.edge_distance(face, candidate).min(self.spacing.interface_distance(candidate)) < CLEARANCE * gap
+                if self.domain.edge_distance(face, candidate).min(self.spacing.interface_distance(candidate))
+                    < CLEARANCE * gap
                     || self.reserved(candidate)
                     || self.crowded(nodes, spacings, grid, candidate, gap, FACE_GAP)
                 {
