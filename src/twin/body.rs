@@ -21,8 +21,10 @@ const POINT_REFINEMENT: f64 = 0.5;
 /// along the wall is stretched several times (`docs/lab/contact.md` has what was measured).
 const WALL_REFINEMENT: f64 = 0.125;
 const WALL_GROWTH: f64 = 0.15;
-/// Spacing in a half plane of several regions over that in space: there, too, it costs next to nothing.
-const PLANE_REFINEMENT: f64 = 1.0 / 3.0;
+/// Spacing in a half plane of several regions over that in space: there, too, it costs next to nothing. A needle's scenes are
+/// coarser in space.
+const PLANE_REFINEMENT: f64 = 0.5;
+const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
@@ -95,8 +97,13 @@ impl Layout {
     pub fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
         let walled = scene.instrument.is_some_and(|i| surface::has_wall(&i));
         let (point, growth) = if walled { (WALL_REFINEMENT, WALL_GROWTH) } else { (POINT_REFINEMENT, f64::INFINITY) };
-        let several = if scene.regions.is_empty() { 1.0 } else { PLANE_REFINEMENT };
-        let spacing = Metres(several * grading.spacing.get());
+        let needle = scene.instrument.as_ref().is_some_and(|i| matches!(i.kind, InstrumentKind::Needle(_)));
+        let finer = match (scene.regions.is_empty(), needle) {
+            (true, _) => 1.0,
+            (false, false) => PLANE_REFINEMENT,
+            (false, true) => NEEDLE_PLANE_REFINEMENT,
+        };
+        let spacing = Metres(finer * grading.spacing.get());
         let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, point);
         layout.spacing.growth = layout.spacing.growth.min(growth);
         layout
