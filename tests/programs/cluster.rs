@@ -7,8 +7,9 @@ use std::process::Command;
 use crate::batch::{Lab, files};
 use crate::common::python::{environment, run};
 
-/// At the version that was tried.
+/// At the versions that were tried.
 const DASK: [&str; 1] = ["distributed==2026.8.0"];
+const HYPERQUEUE: [&str; 1] = ["hyperqueue==0.27.0"];
 
 fn examples() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/cluster")
@@ -48,4 +49,17 @@ fn the_tasks_of_a_slurm_array_are_the_shards() {
     merge.args(["batch", "merge"]).arg(lab.path("slurm/rows")).arg("--out").arg(lab.path("merged"));
     assert_eq!(merge.output().unwrap().status.code(), Some(3), "one recording can't be read");
     assert!(files(&lab.path("merged")) == one_machine(&lab), "bit for bit");
+}
+
+#[test]
+fn hyperqueue_makes_what_one_machine_makes() {
+    let lab = Lab::new();
+    let mut command = Command::new(environment("hyperqueue-venv", &HYPERQUEUE));
+    command.arg(examples().join("hyperqueue_batch.py")).arg(lab.path("manifest.toml")).arg(lab.path("hq"));
+    command.args(["--shards", "4", "--program", env!("CARGO_BIN_EXE_needle_twin")]);
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "one recording can't be read: {output:?}");
+    let mut merged = files(&lab.path("hq"));
+    merged.retain(|name, _| !name.starts_with("rows/") && !name.starts_with("logs/"));
+    assert!(merged == one_machine(&lab), "bit for bit");
 }

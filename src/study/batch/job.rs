@@ -164,7 +164,7 @@ impl Job<'_> {
             part: entry.fit_to_depth_m.map_or(HoldOut::Nothing, HoldOut::Beyond),
         };
         let found = calibrate(&task, &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
-        Ok(calibrated(candidate, &found))
+        Ok(calibrated(candidate, &found, &readings))
     }
 }
 
@@ -216,7 +216,17 @@ fn replayed(candidate: &Candidate, run: &Run) -> Fit {
     }
 }
 
-fn calibrated(candidate: &Candidate, found: &Calibration) -> Fit {
+/// Recorded depth at a time since the first reading, m: a calibration that has moved the contact has it in its own depths.
+fn recorded_depth(readings: &[Reading], time_s: f64) -> f64 {
+    let begin = readings.first().map_or(0.0, |r| r.time_s);
+    let depth = |r: &Reading| if let At::Depth(depth_m) = r.at { depth_m } else { 0.0 };
+    let next = readings.partition_point(|r| r.time_s - begin < time_s).clamp(1, readings.len().max(2) - 1);
+    let (Some(a), Some(b)) = (readings.get(next - 1), readings.get(next)) else { return 0.0 };
+    let share = ((time_s - (a.time_s - begin)) / (b.time_s - a.time_s)).clamp(0.0, 1.0);
+    depth(a) + share * (depth(b) - depth(a))
+}
+
+fn calibrated(candidate: &Candidate, found: &Calibration, readings: &[Reading]) -> Fit {
     let keys = found.estimates[..found.keys].iter().map(|e| Key {
         key: e.name.clone(),
         value: e.value,
@@ -230,7 +240,8 @@ fn calibrated(candidate: &Candidate, found: &Calibration) -> Fit {
     // the load cell's zero and drift, as they were found
     let less_zero: Vec<f64> =
         (0..forces.model_n.len()).map(|i| forces.measured_n[i] - (forces.fitted_n[i] - forces.model_n[i])).collect();
-    let depth: Vec<f64> = forces.depth_m.iter().map(|d| d - contact).collect();
+    let recorded: Vec<f64> = forces.time_s.iter().map(|t| recorded_depth(readings, *t)).collect();
+    let depth: Vec<f64> = recorded.iter().map(|d| d - contact).collect();
     let peak_n = less_zero[found.parts.fitted.clone()].iter().map(|f| f.abs()).fold(0.0, f64::max);
     let mean = |of: &[f64], end: usize| {
         let from = end.saturating_sub(AT_THE_END);
@@ -238,7 +249,7 @@ fn calibrated(candidate: &Candidate, found: &Calibration) -> Fit {
     };
     let held_out = found.parts.held_out.clone().filter(|held| !held.is_empty()).map(|held| HeldOut {
         rmse_n: found.held_out_rmse_n().unwrap_or(0.0),
-        end_depth_m: mean(&forces.depth_m, held.end),
+        end_depth_m: mean(&recorded, held.end),
         end_measured_n: mean(&less_zero, held.end),
         end_predicted_n: mean(&forces.model_n, held.end),
     });
