@@ -347,7 +347,7 @@ proptest! {
 }
 
 /// Cells with nodes on both sides of an interface, and the volume of each region by its cells.
-fn regions(cloud: &mtled::cloud::Cloud, spacing: &Spacing) -> (usize, Vec<f64>) {
+fn regions(cloud: &Cloud, spacing: &Spacing) -> (usize, Vec<f64>) {
     let solids = spacing.features.iter().filter_map(|f| match f {
         Feature::Region { solid, .. } => Some(*solid),
         _ => None,
@@ -388,9 +388,9 @@ fn cells_round_inclusions_end_at_their_surface() {
     use mtled::cloud::Solid;
     let centre = [0.002, 0.0, 0.009];
     let solids = [
-        (Solid::Sphere { centre, radius: 0.003 }, 4.0 / 3.0 * std::f64::consts::PI * 0.003_f64.powi(3)),
+        (Solid::Sphere { centre, radius: 0.003 }, 4.0 / 3.0 * PI * 0.003_f64.powi(3)),
         (Solid::Box { centre, size: [0.006, 0.005, 0.004] }, 0.006 * 0.005 * 0.004),
-        (Solid::Cylinder { centre, radius: 0.003, height: 0.005 }, std::f64::consts::PI * 9e-6 * 0.005),
+        (Solid::Cylinder { centre, radius: 0.003, height: 0.005 }, PI * 9e-6 * 0.005),
     ];
     for (solid, exact) in solids {
         let spacing = Spacing { far: 0.0018, growth: 0.3, features: vec![Feature::Region { solid, spacing: 0.0012 }] };
