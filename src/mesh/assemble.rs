@@ -1,9 +1,11 @@
 //! From a mesh as its file has it to a [`Cloud`]: metres, positive cells, groups as faces, order along a curve.
 
+use std::collections::HashMap;
+
 use mtled::cloud::check::{self, Fault};
 use mtled::cloud::quality::{Summary, six_volumes, volume_length};
 
-use super::{Imported, Wanted};
+use super::{Imported, Volumes, Wanted};
 use mtled::cloud::{BASE, Cloud, MAX_NODES, SIDE, TOP, hilbert_order, sort_cells};
 
 /// Largest extent of a body, m: what is larger was meant in another unit.
@@ -13,8 +15,8 @@ const POOR: f64 = 0.1;
 /// Volume of a cell over the cube of its longest edge at which it counts as flat.
 const FLAT: f64 = 1e-12;
 
-/// The cloud, and warnings.
-pub(super) fn assemble(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), String> {
+/// The cloud, the volume groups of its cells, and warnings.
+pub(super) fn assemble(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud, Volumes, Vec<String>), String> {
     let mut warnings = Vec::new();
     let unused = drop_unused(&mut mesh);
     if unused > 0 {
@@ -27,7 +29,7 @@ pub(super) fn assemble(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud
     }
     let surface = check::check(&mesh.points, &mesh.cells).map_err(|fault| named(&fault, &mesh))?;
     let faces = faces(&mesh, &surface, wanted)?;
-    let cloud = ordered(&mesh, &faces);
+    let (cloud, volumes) = ordered(&mesh, &faces);
     let poor = poor_cells(&cloud);
     if poor > 0 {
         warnings.push(format!(
@@ -37,7 +39,7 @@ pub(super) fn assemble(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud
             cloud.quality.lowest
         ));
     }
-    Ok((cloud, warnings))
+    Ok((cloud, volumes, warnings))
 }
 
 /// Leaves out nodes of no cell; returns how many there were.
@@ -154,7 +156,7 @@ fn face_of(t: &[u32; 3], faces: &[u8]) -> u8 {
     if shared & BASE != 0 { BASE } else { shared }
 }
 
-fn ordered(mesh: &Imported, faces: &[u8]) -> Cloud {
+fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
     let order = hilbert_order(&mesh.points);
     let mut number = vec![0u32; order.len()];
     for (new, &old) in order.iter().enumerate() {
@@ -163,7 +165,16 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> Cloud {
     let points: Vec<[f64; 3]> = order.iter().map(|&n| mesh.points[n as usize]).collect();
     let faces: Vec<u8> = order.iter().map(|&n| faces[n as usize]).collect();
     let mut cells: Vec<[u32; 4]> = mesh.cells.iter().map(|c| c.map(|n| number[n as usize])).collect();
+    let key = |c: &[u32; 4]| {
+        let mut key = *c;
+        key.sort_unstable();
+        key
+    };
+    let group: HashMap<[u32; 4], Option<u32>> =
+        cells.iter().map(key).zip(mesh.volumes.of_cell.iter().copied()).collect();
     sort_cells(&mut cells);
+    let of_cell = cells.iter().map(|c| group.get(&key(c)).copied().flatten()).collect();
+    let volumes = Volumes { names: mesh.volumes.names.clone(), of_cell };
     // the same cells have passed already
     let surface = check::surface(points.len(), &cells).unwrap_or_default();
     let surface_faces = surface
@@ -174,7 +185,7 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> Cloud {
         })
         .collect();
     let quality = Summary::of(&points, &cells);
-    Cloud { points, cells, faces, surface, surface_faces, quality }
+    (Cloud { points, cells, faces, surface, surface_faces, quality }, volumes)
 }
 
 fn poor_cells(cloud: &Cloud) -> usize {

@@ -61,6 +61,17 @@ pub struct Imported {
     pub groups: BTreeMap<String, Vec<u32>>,
     /// All groups that the file has.
     pub known_groups: Vec<String>,
+    /// Volume groups that the file has, and the one of each cell that is in one; empty where the form carries none.
+    pub volumes: Volumes,
+}
+
+/// Volume groups of a mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Volumes {
+    /// Their names.
+    pub names: Vec<String>,
+    /// Group of each cell, by its place among the names.
+    pub of_cell: Vec<Option<u32>>,
 }
 
 /// What an imported mesh has to provide.
@@ -127,6 +138,14 @@ fn content(path: &Path) -> Result<Vec<u8>, String> {
 /// # Errors
 /// [`ImportError`]: the file can't be read, lacks a group, or its cells don't make one body.
 pub fn load(path: &Path, wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), ImportError> {
+    load_with_volumes(path, wanted).map(|(cloud, _, warnings)| (cloud, warnings))
+}
+
+/// The same with the volume groups of its cells.
+///
+/// # Errors
+/// [`ImportError`], as [`load`].
+pub fn load_with_volumes(path: &Path, wanted: &Wanted<'_>) -> Result<(Cloud, Volumes, Vec<String>), ImportError> {
     assemble_from(path, read(path, &groups(wanted))?, wanted)
 }
 
@@ -135,13 +154,18 @@ pub fn load(path: &Path, wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), Im
 /// # Errors
 /// [`ImportError`], as [`load`].
 pub fn from_bytes(path: &Path, bytes: &[u8], wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), ImportError> {
-    assemble_from(path, parse(path, reader_of(path)?, bytes, &groups(wanted))?, wanted)
+    let imported = parse(path, reader_of(path)?, bytes, &groups(wanted))?;
+    assemble_from(path, imported, wanted).map(|(cloud, _, warnings)| (cloud, warnings))
 }
 
 fn groups<'a>(wanted: &Wanted<'a>) -> Vec<&'a str> {
     std::iter::once(wanted.base).chain(wanted.contact).collect()
 }
 
-fn assemble_from(path: &Path, imported: Imported, wanted: &Wanted<'_>) -> Result<(Cloud, Vec<String>), ImportError> {
+fn assemble_from(
+    path: &Path,
+    imported: Imported,
+    wanted: &Wanted<'_>,
+) -> Result<(Cloud, Volumes, Vec<String>), ImportError> {
     assemble::assemble(imported, wanted).map_err(|reason| ImportError { place: path.display().to_string(), reason })
 }

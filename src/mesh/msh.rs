@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::words::Words;
-use super::{Flaw, Imported};
+use super::{Flaw, Imported, Volumes};
 
 /// What to do about a file of another form.
 const SAVE_AS: &str = "save it with Mesh.MshFileVersion = 4.1, Mesh.Binary = 0";
@@ -40,6 +40,10 @@ struct Reader<'a> {
     names: BTreeMap<i64, String>,
     /// Physical groups of each surface.
     groups_of: BTreeMap<i64, Vec<i64>>,
+    /// Names of physical volumes by their tag, the group of each volume, and the volume of each tetrahedron.
+    volume_names: BTreeMap<i64, String>,
+    volume_group_of: BTreeMap<i64, i64>,
+    volume_of_cell: Vec<i64>,
     /// Nodes of the triangles of each surface.
     patches: BTreeMap<i64, Vec<u32>>,
     seen: Vec<&'a str>,
@@ -53,6 +57,9 @@ impl<'a> Reader<'a> {
             node_of: BTreeMap::new(),
             names: BTreeMap::new(),
             groups_of: BTreeMap::new(),
+            volume_names: BTreeMap::new(),
+            volume_group_of: BTreeMap::new(),
+            volume_of_cell: Vec::new(),
             patches: BTreeMap::new(),
             seen: Vec::new(),
         }
@@ -129,8 +136,10 @@ impl<'a> Reader<'a> {
             let quoted = self.words.rest_of_line();
             let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"'));
             let name = name.ok_or_else(|| self.words.flaw("a physical group's name should stand in quotes"))?;
-            if dimension == 2 {
-                self.names.insert(tag, name.to_owned());
+            match dimension {
+                2 => _ = self.names.insert(tag, name.to_owned()),
+                3 => _ = self.volume_names.insert(tag, name.to_owned()),
+                _ => {}
             }
         }
         Ok(())
@@ -158,6 +167,8 @@ impl<'a> Reader<'a> {
                     groups.sort_unstable();
                     groups.dedup();
                     self.groups_of.insert(tag, groups);
+                } else if let (3, Some(group)) = (dimension, groups.first()) {
+                    self.volume_group_of.insert(tag, *group);
                 }
             }
         }
@@ -221,6 +232,7 @@ impl<'a> Reader<'a> {
                         let corners = self.corners::<4>(tag)?;
                         self.mesh.cells.push(corners);
                         self.mesh.cell_names.push(tag);
+                        self.volume_of_cell.push(entity);
                     }
                     _ => return Err(self.words.flaw(foreign(tag, kind))),
                 }
@@ -264,6 +276,20 @@ impl<'a> Reader<'a> {
         Ok(corners)
     }
 
+    /// Physical volumes, in the order of their tags, and the one of each tetrahedron; of several that an entity is in the first.
+    fn volumes(&self) -> Volumes {
+        let mut tags: Vec<i64> =
+            self.volume_of_cell.iter().filter_map(|entity| self.volume_group_of.get(entity).copied()).collect();
+        tags.sort_unstable();
+        tags.dedup();
+        let name = |tag: &i64| self.volume_names.get(tag).cloned().unwrap_or_else(|| tag.to_string());
+        let group = |entity: &i64| {
+            let tag = self.volume_group_of.get(entity)?;
+            tags.binary_search(tag).ok().map(|i| i as u32)
+        };
+        Volumes { names: tags.iter().map(name).collect(), of_cell: self.volume_of_cell.iter().map(group).collect() }
+    }
+
     fn finish(mut self, wanted: &[&str]) -> Result<Imported, Flaw> {
         for section in ["Nodes", "Elements"] {
             if !self.seen.contains(&section) {
@@ -294,6 +320,7 @@ impl<'a> Reader<'a> {
             self.mesh.groups.insert((*name).to_owned(), nodes);
         }
         self.mesh.known_groups = known.into_keys().collect();
+        self.mesh.volumes = self.volumes();
         Ok(self.mesh)
     }
 }

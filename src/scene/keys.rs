@@ -56,7 +56,9 @@ pub fn nearest(path: &str) -> Option<&'static Key> {
         Some((section, _, field)) => format!("{section}.{field}"),
         None => path.to_owned(),
     };
+    let of_materials = plain.starts_with("materials.");
     KEYS.iter()
+        .filter(|key| of_materials || key.section() != "materials")
         .map(|key| (likeness(&plain, key.path), key))
         .filter(|(score, _)| *score > 0.6)
         .max_by(|a, b| a.0.total_cmp(&b.0))

@@ -2,6 +2,7 @@
 //! it sweeps.
 
 use crate::instrument::{Contact, NeedlePath};
+use crate::mesh::Volumes;
 use crate::scene::{Instrument, InstrumentKind, Scene, Shape};
 use mtled::approximation::ShapeTable;
 use mtled::approximation::axisymmetric::AxisymmetricApproximation;
@@ -32,7 +33,7 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
         .instrument
         .as_ref()
         .map_or_else(Vec::new, |i| Contact::nodes(&plane.points, &plane.faces, height.get(), i));
-    let region = regions::of_cells(scene, height.get(), &plane.points, &plane.triangles, &[], &[]);
+    let region = regions::of_cells(scene, height.get(), &plane.points, &plane.triangles, &Volumes::default());
     let material = regions::materials(scene, &region);
     let mut roles = roles(scene, &plane.faces, &held);
     let mut approximation = approximation(scene, &plane, &held, &roles);

@@ -1,8 +1,9 @@
 //! The body of a scene: its cloud, and where the instrument meets it.
 
 use crate::instrument::{Contact, surface};
+use crate::mesh::Volumes;
 use crate::scene::{Grading, IndenterTip, InstrumentKind, Metres, Scene, Shape};
-use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Spacing};
+use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Solid, Spacing};
 
 use super::{BuildError, mesh, regions};
 
@@ -41,6 +42,8 @@ pub struct Body {
     pub held: Vec<u32>,
     /// Vertical distance between the layers of nodes along a needle's path, 0 without a needle.
     pub layer: f64,
+    /// Volume groups of a mesh's cells.
+    pub volumes: Volumes,
     /// What is worth knowing about a mesh and is no error.
     pub warnings: Vec<String>,
 }
@@ -76,7 +79,16 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
     let cloud = cloud::generate(domain, &layout.spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
     let nodes = |i| Contact::nodes(&cloud.points, &cloud.faces, height, i);
     let held = scene.instrument.as_ref().map_or_else(Vec::new, nodes);
-    Ok(Body { cloud, top: height, height, reach: layout.reach, held, layer: layout.layer(), warnings: Vec::new() })
+    Ok(Body {
+        cloud,
+        top: height,
+        height,
+        reach: layout.reach,
+        held,
+        layer: layout.layer(),
+        volumes: Volumes::default(),
+        warnings: Vec::new(),
+    })
 }
 
 /// How the nodes of a generated body lie, in space or in a half plane.
@@ -163,7 +175,18 @@ impl Layout {
 const CELLS_ACROSS: f64 = 2.0;
 
 /// The regions' boundaries, fine enough for the thinnest of them.
+///
+/// In space a sphere's facets, triangles of edge e, lie e^2/(8 R) within it on average, so its nodes stand as far outside.
 fn interfaces(scene: &Scene, domain: &Domain, far: f64, across: f64) -> impl Iterator<Item = Feature> {
     let solids = scene.regions.iter().filter_map(|r| regions::solid(&r.shape, domain.height()));
-    solids.map(move |solid| Feature::Region { solid, spacing: far.min(solid.thickness() / across) })
+    solids.map(move |solid| {
+        let spacing = far.min(solid.thickness() / across);
+        let solid = match solid {
+            Solid::Sphere { centre, radius } if across == 1.0 => {
+                Solid::Sphere { centre, radius: radius + spacing * spacing / (8.0 * radius) }
+            }
+            other => other,
+        };
+        Feature::Region { solid, spacing }
+    })
 }

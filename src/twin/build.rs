@@ -86,7 +86,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let (cloud, held) = (&body.cloud, &body.held);
     let mut roles = roles(scene, &cloud.faces, held);
     let interpolating = interpolating(&roles, held);
-    let region = regions::of_cells(scene, body.top, &cloud.points, &cloud.cells, &[], &[]);
+    let region = regions::of_cells(scene, body.top, &cloud.points, &cloud.cells, &body.volumes);
     let material = regions::materials(scene, &region);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     if !material.is_empty() {

@@ -4,8 +4,9 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use crate::instrument::Contact;
+use crate::mesh::Volumes;
 use crate::scene::size::MEMORY_LIMIT;
-use crate::scene::{Base, Instrument, InstrumentKind, MeshFile, Scene};
+use crate::scene::{Base, Instrument, InstrumentKind, MeshFile, RegionShape, Scene};
 use mtled::approximation::table::tetrahedron;
 use mtled::cloud::{Axis, BASE, Cloud, TOP};
 
@@ -26,7 +27,7 @@ const LAYERS_BELOW: f64 = 2.0;
 pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
     let contact = scene.instrument.is_some().then_some(file.contact_group.as_str());
     let wanted = crate::mesh::Wanted { unit_m: file.unit_m, base: &file.base_group, contact };
-    let (cloud, warnings) = crate::mesh::load(Path::new(&file.path), &wanted)
+    let (cloud, volumes, warnings) = crate::mesh::load_with_volumes(Path::new(&file.path), &wanted)
         .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
     let size = scene.estimate_of(cloud.points.len() as f64, cloud.cells.len() as f64);
     if size.bytes > MEMORY_LIMIT {
@@ -41,6 +42,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
             ),
         );
     }
+    groups(scene, &volumes)?;
     targets(scene, &cloud)?;
     let z = || cloud.points.iter().map(|p| p[2]);
     let (lowest, highest) = (z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max));
@@ -52,6 +54,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
         held: Vec::new(),
         layer: 0.0,
         cloud,
+        volumes,
         warnings,
     };
     if let Some(instrument) = &scene.instrument {
@@ -74,6 +77,35 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
         ),
         _ => Ok(body),
     }
+}
+
+/// Has every volume group a region, and every region its group? One group may be of `[material]`.
+fn groups(scene: &Scene, volumes: &Volumes) -> Result<(), BuildError> {
+    let listed = || volumes.names.join(", ");
+    let mut named = Vec::new();
+    for region in &scene.regions {
+        let RegionShape::Group { group } = &region.shape else { continue };
+        if !volumes.names.contains(group) {
+            let key = format!("regions.{}.group", region.name);
+            let has = if volumes.names.is_empty() { "none (only .msh files carry them)".to_owned() } else { listed() };
+            return refuse(&key, format!("the mesh has no volume group \"{group}\"; it has {has}"));
+        }
+        named.push(group);
+    }
+    let rest: Vec<_> = volumes.names.iter().filter(|name| !named.contains(name)).map(String::as_str).collect();
+    if rest.len() < 2 {
+        return Ok(());
+    }
+    refuse(
+        "sample.mesh",
+        format!(
+            "no material for the volume groups {}: the mesh has {}, and all but one, which is of [material], need a [[regions]] \
+             with shape = \"group\", group = \"{}\" and a material",
+            rest.join(", "),
+            listed(),
+            rest[0]
+        ),
+    )
 }
 
 fn refuse<T>(key: &str, reason: String) -> Result<T, BuildError> {

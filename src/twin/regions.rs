@@ -1,5 +1,6 @@
 //! Regions of a scene in its model: which material each cell is of.
 
+use crate::mesh::Volumes;
 use crate::scene::{RegionShape, Scene};
 use mtled::approximation::ShapeTable;
 use mtled::cloud::Solid;
@@ -21,20 +22,19 @@ pub(super) fn solid(shape: &RegionShape, top: f64) -> Option<Solid> {
     }
 }
 
-/// Region of each cell: 0, or one more than the place in the scene's list. `groups` are those of a mesh's cells.
+/// Region of each cell: 0, or one more than the place in the scene's list. `volumes` are the groups of a mesh's cells.
 pub(super) fn of_cells<const K: usize>(
     scene: &Scene,
     top: f64,
     points: &[[f64; 3]],
     cells: &[[u32; K]],
-    groups: &[Option<u32>],
-    group_names: &[String],
+    volumes: &Volumes,
 ) -> Vec<u8> {
     let shapes: Vec<Option<Solid>> = scene.regions.iter().map(|r| solid(&r.shape, top)).collect();
     let holds = |cell: usize, centre: [f64; 3], region: usize| match (&shapes[region], &scene.regions[region].shape) {
         (Some(solid), _) => solid.signed(centre) <= 0.0,
         (None, RegionShape::Group { group }) => {
-            groups.get(cell).copied().flatten().is_some_and(|g| group_names[g as usize] == *group)
+            volumes.of_cell.get(cell).copied().flatten().is_some_and(|g| volumes.names[g as usize] == *group)
         }
         _ => false,
     };

@@ -1,5 +1,5 @@
 //! Nodes on the boundaries of regions in space: on their edges and where they meet the body's side first, then over the
-//! surfaces by an advancing front, relaxed within the surface. They stay fixed after that.
+//! surfaces by an advancing front, relaxed within the surface. Those on surfaces may slide there after that, the others are fixed.
 
 use super::domain::Domain;
 use super::edges::{Nodes, circle, equidistribute};
@@ -10,6 +10,8 @@ use super::vector::{Point, add, distance, hash01, norm, scale, sub};
 use crate::grid::Grid;
 use std::f64::consts::PI;
 
+/// In the faces of a node under construction: it lies on the boundary of a region.
+pub(crate) const INTERFACE: u8 = 64;
 /// Nearest accepted distance as a fraction of the spacing, and distance kept from faces.
 const GAP: f64 = 0.86;
 const CLEARANCE: f64 = 0.55;
@@ -105,6 +107,14 @@ impl Spacing {
         bits
     }
 
+    /// The point on the nearest boundary of a region that a node is moved to, if it lies between two regions there.
+    pub(crate) fn onto_interface(&self, domain: &Domain, p: Point) -> Option<Point> {
+        let step = 4.0 * ON * domain.height();
+        let solid = self.solids().min_by(|a, b| a.signed(p).abs().total_cmp(&b.signed(p).abs()))?;
+        let q = solid.onto(p, step);
+        (solid.signed(q).abs() < 0.25 * step && self.parts(solid, q, step)).then_some(q)
+    }
+
     /// Whether a point on a boundary lies between two regions.
     fn parts(&self, solid: &Solid, p: Point, step: f64) -> bool {
         let off = scale(solid.normal(p, step), step);
@@ -150,7 +160,7 @@ impl Packing<'_> {
         let first = nodes.points.len();
         let mut front: Vec<u32> = (0..first as u32).filter(|&i| on(nodes.points[i as usize])).collect();
         let mut push = |nodes: &mut Nodes, grid: &mut Grid, p: Point, h: f64| {
-            nodes.push(p, 0, true);
+            nodes.push(p, INTERFACE, false);
             grid.push(p);
             spacings.push(h);
         };

@@ -48,6 +48,7 @@ pub use revolve::Revolved;
 pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
 
+use interfaces::INTERFACE;
 use packing::Packing;
 use vector::Point;
 
@@ -105,6 +106,10 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     }
     cells = delaunay::triangulate(&points)?;
     let place = |face: u8, p: Point| {
+        if face == INTERFACE {
+            let slid = |q: &Point| domain.depth(*q) > INTERFACE_CLEARANCE * packing.h(*q) && !packing.reserved(*q);
+            return spacing.onto_interface(domain, p).filter(slid);
+        }
         let q = if face == 0 { p } else { domain.project(face, p) };
         let clear = spacing.interface_distance(q) > INTERFACE_CLEARANCE * packing.h(q);
         (clear && domain.depth(q) >= -1e-9 * domain.height() && !packing.reserved(q)).then_some(q)
@@ -120,6 +125,7 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     mesh.peel();
     mesh.improve(PASSES);
     let (points, mut cells) = mesh.finish();
+    let faces: Vec<u8> = faces.iter().map(|f| f & !INTERFACE).collect();
     sort_cells(&mut cells);
     let surface = check::check(&points, &cells)?;
     conform::conforms(domain, spacing, &points, &faces, &surface)?;
@@ -127,7 +133,13 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     let surface_faces = surface.iter().map(shared).collect();
     let quality = Summary::of(&points, &cells);
     if quality.lowest < LEAST_QUALITY {
-        let reason = format!("a cell of quality {:.3} is left (least allowed: {LEAST_QUALITY})", quality.lowest);
+        let corners = |c: &[u32; 4]| c.map(|v| points[v as usize]);
+        let worst = cells
+            .iter()
+            .min_by(|a, b| quality::volume_length(&corners(a)).total_cmp(&quality::volume_length(&corners(b))));
+        let at = worst.map_or([0.0; 3], |c| corners(c)[0]);
+        let reason =
+            format!("a cell of quality {:.3} is left at {at:?} m (least allowed: {LEAST_QUALITY})", quality.lowest);
         return Err(CloudError::NotMeshable { reason });
     }
     Ok(Cloud { points, cells, faces, surface, surface_faces, quality })
