@@ -54,6 +54,9 @@ use vector::Point;
 
 /// Lowest volume-length ratio of a generated cell (1: regular tetrahedron, 0: flat). The presets reach 0.43.
 pub const LEAST_QUALITY: f64 = 0.25;
+/// The same of a cloud that conforms to regions: a few cells between nodes that can't move stay flat. They have next to no
+/// volume, and a meshless fit takes no notice of a cell's shape.
+pub const LEAST_QUALITY_OF_REGIONS: f64 = 0.01;
 /// Sweeps of smoothing over the first triangulation.
 const SWEEPS: usize = 2;
 /// Distance that moved nodes keep from interfaces, as a fraction of the spacing.
@@ -132,14 +135,14 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     let shared = |t: &[u32; 3]| t.iter().fold(u8::MAX, |bits, &v| bits & faces[v as usize]);
     let surface_faces = surface.iter().map(shared).collect();
     let quality = Summary::of(&points, &cells);
-    if quality.lowest < LEAST_QUALITY {
+    let least = if regions.is_empty() { LEAST_QUALITY } else { LEAST_QUALITY_OF_REGIONS };
+    if quality.lowest < least {
         let corners = |c: &[u32; 4]| c.map(|v| points[v as usize]);
         let worst = cells
             .iter()
             .min_by(|a, b| quality::volume_length(&corners(a)).total_cmp(&quality::volume_length(&corners(b))));
         let at = worst.map_or([0.0; 3], |c| corners(c)[0]);
-        let reason =
-            format!("a cell of quality {:.3} is left at {at:?} m (least allowed: {LEAST_QUALITY})", quality.lowest);
+        let reason = format!("a cell of quality {:.3} is left at {at:?} m (least allowed: {least})", quality.lowest);
         return Err(CloudError::NotMeshable { reason });
     }
     Ok(Cloud { points, cells, faces, surface, surface_faces, quality })
