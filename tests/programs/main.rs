@@ -13,6 +13,7 @@ mod docs;
 mod growth;
 mod import;
 mod markers;
+mod phantoms;
 mod readme;
 mod recorded;
 mod replay;
