@@ -99,6 +99,8 @@ impl Collector {
             depth_m: prediction.depth_m,
             predicted_n: 0.0 - dot(prediction.force_n, axis),
             measured_n: measured_n.map(|force| 0.0 - dot(force, axis)),
+            predicted_vector_n: prediction.force_n,
+            measured_vector_n: measured_n,
             phase: prediction.phase,
             event: prediction.event,
             steps: prediction.steps,

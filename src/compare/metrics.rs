@@ -86,7 +86,18 @@ mod tests {
 
     fn answer(predicted_n: f64, measured_n: Option<f64>, latency_s: f64) -> Answer {
         let phase = Phase::Indentation;
-        Answer { time_s: 0.0, depth_m: 0.0, predicted_n, measured_n, phase, event: None, steps: 1, latency_s }
+        Answer {
+            time_s: 0.0,
+            depth_m: 0.0,
+            predicted_n,
+            measured_n,
+            predicted_vector_n: [0.0, 0.0, predicted_n],
+            measured_vector_n: None,
+            phase,
+            event: None,
+            steps: 1,
+            latency_s,
+        }
     }
 
     #[test]

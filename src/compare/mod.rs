@@ -37,6 +37,10 @@ pub struct Answer {
     pub predicted_n: f64,
     /// Measured force with the same sign, N, at the same time, where there is one.
     pub measured_n: Option<f64>,
+    /// Predicted force of the tissue on the instrument in frame `sample`, N.
+    pub predicted_vector_n: [f64; 3],
+    /// Measured force in the same frame, N, where there is one.
+    pub measured_vector_n: Option<[f64; 3]>,
     /// Phase.
     pub phase: Phase,
     /// Event since the last pose.

@@ -27,7 +27,6 @@
 //! the tip follows the rule exactly, and the held length grows without a jump. A window of one layer of nodes, or a smoother
 //! ramp, leaves a saw-tooth of 2 to 4 % in the force at the distance of the layers. A ramp that ends half a layer later makes
 //! the force 3 % larger at a depth of 2 mm, since tissue ahead of the tip is dragged along and released late.
-//!
 //! In a half plane, where nothing moves sideways, the radial displacement is on that ramp, too.
 
 use std::f64::consts::PI;
@@ -154,7 +153,7 @@ impl NeedlePath {
         }
     }
 
-    /// The same path in a meridian half plane: its nodes are rings, and no ring moves sideways.
+    /// The same path in a half plane: its nodes are rings, which never move sideways.
     #[must_use]
     pub fn revolved(self) -> Self {
         Self { revolved: true, ..self }

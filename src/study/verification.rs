@@ -264,6 +264,8 @@ mod tests {
                 depth_m,
                 predicted_n: force(depth_m),
                 measured_n: None,
+                predicted_vector_n: [0.0; 3],
+                measured_vector_n: None,
                 phase: Phase::Penetration,
                 event: None,
                 steps: 1,

@@ -31,7 +31,7 @@ impl Twin {
     pub(super) fn advance_safely(
         &mut self,
         steps: u32,
-        travel: f64,
+        travel: [f64; 3],
         tip: &Tip,
         phase: Phase,
         time_s: f64,
@@ -57,7 +57,7 @@ impl Twin {
             self.solver.restore(2.0);
             self.solver.relax_again(time_s);
             self.solver.refresh_step();
-            self.solver.advance(&Advance { steps: finer, travel: 0.0 });
+            self.solver.advance(&Advance { steps: finer, travel: [0.0; 3] });
             self.progress.steps += u64::from(finer);
             balance = self.solver.balance();
         }
@@ -142,7 +142,7 @@ mod tests {
         assert!(!held.is_empty());
         let through = -1.2 * twin.fixed.height;
         held.iter().for_each(|&n| twin.solver.prescribe(n, [0.0, 0.0, through]));
-        twin.solver.advance(&Advance { steps: 1, travel: -through });
+        twin.solver.advance(&Advance { steps: 1, travel: [0.0, 0.0, -through] });
         let Some(Trouble::Inverted { volume_ratio, place, .. }) = twin.trouble(&good) else {
             panic!("{:?}", twin.trouble(&good));
         };
@@ -157,7 +157,7 @@ mod tests {
         for (limit, tries) in [(1, 1), (10, 3), (u32::MAX, TRIES)] {
             twin.limit_steps(limit);
             (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, [f64::NAN; 3]));
-            let lost = twin.advance_safely(limit.min(SAVE), 1e-3, &tip, Phase::Indentation, 0.0);
+            let lost = twin.advance_safely(limit.min(SAVE), [0.0, 0.0, 1e-3], &tip, Phase::Indentation, 0.0);
             assert!(matches!(lost, Err(Halt::Diverged { tries: t, .. }) if t == tries), "{limit}: {lost:?}");
             twin.reset();
         }

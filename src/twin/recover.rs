@@ -124,7 +124,7 @@ mod tests {
         // a solution that was lost
         let through = [f64::NAN; 3];
         (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, through));
-        twin.solver.advance(&mtled::solver::Advance { steps: 200, travel: 1e-3 });
+        twin.solver.advance(&mtled::solver::Advance { steps: 200, travel: [0.0, 0.0, 1e-3] });
         assert!(!twin.solver.balance().kinetic.is_finite(), "it ends before its last step and says so");
         twin.fall_back(&halt, depth_m);
         halt

@@ -73,11 +73,13 @@ impl Twin {
             (phase, event) = contact.impose(&tip, &mut self.solver);
             // a needle that tilts moves the tissue even if its tip stays
             let shaft = tip.axis_at(0.0);
-            let tilted = (shaft[0] - self.progress.shaft[0]).hypot(shaft[1] - self.progress.shaft[1]);
-            let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt().max(tilted);
+            let swung = [0, 1].map(|k| shaft[k] - self.progress.shaft[k]);
+            let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt().max(swung[0].hypot(swung[1]));
+            // sideways the middle of what is in the tissue counts
+            let middle = [0.5 * (moved[0] + swung[0]), 0.5 * (moved[1] + swung[1]), -moved[2]];
             // above the surface the instrument moves, but not the tissue
             let apart = phase == Phase::Approach && self.progress.phase == Phase::Approach;
-            let (distance, travel) = if apart { (0.0, 0.0) } else { (distance, -moved[2]) };
+            let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
             let relaxed = self.solver.stress_relaxation(pose.time_s);
             let steps = self.progress.pace.steps(distance, self.solver.slowest(), relaxed);
             if steps > 0 {

@@ -118,7 +118,9 @@ fn files_of_a_run_are_named_and_whole() {
         assert!(out.join(name).metadata().unwrap().len() > 0, "{name}");
     }
     let csv = std::fs::read_to_string(out.join("force.csv")).unwrap();
-    assert_eq!(csv.lines().next(), Some("time_s,depth_m,predicted_n,measured_n"));
+    assert!(
+        csv.starts_with("time_s,depth_m,predicted_n,measured_n,predicted_x_n,predicted_y_n,predicted_z_n,measured_x_n")
+    );
     assert_eq!(csv.lines().count(), 52);
     let strays = std::fs::read_dir(&out)
         .unwrap()

@@ -179,13 +179,16 @@ fn csv_holds_every_answer() {
     run.answers[4].predicted_n = f64::NAN;
     let csv = report::force_csv(&run);
     let mut lines = csv.lines();
-    assert_eq!(lines.next(), Some("time_s,depth_m,predicted_n,measured_n"));
+    let header = "time_s,depth_m,predicted_n,measured_n,predicted_x_n,predicted_y_n,predicted_z_n,\
+                  measured_x_n,measured_y_n,measured_z_n";
+    assert_eq!(lines.next(), Some(header));
     let rows: Vec<Vec<&str>> = lines.map(|l| l.split(',').collect()).collect();
     assert_eq!(rows.len(), run.answers.len());
     assert_eq!((rows[3][3], rows[4][2]), ("", ""));
     for (row, a) in rows.iter().zip(&run.answers).skip(5) {
         let numbers: Vec<f64> = row.iter().map(|c| c.parse().unwrap()).collect();
-        assert_eq!(numbers, [a.time_s, a.depth_m, a.predicted_n, a.measured_n.unwrap()]);
+        assert_eq!(numbers[..4], [a.time_s, a.depth_m, a.predicted_n, a.measured_n.unwrap()]);
+        assert_eq!((&numbers[4..7], &numbers[7..]), (&a.predicted_vector_n[..], &a.measured_vector_n.unwrap()[..]));
     }
 }
 

@@ -146,7 +146,7 @@ fn metres_and_millimetres_give_the_same_force() {
                 let u = solver.parameters()[n][2] - 5e-5 * unit;
                 solver.prescribe(n, [0.0, 0.0, u]);
             }
-            solver.advance(&Advance { steps: 40, travel: 5e-5 * unit });
+            solver.advance(&Advance { steps: 40, travel: [0.0, 0.0, 5e-5 * unit] });
         }
         solver.balance().instrument[2]
     };

@@ -57,7 +57,7 @@ impl Point {
             self.solver.prescribe(n, [gamma * x[1], 0.0, 0.0]);
         }
         self.solver.relax_until(time_s);
-        self.solver.advance(&Advance { steps: 1, travel: 0.0 });
+        self.solver.advance(&Advance { steps: 1, travel: [0.0; 3] });
         self.solver.commit(time_s);
     }
 
@@ -165,7 +165,7 @@ fn memory_is_restored_and_forgotten_with_the_state() {
     // what lay between is forgotten: one increment from the kept state
     point.solver.restore(1.0);
     point.solver.relax_again(0.9);
-    point.solver.advance(&Advance { steps: 3, travel: 0.0 });
+    point.solver.advance(&Advance { steps: 3, travel: [0.0; 3] });
     let again = point.stress();
     point.solver.reset();
     point.shear(0.0, 0.0);
@@ -188,7 +188,7 @@ fn the_energy_is_the_work_done() {
     };
     let role: Vec<Role> = cloud.points.iter().zip(&cloud.faces).map(role).collect();
     let mut solver = solver(&cloud, role.clone(), law(&SHARES, &TIMES));
-    let still = Advance { steps: (8.0 / solver.slowest()).ceil() as u32, travel: 0.0 };
+    let still = Advance { steps: (8.0 / solver.slowest()).ceil() as u32, travel: [0.0; 3] };
     // largest difference, largest work and work of the whole cycle
     let mut cycle = |poses: i32| {
         solver.reset();

@@ -57,7 +57,7 @@ fn patch_error(cloud: &Cloud, basis: Option<Basis>) -> Result<f64, Box<dyn std::
     // two periods of the slowest mode over 2 pi to load it, then a rest, in which the deviation dies down as exp(-30)
     for times in [2.0, 30.0] {
         let steps = (times / solver.slowest()).ceil() as u32;
-        solver.advance(&Advance { steps, travel: 0.0 });
+        solver.advance(&Advance { steps, travel: [0.0; 3] });
     }
     let field = approximation.field(&cloud.points)?;
     let largest = cloud.points.iter().map(|x| norm(linear(*x))).fold(0.0, f64::max);

@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         for (n, x) in cloud.points.iter().enumerate().filter(|(n, _)| cloud.faces[*n] != 0) {
             solver.prescribe(n, [(lateral - 1.0) * x[0], (lateral - 1.0) * x[1], (l - 1.0) * x[2]]);
         }
-        solver.advance(&Advance { steps: 400, travel: 0.0 });
+        solver.advance(&Advance { steps: 400, travel: [0.0; 3] });
         let (formula, points) = (nominal_stress(l, lateral), mean_stress(&solver));
         let off = 100.0 * (points / formula - 1.0);
         println!("{percent:>9} % {lateral:>9.5} {formula:>16.2} Pa {points:>14.2} Pa {off:>10.3} %");

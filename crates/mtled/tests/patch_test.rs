@@ -40,7 +40,7 @@ fn patch_error(cloud: &Cloud, basis: Option<Basis>, points_per_cell: u32) -> f64
         solver.prescribe(n, linear(cloud.points[n]));
     }
     // the deviation dies down as exp(-omega n), or faster: exp(-30) is round-off
-    let slowly = |times: f64| Advance { steps: (times / solver.slowest()).ceil() as u32, travel: 0.0 };
+    let slowly = |times: f64| Advance { steps: (times / solver.slowest()).ceil() as u32, travel: [0.0; 3] };
     let (load, rest) = (slowly(2.0), slowly(30.0));
     solver.advance(&load);
     solver.advance(&rest);

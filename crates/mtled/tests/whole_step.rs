@@ -69,7 +69,7 @@ fn press(cube: &Cube, precision: Precision, threads: usize) -> (Balance, Vec<[f6
     for pose in 1..=3 {
         down(&mut solver, 1e-4 * f64::from(pose));
         solver.relax_until(0.1 * f64::from(pose));
-        solver.advance(&Advance { steps: 2, travel: 1e-4 });
+        solver.advance(&Advance { steps: 2, travel: [0.0, 0.0, 1e-4] });
         solver.commit(0.1 * f64::from(pose));
         if pose == 2 {
             solver.save();
@@ -78,7 +78,7 @@ fn press(cube: &Cube, precision: Precision, threads: usize) -> (Balance, Vec<[f6
     solver.refresh_step();
     solver.restore(2.0);
     solver.relax_again(0.3);
-    solver.advance(&Advance { steps: 3, travel: 0.0 });
+    solver.advance(&Advance { steps: 3, travel: [0.0; 3] });
     (solver.balance(), solver.parameters().to_vec())
 }
 

@@ -81,6 +81,8 @@ fn answers(heard: &Observations, origin_ns: i64) -> Vec<Answer> {
                 // The demo's needle goes straight down: against its axis is up.
                 predicted_n: force.value[2],
                 measured_n: measured.at(seconds(force.stamp_ns)).map(|f| f[2]),
+                predicted_vector_n: force.value,
+                measured_vector_n: measured.at(seconds(force.stamp_ns)),
                 phase: present.map_or(Phase::Approach, phase),
                 event,
                 steps: present.map_or(0, |s| s.steps_per_pose.round() as u32),

@@ -6,14 +6,17 @@
 //! at rest, to first order in the lag, since its stiffness times t vanishes at the free nodes (Betti):
 //!
 //! ```text
-//! F = F_instrument - c/|c|^2 sum_free t_j . f_j
+//! c_k . F = c_k . F_instrument - sum_free t_kj . f_j        k = x, y, z
 //! ```
 //!
-//! c: mean displacement of the instrument's nodes per metre of its travel; t: tissue's displacement per metre of travel, of
-//! which the solver knows two approximations. The tangent motion that it has learnt comes late, the present motion
-//! t + q/d runs ahead; F is taken with their mean, and half of the difference is the error estimate. Each t_j being between
-//! nothing and all of the instrument's own motion, F lies between the forces on instrument and base: it is never further off than
-//! those.
+//! c_k: mean displacement of the instrument's nodes per metre of its travel along k; t_k: tissue's displacement per metre of that
+//! travel, of which the solver knows two approximations. The tangent motion that it has learnt comes late, the present motion
+//! t_k + q d_k/d^2 runs ahead; F is taken with their mean, and half of the difference is the error estimate. Directions are taken
+//! one after the other, each for what the ones before have left, so that a motion that is known by several counts once. What is
+//! left of the forces on instrument and base across all known c_k has no such estimate: half of it counts as error.
+//!
+//! Each t_j being between nothing and all of the instrument's own motion, F lies between the forces on instrument and base: it is
+//! never further off than those.
 
 use crate::approximation::Form;
 
@@ -21,13 +24,16 @@ use super::model::Model;
 use super::state::{Constraints, Role, State};
 use super::step::Balance;
 
-/// The last motion of the instrument.
+/// Share of the gap that is nothing but the round-off of its projection.
+const ROUND_OFF: f64 = 1e-9;
+
+/// What the instrument's motions are to its nodes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Motion {
-    /// c.
-    pub rate: [f64; 3],
+    /// c_k.
+    pub rate: [[f64; 3]; 3],
     /// d / (d^2 + e^2), 1/m, with d the travel per step (see [`super::step`]); 0 at rest.
-    pub gain: f64,
+    pub gain: [f64; 3],
 }
 
 /// Sums over nodes that the balance is made of.
@@ -39,23 +45,28 @@ pub(super) struct Sums {
     pub base: [f64; 3],
     /// Kinetic energy of the scaled masses, J.
     pub kinetic: f64,
-    /// sum t_j . f_j over the free nodes, N.
-    pub learnt: f64,
+    /// sum t_kj . f_j over the free nodes, N.
+    pub learnt: [f64; 3],
     /// sum q_j . f_j over the free nodes, J.
     pub present: f64,
 }
 
 impl Sums {
     /// A free node of a mass with what is left of the internal force on it.
-    pub fn add_free(&mut self, mass: f64, q: &[f64; 3], tangent: &[f64; 3], left: &[f64; 3]) {
+    pub fn add_free(&mut self, mass: f64, q: &[f64; 3], tangent: &[[f64; 3]; 3], left: &[f64; 3]) {
         self.kinetic += 0.5 * mass * dot(q, q);
-        self.learnt += dot(tangent, left);
+        (0..3).for_each(|k| self.learnt[k] += dot(&tangent[k], left));
         self.present += dot(q, left);
     }
 
     /// Those of a state that holds no numbers any more.
-    pub const LOST: Self =
-        Self { instrument: [f64::NAN; 3], base: [f64::NAN; 3], kinetic: f64::NAN, learnt: f64::NAN, present: f64::NAN };
+    pub const LOST: Self = Self {
+        instrument: [f64::NAN; 3],
+        base: [f64::NAN; 3],
+        kinetic: f64::NAN,
+        learnt: [f64::NAN; 3],
+        present: f64::NAN,
+    };
 }
 
 impl std::ops::Add for Sums {
@@ -65,7 +76,7 @@ impl std::ops::Add for Sums {
             instrument: std::array::from_fn(|k| self.instrument[k] + other.instrument[k]),
             base: std::array::from_fn(|k| self.base[k] + other.base[k]),
             kinetic: self.kinetic + other.kinetic,
-            learnt: self.learnt + other.learnt,
+            learnt: std::array::from_fn(|k| self.learnt[k] + other.learnt[k]),
             present: self.present + other.present,
         }
     }
@@ -76,9 +87,9 @@ pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 }
 
 impl Model {
-    /// Keeps c of an advance by `travel` metres; of a rest or of an advance without instrument nodes the one before stays.
-    pub(super) fn note_motion(&self, state: &mut State, travel: f64) {
-        if travel == 0.0 {
+    /// Learns c of an advance by `travel` metres; of a rest or of an advance without instrument nodes the one before stays.
+    pub(super) fn note_motion(&self, state: &mut State, travel: [f64; 3]) {
+        if travel == [0.0; 3] {
             return;
         }
         let Constraints { role, path, instrument, way, .. } = &state.constraints;
@@ -95,30 +106,59 @@ impl Model {
             sum[0] = 0.0;
         }
         if count > 0.0 {
-            state.control.motion.rate = sum.map(|s| s / (count * travel));
+            state.control.motion.learn(sum, count, travel);
         }
     }
 }
 
 impl Motion {
+    /// Changes the c_k by the least that explains the displacements of the instrument's nodes, their sum in m and their number, by
+    /// its travel.
+    fn learn(&mut self, sum: [f64; 3], count: f64, travel: [f64; 3]) {
+        let square = dot(&travel, &travel);
+        for i in 0..3 {
+            let known: f64 = (0..3).map(|k| self.rate[k][i] * travel[k]).sum();
+            for k in (0..3).filter(|&k| travel[k] != 0.0) {
+                // along one direction alone nothing of the former is left
+                let alone = travel[k] * travel[k] == square;
+                self.rate[k][i] = if alone {
+                    sum[i] / (count * travel[k])
+                } else {
+                    self.rate[k][i] + (sum[i] / count - known) * travel[k] / square
+                };
+            }
+        }
+    }
+
     /// Takes inertia out of the force on the instrument; fills in gap and error estimate. `slides`: tissue may slide on a surface.
     pub fn take_out_inertia(&self, b: &mut Balance, sums: &Sums, slides: bool) {
-        let Self { rate, gain } = self;
-        let sum: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
-        b.gap = dot(&sum, &sum).sqrt();
-        let square = dot(rate, rate);
-        if square <= 0.0 {
-            return;
+        let mut left: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
+        b.gap = dot(&left, &left).sqrt();
+        let (mut taken_out, mut errors) = ([0.0; 3], [0.0; 3]);
+        // the insertion first: most of the force is along it
+        for k in [2, 0, 1] {
+            let rate = self.rate[k];
+            let square = dot(&rate, &rate);
+            if square <= 0.0 {
+                continue;
+            }
+            // along c_k, in newtons
+            let (half, most) = (0.5 * sums.present * self.gain[k] / square.sqrt(), dot(&left, &rate) / square.sqrt());
+            let wanted = sums.learnt[k] / square.sqrt() + half - dot(&taken_out, &rate) / square.sqrt();
+            let taken = wanted.clamp(most.min(0.0), most.max(0.0));
+            errors[k] = half.abs().min(most.abs());
+            if slides {
+                // tissue that spreads between two smooth plates has a balance of forces, but no rest
+                errors[k] = errors[k].max((wanted - taken).abs());
+            }
+            for i in 0..3 {
+                b.instrument[i] -= taken * rate[i] / square.sqrt();
+                taken_out[i] += taken * rate[i] / square.sqrt();
+                left[i] -= most * rate[i] / square.sqrt();
+            }
         }
-        // along c, in newtons
-        let (half, most) = (0.5 * sums.present * gain / square.sqrt(), dot(&sum, rate) / square.sqrt());
-        let wanted = sums.learnt / square.sqrt() + half;
-        let taken = wanted.clamp(most.min(0.0), most.max(0.0));
-        b.error_estimate = half.abs().min(most.abs());
-        if slides {
-            // tissue that spreads between two smooth plates has a balance of forces, but no rest
-            b.error_estimate = b.error_estimate.max((wanted - taken).abs());
-        }
-        (0..3).for_each(|k| b.instrument[k] -= taken * rate[k] / square.sqrt());
+        let across = dot(&left, &left).sqrt();
+        let unknown = if across > ROUND_OFF * b.gap { 0.5 * across } else { 0.0 };
+        b.error_estimate = (dot(&errors, &errors) + unknown * unknown).sqrt();
     }
 }

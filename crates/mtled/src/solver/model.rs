@@ -246,7 +246,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
         moving: Moving {
             u: zero.clone(),
             q: zero.clone(),
-            tangent: zero.clone(),
+            tangent: vec![[[0.0; 3]; 3]; nodes],
             f: zero,
             mass_factor: 1.0,
             time: None,

@@ -12,12 +12,42 @@ pub struct Rule {
     pub first: u32,
     pub last: u32,
     pub steps: u32,
-    pub travel: f64,
+    pub travel: [f64; 3],
     /// d / (d^2 + e^2), 1/m.
-    pub gain: f64,
+    pub gain: [f64; 3],
     pub keep: f64,
     pub learn: f64,
     pub mass_factor: f64,
+}
+
+impl Rule {
+    /// Component k of t d.
+    #[inline]
+    fn drift(&self, tangent: &[[f64; 3]; 3], k: usize) -> f64 {
+        let [x, y, z] = self.travel;
+        // mostly an instrument moves along z alone
+        if x == 0.0 && y == 0.0 { tangent[2][k] * z } else { tangent[0][k] * x + tangent[1][k] * y + tangent[2][k] * z }
+    }
+
+    /// Component k of the deviation from t d, after t has learnt from it.
+    #[inline]
+    fn teach(&self, tangent: &mut [[f64; 3]; 3], k: usize, deviation: f64) -> f64 {
+        let mut left = deviation;
+        for d in (0..3).filter(|&d| self.travel[d] != 0.0) {
+            let lesson = self.learn * self.gain[d] * deviation;
+            tangent[d][k] += lesson;
+            left -= lesson * self.travel[d];
+        }
+        left
+    }
+
+    /// Component k of the tangent motions of a node that is held, and has moved by so much in the step.
+    #[inline]
+    fn set(&self, tangent: &mut [[f64; 3]; 3], k: usize, moved: f64) {
+        for d in 0..3 {
+            tangent[d][k] = moved * self.gain[d];
+        }
+    }
 }
 
 /// What holds all nodes, and their masses.
@@ -35,10 +65,12 @@ pub struct Held<'a> {
 
 pub type Vectors<'a> = &'a mut [[f64; 3]];
 pub type OfNodes<'a> = Chunks<'a, [f64; 3]>;
-pub type Parts<'a> = (Vectors<'a>, Vectors<'a>, Vectors<'a>, Vectors<'a>, &'a mut [Touch]);
+pub type Tangents<'a> = &'a mut [[[f64; 3]; 3]];
+pub type OfTangents<'a> = Chunks<'a, [[f64; 3]; 3]>;
+pub type Parts<'a> = (Vectors<'a>, Vectors<'a>, Tangents<'a>, Vectors<'a>, &'a mut [Touch]);
 
 /// The state's nodes, cut up for the team: u, q, tangent, f, touch.
-pub fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, OfNodes<'_>, Chunks<'_, Touch>) {
+pub fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfTangents<'_>, OfNodes<'_>, Chunks<'_, Touch>) {
     (
         Chunks::new(&mut state.u, NODES_PER_CHUNK),
         Chunks::new(&mut state.q, NODES_PER_CHUNK),
@@ -54,7 +86,7 @@ pub struct Nodes<'a> {
     pub first: usize,
     pub u: Vectors<'a>,
     q: Vectors<'a>,
-    tangent: Vectors<'a>,
+    tangent: Tangents<'a>,
     pub f: Vectors<'a>,
     touch: &'a mut [Touch],
 }
@@ -93,7 +125,7 @@ impl<'a> Nodes<'a> {
                         let pull = path.spring * (path.end[k] - self.u[l][k]);
                         sums.instrument[k] -= pull;
                         sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
-                        sums.learnt += tangent[k] * (f[k] - pull);
+                        (0..3).for_each(|d| sums.learnt[d] += tangent[d][k] * (f[k] - pull));
                         sums.present += q[k] * (f[k] - pull);
                     }
                 }
@@ -113,7 +145,7 @@ impl<'a> Nodes<'a> {
                 let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
                 for k in 0..3 {
                     let next = path.at(s, k);
-                    tangent[k] = (next - u[k]) * rule.gain;
+                    rule.set(tangent, k, next - u[k]);
                     u[k] = next;
                 }
                 *q = [0.0; 3];
@@ -124,28 +156,22 @@ impl<'a> Nodes<'a> {
                 // the spring at the end of the step, so that it is stable however stiff it is
                 let spring = path.spring * inverse;
                 for k in 0..2 {
-                    let drift = tangent[k] * rule.travel;
+                    let drift = rule.drift(tangent, k);
                     let free = drift + rule.keep * q[k] - f[k] * inverse;
                     let v = (free + spring * (path.at(s, k) - u[k])) / (1.0 + spring);
                     u[k] += v;
-                    let deviation = v - drift;
-                    let lesson = rule.learn * rule.gain * deviation;
-                    tangent[k] += lesson;
-                    q[k] = deviation - lesson * rule.travel;
+                    q[k] = rule.teach(tangent, k, v - drift);
                 }
                 let next = path.at(s, 2);
-                tangent[2] = (next - u[2]) * rule.gain;
+                rule.set(tangent, 2, next - u[2]);
                 (u[2], q[2]) = (next, 0.0);
             }
             Role::Free => {
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
                 for k in 0..3 {
-                    let drift = tangent[k] * rule.travel;
                     let deviation = rule.keep * q[k] - f[k] * inverse;
-                    u[k] += drift + deviation;
-                    let lesson = rule.learn * rule.gain * deviation;
-                    tangent[k] += lesson;
-                    q[k] = deviation - lesson * rule.travel;
+                    u[k] += rule.drift(tangent, k) + deviation;
+                    q[k] = rule.teach(tangent, k, deviation);
                 }
             }
             Role::Surface => self.touch_or_go(l, held, rule),
@@ -162,7 +188,7 @@ impl<'a> Nodes<'a> {
             // the radial parameter of a node on the axis has no force
             deviation[0] = 0.0;
         }
-        let mut way: [f64; 3] = std::array::from_fn(|k| tangent[k] * rule.travel + deviation[k]);
+        let mut way: [f64; 3] = std::array::from_fn(|k| rule.drift(tangent, k) + deviation[k]);
         let mut touch = Touch::default();
         let x: [f64; 3] = std::array::from_fn(|k| held.points[n][k] + u[k]);
         for (surface, by) in held.surfaces.iter().zip([By::Instrument, By::Base]) {
@@ -174,17 +200,15 @@ impl<'a> Nodes<'a> {
         }
         self.touch[l] = touch;
         (0..3).for_each(|k| u[k] += way[k]);
-        let (free, learnt) = if touch.by == By::Nobody {
-            (deviation, *tangent)
-        } else {
+        if touch.by != By::Nobody {
             // what is held moves with the surface
-            let (slides, known) = (touch.free(&way), touch.free(tangent));
-            (touch.free(&deviation), std::array::from_fn(|k| known[k] + (way[k] - slides[k]) * rule.gain))
-        };
-        for k in 0..3 {
-            let lesson = rule.learn * rule.gain * free[k];
-            tangent[k] = learnt[k] + lesson;
-            q[k] = free[k] - lesson * rule.travel;
+            let slides = touch.free(&way);
+            for (tangent, gain) in tangent.iter_mut().zip(rule.gain) {
+                let known = touch.free(tangent);
+                *tangent = std::array::from_fn(|k| known[k] + (way[k] - slides[k]) * gain);
+            }
+            deviation = touch.free(&deviation);
         }
+        (0..3).for_each(|k| q[k] = rule.teach(tangent, k, deviation[k]));
     }
 }

@@ -76,8 +76,8 @@ cloned_field_by_field! {
         pub u: Vec<[f64; 3]>,
         /// Velocity relative to the tangent motion, m per step.
         pub q: Vec<[f64; 3]>,
-        /// Tangent motion: displacement per metre that the instrument travels.
-        pub tangent: Vec<[f64; 3]>,
+        /// Tangent motions: displacement per metre that the instrument travels along x, y and z.
+        pub tangent: Vec<[[f64; 3]; 3]>,
         /// Internal force at `u`, N.
         pub f: Vec<[f64; 3]>,
         /// Factor on every mass: 1, or more where the deformed tissue's stable step is smaller.

@@ -4,16 +4,17 @@
 //! v_{n+1} = t d + (1 - c) q_n - M^-1 f(u_n),   u_{n+1} = u_n + v_{n+1},   q_{n+1} = v_{n+1} - t d
 //! ```
 //!
-//! d is the instrument's travel in the step and t the tangent motion, the tissue's displacement per metre of travel.
+//! d is the instrument's travel in the step, a vector, and t the tangent motions, the tissue's displacement per metre of travel along
+//! x, y and z; t d is the sum of the three.
 //! Damping acts on q, the deviation from the tangent motion: mass-proportional damping of the velocity itself would
 //! drag on the moving tissue and turn into force. When the instrument stops or turns, t d follows at once, so the
-//! tissue neither overshoots nor has to be set in motion again. t is learnt on the way at a rate a below the slowest frequency, as a least-mean-squares filter: t += a q d / (d^2 + e^2), so that steps with next to no
+//! tissue neither overshoots nor has to be set in motion again. t is learnt on the way at a rate a below the slowest frequency, as a least-mean-squares filter: t_k += a q d_k / (d^2 + e^2), so that steps with next to no
 //! travel teach next to nothing. c is critical for the slowest mode.
 
 use crate::approximation::Form;
 
 use super::disjoint::Each;
-use super::inertia::Sums;
+use super::inertia::{Sums, dot};
 use super::model::{Model, Workspace, with_kernel};
 use super::nodes::{Held, Nodes, Rule, nodes};
 use super::state::{Constraints, Control, Moving, Role, State};
@@ -38,8 +39,8 @@ const PROBE_AMPLITUDE: f64 = 6e-6;
 pub struct Advance {
     /// Explicit steps, at least 1.
     pub steps: u32,
-    /// Distance that the instrument travels in all of them, signed along its axis, m.
-    pub travel: f64,
+    /// Way that the instrument travels in all of them, x and y sideways and z into the body, m.
+    pub travel: [f64; 3],
 }
 
 /// Forces and energies after an advance.
@@ -63,12 +64,12 @@ impl Model {
     /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every `REFRESH` steps masses
     /// and step follow the deformation.
     pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) {
-        let travel = advance.travel / f64::from(advance.steps);
+        let travel = advance.travel.map(|d| d / f64::from(advance.steps));
         self.note_motion(state, advance.travel);
         let control = &mut state.control;
-        control.usual_travel = travel.abs().max(USUAL_DECAY * control.usual_travel);
-        let square = travel * travel + (FLOOR * control.usual_travel).powi(2);
-        control.motion.gain = if square > 0.0 { travel / square } else { 0.0 };
+        control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
+        let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
+        control.motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
         let mut first = 1;
         while first <= advance.steps {
             if first > 1 {
