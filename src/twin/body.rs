@@ -18,9 +18,11 @@ const RING_SPACING: f64 = 0.15;
 const PATCH_SPACING: f64 = 0.08;
 /// Spacing at an edge of contact in a half plane over that in space.
 const POINT_REFINEMENT: f64 = 0.5;
-/// The same at the edge of a flat indenter with a wall, and the largest growth of the spacing round it: tissue that the edge draws
-/// along the wall is stretched several times (`docs/lab/contact.md` has what was measured).
-const WALL_REFINEMENT: f64 = 0.125;
+/// Spacing at the edge of a flat indenter with a wall over that without one; not below [`WALL_FINEST`] of the radius, nor coarser than
+/// without. Tissue that the edge draws along the wall is stretched several times (`docs/lab/contact.md` has what was measured).
+const WALL_REFINEMENT: f64 = 0.25;
+const WALL_FINEST: f64 = 0.004;
+/// Largest growth of the spacing round it.
 const WALL_GROWTH: f64 = 0.15;
 /// Spacing in a half plane of several regions over that in space: there, too, it costs next to nothing. A needle's scenes are
 /// coarser in space.
@@ -107,8 +109,6 @@ impl Layout {
 
     /// Spacing in the half plane, where an edge of contact is a point: twice as fine costs next to nothing there.
     pub fn in_half_plane(scene: &Scene, domain: &Domain, grading: &Grading) -> Self {
-        let walled = scene.instrument.is_some_and(|i| surface::has_wall(&i));
-        let (point, growth) = if walled { (WALL_REFINEMENT, WALL_GROWTH) } else { (POINT_REFINEMENT, f64::INFINITY) };
         let needle = scene.instrument.as_ref().is_some_and(|i| matches!(i.kind, InstrumentKind::Needle(_)));
         let finer = match (scene.regions.is_empty(), needle) {
             (true, _) => 1.0,
@@ -116,8 +116,11 @@ impl Layout {
             (false, true) => NEEDLE_PLANE_REFINEMENT,
         };
         let spacing = Metres(finer * grading.spacing.get());
-        let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, point);
-        layout.spacing.growth = layout.spacing.growth.min(growth);
+        let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, POINT_REFINEMENT);
+        if scene.instrument.is_some_and(|i| surface::has_wall(&i)) {
+            layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
+            layout.spacing.features.iter_mut().for_each(refine_wall);
+        }
         layout
     }
 
@@ -189,4 +192,11 @@ fn interfaces(scene: &Scene, domain: &Domain, far: f64, across: f64) -> impl Ite
         };
         Feature::Region { solid, spacing }
     })
+}
+
+/// Makes the cloud finer at the edge of an indenter's wall.
+fn refine_wall(feature: &mut Feature) {
+    if let Feature::ContactRing { radius, spacing, .. } = feature {
+        *spacing = (WALL_REFINEMENT * *spacing).max(spacing.min(WALL_FINEST * *radius));
+    }
 }
