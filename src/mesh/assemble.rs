@@ -1,6 +1,6 @@
 //! From a mesh as its file has it to a [`Cloud`]: metres, positive cells, groups as faces, order along a curve.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use mtled::cloud::check::{self, Fault};
 use mtled::cloud::quality::{Summary, six_volumes, volume_length};
@@ -170,7 +170,7 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
         key.sort_unstable();
         key
     };
-    let group: HashMap<[u32; 4], Option<u32>> =
+    let group: BTreeMap<[u32; 4], Option<u32>> =
         cells.iter().map(key).zip(mesh.volumes.of_cell.iter().copied()).collect();
     sort_cells(&mut cells);
     let of_cell = cells.iter().map(|c| group.get(&key(c)).copied().flatten()).collect();

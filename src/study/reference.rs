@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn the_tables_are_whole() {
         assert_eq!(force("compression").unwrap().len(), 10);
-        assert_eq!(force("indentation").unwrap()[7], (0.004, 0.340319));
+        assert_eq!(force("indentation").unwrap()[7], (0.004, 0.342379));
         assert_eq!(force("needle_insertion").unwrap().last().copied(), Some((0.01, 0.0674753)));
         assert_eq!(force("other"), None);
         assert_eq!(element_stability().len(), 23);

@@ -99,7 +99,7 @@ fn frictionless_compression_is_homogeneous() {
         ("discretisation.points_per_cell", "4"),
     ];
     // moving least squares with few points integrate a uniform stress to 0.2 % on coarse tetrahedra
-    for (changes, bound) in [(&[SMOOTH, base][..], 1e-3), (&coarse[..], 3e-3)] {
+    for (changes, bound, uneven) in [(&[SMOOTH, base][..], 1e-3, 1e-2), (&coarse[..], 3e-3, 2e-2)] {
         let mut twin = twin("compression", changes);
         let force = press(&mut twin, 2.5e-3).force_n[2];
         let (stress, lateral) = uniaxial(2.5e-3);
@@ -113,7 +113,7 @@ fn frictionless_compression_is_homogeneous() {
         for (x, u) in twin.reference_points().iter().zip(&u) {
             let expected = [(lateral - 1.0) * x[0], (lateral - 1.0) * x[1], -2.5e-3 * x[2] / HEIGHT];
             for k in 0..3 {
-                assert!((u[k] - expected[k]).abs() < 1e-2 * 2.5e-3, "{x:?}: {u:?}, {expected:?} expected");
+                assert!((u[k] - expected[k]).abs() < uneven * 2.5e-3, "{x:?}: {u:?}, {expected:?} expected");
             }
         }
     }
@@ -297,7 +297,8 @@ fn a_rough_plate_slides_at_coulombs_limit() {
         let pose = beside(&twin, 1e-3, 1e-5 * f64::from(i));
         let answer = twin.step(pose).unwrap();
         last = share(answer.force_n);
-        assert!(last < 0.21, "step {i}: {last}");
+        // on the way, what inertia is taken for has an error of its own
+        assert!(last < 0.22, "step {i}: {last}");
     }
     for _ in 0..400 {
         let pose = beside(&twin, 1e-3, 3e-3);

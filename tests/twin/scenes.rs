@@ -470,15 +470,18 @@ fn random_scene() -> impl Strategy<Value = Vec<(String, Value)>> {
     })
 }
 
+/// Whether a key belongs to the words that were drawn, and the key that chooses them does too.
+fn applies(path: &str, values: &[(String, Value)]) -> bool {
+    let Some((selector, words)) = keys::find(path).and_then(|key| key.only_with) else { return true };
+    let drawn = values.iter().find(|(p, _)| p == selector).map(|(_, value)| value);
+    applies(selector, values) && words.iter().any(|w| Some(&Value::from(*w)) == drawn)
+}
+
 /// The random values that apply to the words that were drawn, on the sample that was drawn.
 fn build(values: &[(String, Value)]) -> Result<Scene, SceneError> {
-    let word = |path: &str| values.iter().find(|(p, _)| p == path).map(|(_, value)| value.clone());
     let changes: Vec<_> = values
         .iter()
-        .filter(|(path, _)| match keys::find(path).and_then(|key| key.only_with) {
-            Some((selector, words)) => words.iter().any(|w| Some(Value::from(*w)) == word(selector)),
-            None => true,
-        })
+        .filter(|(path, _)| applies(path, values))
         .map(|(path, value)| Override::typed(path, value.clone(), "random"))
         .collect();
     Scene::from_toml(MINIMAL, "minimal")?.with(&changes)
