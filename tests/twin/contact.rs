@@ -98,8 +98,9 @@ fn frictionless_compression_is_homogeneous() {
         ("discretisation.cells_per_point", "1"),
         ("discretisation.points_per_cell", "4"),
     ];
-    // moving least squares with few points integrate a uniform stress to 0.2 % on coarse tetrahedra
-    for (changes, bound, uneven) in [(&[SMOOTH, base][..], 1e-3, 1e-2), (&coarse[..], 3e-3, 2e-2)] {
+    // Moving least squares with few points integrate a uniform stress to 0.2 % on coarse tetrahedra; single nodes at the rim
+    // are 2.5 % of the way off there, the root of the mean square is 0.4 %.
+    for (changes, bound, uneven) in [(&[SMOOTH, base][..], 1e-3, 1e-2), (&coarse[..], 3e-3, 3e-2)] {
         let mut twin = twin("compression", changes);
         let force = press(&mut twin, 2.5e-3).force_n[2];
         let (stress, lateral) = uniaxial(2.5e-3);
@@ -297,8 +298,7 @@ fn a_rough_plate_slides_at_coulombs_limit() {
         let pose = beside(&twin, 1e-3, 1e-5 * f64::from(i));
         let answer = twin.step(pose).unwrap();
         last = share(answer.force_n);
-        // on the way, what inertia is taken for has an error of its own
-        assert!(last < 0.22, "step {i}: {last}");
+        assert!(last < 0.21, "step {i}: {last}");
     }
     for _ in 0..400 {
         let pose = beside(&twin, 1e-3, 3e-3);

@@ -135,8 +135,9 @@ impl Motion {
         let mut left: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
         b.gap = dot(&left, &left).sqrt();
         let (mut taken_out, mut errors) = ([0.0; 3], [0.0; 3]);
-        // the insertion first: most of the force is along it
-        for k in [2, 0, 1] {
+        // The insertion first: most of the force is along it. Tissue that slides does not follow a surface sideways.
+        let directions = if slides { &[2][..] } else { &[2, 0, 1] };
+        for &k in directions {
             let rate = self.rate[k];
             let square = dot(&rate, &rate);
             if square <= 0.0 {
