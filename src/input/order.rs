@@ -87,6 +87,7 @@ fn without_detours<V>(samples: Samples<V>) -> (Samples<V>, usize) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -21,6 +21,8 @@ const MOST: f64 = 24.0;
 const LEAST: f64 = 0.02;
 
 /// Time of a run of the program on the processor, s.
+// `wait4` waits for it, and says what it took.
+#[allow(clippy::zombie_processes)]
 fn spent(arguments: &[&str]) -> f64 {
     let child = Command::new(env!("CARGO_BIN_EXE_needle_twin"))
         .args(arguments)

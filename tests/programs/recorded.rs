@@ -15,7 +15,7 @@ use tempfile::TempDir;
 
 /// Time in s, depth in m, force in N: with few binary digits, so that a sign or a text changes no bit.
 fn samples() -> impl Iterator<Item = (f64, f64, f64)> {
-    (0..40).map(|i| f64::from(i)).map(|i| (i / 64.0, i / 65_536.0, i / 1024.0))
+    (0..40).map(f64::from).map(|i| (i / 64.0, i / 65_536.0, i / 1024.0))
 }
 
 fn array_bag(folder: &Path) -> PathBuf {
@@ -88,7 +88,7 @@ fn units_and_clocks_of_topics() {
         time_offset_s: 0.5,
         ..Selection::default()
     };
-    let read = Recording::open(&[array.clone()], &said).unwrap();
+    let read = Recording::open(std::slice::from_ref(&array), &said).unwrap();
     let (depth, force) = (read.depths[8], read.forces[8]);
     assert!(
         (depth.depth_m - 8.0 / 65_536.0 * 1e-3).abs() < 1e-15 && (force.force_n[2] - 9.80665e-3 / 128.0).abs() < 1e-12
@@ -96,7 +96,7 @@ fn units_and_clocks_of_topics() {
     assert!((depth.time_s - force.time_s - 0.5).abs() < 1e-9, "the force was half a second late");
     for (place, word) in [("/daq", "INDEX"), ("/daq[9]", "index 9"), ("/none", "/daq")] {
         let said = Selection { position: quantity(place, "mm", false), ..Selection::default() };
-        let error = Recording::open(&[array.clone()], &said).unwrap_err().to_string();
+        let error = Recording::open(std::slice::from_ref(&array), &said).unwrap_err().to_string();
         assert!(error.contains(word), "{place}: {error}");
     }
 }

@@ -76,7 +76,7 @@ pub(super) fn fit_of<'a>(row: &'a Row, candidate: &str) -> Option<&'a Fit> {
     row.fits.iter().find(|fit| fit.candidate == candidate && fit.failed.is_none())
 }
 
-fn by<'a>(rows: &'a [Row], of: impl Fn(&Row) -> &String) -> BTreeMap<String, Vec<&'a Row>> {
+fn by(rows: &[Row], of: impl Fn(&Row) -> &String) -> BTreeMap<String, Vec<&Row>> {
     let mut all: BTreeMap<String, Vec<&Row>> = BTreeMap::new();
     rows.iter().for_each(|row| all.entry(of(row).clone()).or_default().push(row));
     all

@@ -5,7 +5,7 @@
 //! belong to the fits of both sides, which tie the sides together. Linear fields are met exactly on both, so the patch test
 //! holds; in general the two fits differ at the interface by what either is off, and the field there is their mean.
 //!
-//! A support that ends at an interface has lost up to half of its nodes; the radii of the nodes near it are [`WIDER`], which
+//! A support that ends at an interface has lost up to half of its nodes; the radii of the nodes near it are wider, which
 //! gives the points there as many nodes as others have. What else was tried stands in docs/lab/interfaces.md.
 
 use std::collections::BTreeMap;

@@ -10,6 +10,9 @@ use super::vector::{Point, add, distance, hash01, norm, scale, sub};
 use crate::grid::Grid;
 use std::f64::consts::PI;
 
+/// A curve over its parameter from 0 to 1, whether it is closed, and the bits of the faces that it lies on.
+type Edge = (Box<dyn Fn(f64) -> Point>, bool, u8);
+
 /// In the faces of a node under construction: it lies on the boundary of a region.
 pub(crate) const INTERFACE: u8 = 64;
 /// Nearest accepted distance as a fraction of the spacing, and distance kept from faces.
@@ -46,13 +49,12 @@ impl Solid {
         }
     }
 
-    /// Edges of the boundary within a body, and where it meets the body's side: curves, whether each is closed, and the bits
-    /// of the faces that it lies on.
-    fn edges(&self, domain: &Domain) -> Vec<(Box<dyn Fn(f64) -> Point>, bool, u8)> {
+    /// Edges of the boundary within a body, and where it meets the body's side.
+    fn edges(&self, domain: &Domain) -> Vec<Edge> {
         let line = |a: Point, b: Point| {
             move |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { a[k] + t * (b[k] - a[k]) })
         };
-        let mut edges: Vec<(Box<dyn Fn(f64) -> Point>, bool, u8)> = Vec::new();
+        let mut edges: Vec<Edge> = Vec::new();
         match (*self, *domain) {
             (Self::Layer { bottom, top }, Domain::Cylinder { radius, .. }) => {
                 for z in [bottom, top] {
