@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use super::section::Section as _;
 use super::{Scene, SceneError, key::Key};
 
-/// Every key of a scene, in the order in which a scene file is written. Paths of the sections in [`LISTS`] belong to each
+/// Every key of a scene, in the order in which a scene file is written. Paths of the sections in `LISTS` belong to each
 /// of their elements: `targets.name` takes an index, `targets.0.name`, `materials.model` and `regions.shape` a name,
 /// `materials.skin.model`.
 pub static KEYS: LazyLock<Vec<Key>> = LazyLock::new(Scene::keys);
