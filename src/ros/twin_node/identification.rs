@@ -46,6 +46,13 @@ impl Identification {
             if parameter != Parameter::Offset && scene.get(name).is_none() {
                 return Err(NodeError::Other(format!("identify: scene {} has no {name}", scene.name)));
             }
+            if parameter == Parameter::ShearModulus && !scene.regions.is_empty() {
+                return Err(NodeError::Other(format!(
+                    "identify: the force of scene {} is not proportional to {name}, since it has regions: `needle_twin calibrate` \
+                     fits it to a recording",
+                    scene.name
+                )));
+            }
             if !wanted.contains(&parameter) {
                 wanted.push(parameter);
             }

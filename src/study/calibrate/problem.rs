@@ -246,13 +246,18 @@ impl<'a> Recorded<'a> {
         self.sought.iter().zip(x).map(|(s, value)| value * s.added(time_s)).sum()
     }
 
+    /// Whether another value of a key multiplies the force. The modulus of one of several regions does not.
+    fn scales_the_force(&self, key: &str) -> bool {
+        PROPORTIONAL.contains(&key) && self.task.scene.regions.is_empty()
+    }
+
     /// How the last run's force follows for other values: its factor and the shift of the contact from it; `None` where it can't.
     fn relative_to_kept(&self, x: &[f64]) -> Option<(f64, f64)> {
         let kept = self.kept.as_ref()?;
         let (mut factor, mut shift) = (1.0, 0.0);
         for ((sought, new), old) in self.sought.iter().zip(x).zip(&kept.x) {
             match sought {
-                Sought::Key(key) if PROPORTIONAL.contains(&key.as_str()) => factor = new / old,
+                Sought::Key(key) if self.scales_the_force(key) => factor = new / old,
                 Sought::Key(_) if new != old => return None,
                 Sought::Contact => shift = new - old,
                 _ => {}
@@ -310,7 +315,7 @@ impl<'a> Recorded<'a> {
         let clock = self.value(x, &Sought::Clock);
         let times = self.fitted.iter().map(|&i| self.forces.time_s[i]);
         Some(match &self.sought[k] {
-            Sought::Key(key) if PROPORTIONAL.contains(&key.as_str()) => force.iter().map(|f| f / x[k]).collect(),
+            Sought::Key(key) if self.scales_the_force(key) => force.iter().map(|f| f / x[k]).collect(),
             Sought::Key(_) => return None,
             Sought::Contact => times.map(|t| -factor * kept.path.stiffness(t - clock, shift)).collect(),
             Sought::Clock => times.map(|t| -factor * kept.path.rate(t - clock, shift)).collect(),
