@@ -2,13 +2,15 @@
 
 use mtled::solver::VolumeRatio;
 
-use super::{DeformationRule, Dimension, Instrument, InstrumentKind, Material, Motion, Scene, Word as _};
+use super::{
+    ContactLaw, DeformationRule, Dimension, IndenterTip, Instrument, InstrumentKind, Material, Motion, Scene, Word as _,
+};
 
 /// Distance by which captured tissue can be pushed ahead of the tip before cells invert there, m: runs ended at 1.6 to 2.1 mm,
 /// whatever the capture radius (`docs/lab/stability.md`).
 const FURTHEST_PUSH: f64 = 1.5e-3;
-/// Depth over the sample's height from which cells at a fine edge in three dimensions may stay folded on the way back without
-/// the guard: 10 of 17 mm with 7962 nodes, 13 with 2649 (`docs/lab/stability.md`).
+/// Depth over the sample's height from which cells at a fine edge in three dimensions may stay folded on the way back where tissue may
+/// pass the indenter's wall: 10 of 17 mm with 7962 nodes, 13 with 2649 (`docs/lab/stability.md`).
 const FOLDING: f64 = 0.55;
 /// Depth over the sample's height that every `volume_ratio` reaches; the shallowest run without the projected one ended
 /// at 0.29 (`docs/lab/stability.md`).
@@ -68,7 +70,7 @@ impl Scene {
                 let height = self.sample.shape.height().map_or(f64::INFINITY, |h| h.get());
                 let mut advice = crushed(self.discretisation.volume_ratio, depth / height);
                 if motion.retract && depth / height > FOLDING {
-                    advice.extend(self.folding());
+                    advice.extend(self.folding(instrument));
                 }
                 advice
             }
@@ -77,11 +79,14 @@ impl Scene {
 }
 
 impl Scene {
-    fn folding(&self) -> Option<String> {
-        let guarded = self.discretisation.fold_guard || self.dimension().dimension == Dimension::Axisymmetric;
-        (!guarded).then(|| {
-            "cells at the edge of contact may fold at that depth and stay so on the way back, displaced by up to 0.8 mm: \
-             discretisation.fold_guard = true brings them back"
+    fn folding(&self, instrument: &Instrument) -> Option<String> {
+        let InstrumentKind::Indenter { tip: IndenterTip::Flat, wall_contact: false, .. } = instrument.kind else {
+            return None;
+        };
+        let through_the_wall = instrument.contact == ContactLaw::Bonded;
+        (through_the_wall && self.dimension().dimension != Dimension::Axisymmetric).then(|| {
+            "cells at the edge of contact may fold at that depth and stay so on the way back, displaced by up to 0.8 mm, since tissue \
+             passes the indenter's wall: instrument.wall_contact = true keeps it outside"
                 .to_owned()
         })
     }
@@ -132,8 +137,8 @@ mod tests {
         assert!(advice("indentation", &[pointwise]).contains("\"projected\" goes on"));
         assert_eq!(advice("indentation", &[pointwise, ("motion.depth_m", "0.004")]), "");
         let back =
-            [("motion.retract", "true"), ("discretisation.dimension", "full"), ("discretisation.fold_guard", "false")];
-        assert!(advice("indentation", &back).contains("fold_guard"));
+            [("motion.retract", "true"), ("discretisation.dimension", "full"), ("instrument.wall_contact", "false")];
+        assert!(advice("indentation", &back).contains("instrument.wall_contact = true"));
         assert_eq!(advice("indentation", &[back[0], back[2]]), "");
         assert_eq!(advice("indentation", &back[..2]), "");
         assert!(advice("indentation", &[("motion.speed_m_per_s", "0.2")]).contains("shear wave speed of 1.315 m/s"));

@@ -30,9 +30,6 @@ section! {
         /// Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged
         /// (over each node) half-way.
         volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("projected"),
-        /// Whether cells at the edge of a plate or indenter resist folding, so that they come back from any depth; not
-        /// in the half plane.
-        fold_guard: bool = Key::boolean("discretisation.fold_guard").or("true"),
         /// Precision of the internal-force kernel.
         precision: Precision = Key::word("discretisation.precision", Precision::WORDS).or("f32"),
     }

@@ -23,6 +23,8 @@ pub struct Instrument {
     pub entry: [Metres; 2],
     /// How the tissue meets a plate or indenter; bonded for a needle.
     pub contact: ContactLaw,
+    /// Way from the tip up along the axis to the load cell's origin, about which torques are taken.
+    pub load_cell_height: Metres,
 }
 
 choice! {
@@ -104,13 +106,22 @@ section! {
     }
 }
 
+section! {
+    /// Where the load cell sits.
+    struct LoadCell => {
+        /// Way from the tip (the centre of a flat face) up along the instrument's axis to the load cell's origin, about which the torque of
+        /// `predicted_cf` is taken; 0 is the tip itself.
+        height: Metres = Key::real("instrument.load_cell_height_m", Range::closed(0.0, 10.0), "m").or("0.0"),
+    }
+}
+
 fn entry(path: &'static str) -> Key {
     Key::real(path, Range::closed(-10.0, 10.0), "m").or("0.0").only("instrument.kind", &WITH_ENTRY)
 }
 
 impl Section for Instrument {
     fn keys() -> Vec<Key> {
-        [InstrumentKind::keys(), ContactLaw::keys(), Entry::keys()].concat()
+        [InstrumentKind::keys(), ContactLaw::keys(), Entry::keys(), LoadCell::keys()].concat()
     }
 
     fn applies(values: &Values) -> bool {
@@ -122,7 +133,8 @@ impl Section for Instrument {
         let entry = Option::<Entry>::read(values, scope)?;
         let pressing = PRESSING.contains(&kind.as_str());
         let contact = if pressing { ContactLaw::read(values, scope)? } else { ContactLaw::Bonded };
-        Ok(Self { kind, entry: entry.map_or([Metres(0.0); 2], |Entry { x, y }| [x, y]), contact })
+        let entry = entry.map_or([Metres(0.0); 2], |Entry { x, y }| [x, y]);
+        Ok(Self { kind, entry, contact, load_cell_height: LoadCell::read(values, scope)?.height })
     }
 
     fn write(&self, values: &mut Values, scope: Scope<'_>) {
@@ -134,6 +146,7 @@ impl Section for Instrument {
             let [x, y] = self.entry;
             Entry { x, y }.write(values, scope);
         }
+        LoadCell { height: self.load_cell_height }.write(values, scope);
     }
 }
 

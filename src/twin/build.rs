@@ -13,10 +13,7 @@ use super::pace::Pace;
 use super::recover::Saved;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Body, BuildError, Fixed, Progress, Twin, axisymmetric, edge, regions};
-
-/// Distance from the edge of contact within which cells are guarded against folding, over the height of the body.
-const GUARDED: f64 = 0.03;
+use super::{Body, BuildError, Fixed, Progress, Twin, axisymmetric, regions};
 
 /// What a model brings to the twin.
 pub(super) struct Built {
@@ -93,8 +90,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
         approximation = approximation.with_regions(&material);
     }
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
-    let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
-    table.guarded = guarded(scene, cloud, held, body.height);
+    let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
     let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table, scene.material.shear_modulus()));
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
     let surfaces = surfaces(scene, &cloud.points, &cloud.faces, [body.top - body.height, body.top]);
@@ -136,15 +132,6 @@ pub(super) fn settings(scene: &Scene) -> Settings {
         support_factor: d.support_factor,
         points_per_cell: d.points_per_cell,
         cells_per_point: d.cells_per_point,
-    }
-}
-
-/// Cells to guard against folding, if the scene asks for it: those at the edge of a bonded instrument.
-fn guarded(scene: &Scene, cloud: &Cloud, held: &[u32], height: f64) -> Vec<u32> {
-    if scene.instrument.is_some_and(|i| i.is_bonded()) && scene.discretisation.fold_guard {
-        edge::cells(&cloud.points, &cloud.cells, &cloud.surface, held, GUARDED * height)
-    } else {
-        Vec::new()
     }
 }
 

@@ -4,7 +4,6 @@ mod axisymmetric;
 mod body;
 mod build;
 mod contain;
-mod edge;
 mod look_ahead;
 mod mesh;
 mod observe;
@@ -78,6 +77,8 @@ pub struct Prediction {
     pub force_n: [f64; 3],
     /// Force of the tissue on the base, N: cancels `force_n` at rest, and lags behind while the instrument moves.
     pub base_force_n: [f64; 3],
+    /// Torque of the tissue on the instrument about the load cell's origin (`instrument.load_cell_height_m`), axes of frame `sample`, N m.
+    pub torque_nm: [f64; 3],
     /// Phase of the interaction.
     pub phase: Phase,
     /// What happened since the last pose, if anything.

@@ -105,11 +105,24 @@ impl Twin {
             depth_m: tip.depth,
             force_n: balance.instrument,
             base_force_n: balance.base,
+            torque_nm: self.torque(&balance, &tip),
             phase,
             event,
             steps: taken,
             health: self.health(&balance),
         })
+    }
+
+    /// Moment M of the forces on the instrument about the load cell's origin o, N m: M - o x F, with M about the frame's origin.
+    fn torque(&self, balance: &Balance, tip: &Tip) -> [f64; 3] {
+        let height = self.fixed.scene.instrument.map_or(0.0, |i| i.load_cell_height.get());
+        let up = [tip.slope[0], tip.slope[1], 1.0];
+        let length = up.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let entry = self.path().entry;
+        let start = [entry[0], entry[1], self.fixed.top];
+        let o: [f64; 3] = std::array::from_fn(|k| start[k] + tip.offset[k] + height * up[k] / length);
+        let of_force = cross(&o, &balance.instrument);
+        std::array::from_fn(|k| balance.moment[k] - of_force[k])
     }
 
     /// Limits the steps per pose to what there is time for: a live twin that can't keep up takes fewer, larger steps rather
@@ -216,6 +229,9 @@ impl Twin {
 
 /// Sine of the angle between two unit vectors.
 fn sine(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    cross.iter().map(|x| x * x).sum::<f64>().sqrt()
+    cross(a, b).iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -56,6 +56,7 @@ pub fn needle(pose_hz: f64) -> Run {
             kind: InstrumentKind::Needle(needle_shape()),
             entry: [metres(0.0); 2],
             contact: needle_twin::scene::ContactLaw::Bonded,
+            load_cell_height: metres(0.0),
         }),
         scene_toml: SCENE.into(),
         command: "replay".into(),

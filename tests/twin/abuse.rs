@@ -243,7 +243,7 @@ fn unloading_gives_everything_back() {
     for (preset, depth, changes) in [
         // in space, on a coarse cloud
         ("indentation", 13e-3, &[("discretisation.edge_refinement", "0.25"), ("motion.depth_m", "0.0135")][..]),
-        // a fine edge, whose cells fold: without the guard a tenth of a millimetre is left at 100 nodes
+        // a fine edge, whose cells fold where tissue may pass the wall: then a tenth of a millimetre is left at 100 nodes
         ("indentation", 10e-3, &[("discretisation.edge_refinement", "0.08")]),
         ("indentation", 13e-3, &[("discretisation.edge_refinement", "0.08"), ("motion.depth_m", "0.0135")]),
         // the half planes, coarser than they ship

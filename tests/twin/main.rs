@@ -26,5 +26,6 @@ mod supports;
 mod sweep;
 #[path = "../synthetic_run/mod.rs"]
 mod synthetic_run;
+mod torque;
 mod twin;
 mod verification;

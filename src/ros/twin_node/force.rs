@@ -110,7 +110,7 @@ pub(super) fn run(
 /// Nothing that is not finite leaves: every number of a prediction passes here.
 pub(super) fn is_finite(prediction: &Prediction) -> bool {
     let health = &prediction.health;
-    let forces = prediction.force_n.iter().chain(&prediction.base_force_n);
+    let forces = prediction.force_n.iter().chain(&prediction.base_force_n).chain(&prediction.torque_nm);
     let figures = [
         prediction.depth_m,
         health.min_jacobian,
@@ -151,7 +151,7 @@ fn answered(
     }
     outputs.force.send(WrenchStamped {
         header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
-        wrench: Wrench { force: answer.prediction.force_n.into(), ..Wrench::default() },
+        wrench: Wrench { force: answer.prediction.force_n.into(), torque: answer.prediction.torque_nm.into() },
     });
     shared.lock().total.record(Instant::now() - answer.received);
     comparator.predicted(*answer);

@@ -11,5 +11,4 @@ pub mod table;
 pub mod weight;
 
 pub use mls::Basis;
-pub(crate) use repair::mean_edge;
 pub use table::{ApproximationError, Field, Form, Settings, ShapeTable};

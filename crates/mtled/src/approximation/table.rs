@@ -111,8 +111,6 @@ pub struct ShapeTable {
     pub cell: Vec<u32>,
     /// What the rows describe.
     pub form: Form,
-    /// Cells that resist folding, see `solver::fold`.
-    pub guarded: Vec<u32>,
     /// Region of each cell; empty: one region.
     pub region: Vec<u8>,
 }

@@ -185,37 +185,6 @@ zipped!(A 0, B 1);
 zipped!(A 0, B 1, C 2, D 3);
 zipped!(A 0, B 1, C 2, D 3, E 4);
 
-/// The parts of one list, then those of another.
-pub struct Then<A, B>(pub A, pub B);
-
-/// A part of either list.
-pub enum Either<A, B> {
-    /// Of the first.
-    First(A),
-    /// Of the second.
-    Second(B),
-}
-
-// SAFETY: different indices lead to different lists, or to different parts of one.
-unsafe impl<A: Disjoint, B: Disjoint> Disjoint for Then<A, B> {
-    type Part = Either<A::Part, B::Part>;
-
-    fn len(&self) -> usize {
-        self.0.len() + self.1.len()
-    }
-
-    unsafe fn part(&self, i: usize) -> Self::Part {
-        let first = self.0.len();
-        if i < first {
-            // SAFETY: below the first list's length; asked for once, by the caller's promise.
-            Either::First(unsafe { self.0.part(i) })
-        } else {
-            // SAFETY: `i` is below the sum of both lengths; asked for once, by the caller's promise.
-            Either::Second(unsafe { self.1.part(i - first) })
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -239,14 +208,7 @@ mod tests {
         for part in all(&Runs::new(&mut x, &offsets)) {
             part.iter_mut().for_each(|x| *x += 100);
         }
-        let (left, right) = x.split_at_mut(6);
-        for part in all(&Then(Each::new(left), Chunks::new(right, 3))) {
-            match part {
-                Either::First(x) => *x += 1000,
-                Either::Second(part) => part.iter_mut().for_each(|x| *x += 1000),
-            }
-        }
-        assert_eq!(x, [1111; 10]);
+        assert_eq!(x, [111; 10]);
     }
 
     #[test]

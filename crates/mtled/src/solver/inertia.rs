@@ -20,6 +20,7 @@
 
 use crate::approximation::Form;
 
+use super::contact::By;
 use super::model::Model;
 use super::state::{Constraints, Role, State};
 use super::step::Balance;
@@ -43,6 +44,8 @@ pub(super) struct Sums {
     pub instrument: [f64; 3],
     /// Force of the tissue on the base, N.
     pub base: [f64; 3],
+    /// Moment of the force on the instrument about the frame's origin, N m.
+    pub moment: [f64; 3],
     /// Kinetic energy of the scaled masses, J.
     pub kinetic: f64,
     /// sum t_kj . f_j over the free nodes, N.
@@ -52,6 +55,19 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    /// The force on whatever holds a node at a place, m.
+    pub fn add_held(&mut self, by: By, place: &[f64; 3], force: &[f64; 3]) {
+        if by == By::Base {
+            (0..3).for_each(|k| self.base[k] += force[k]);
+            return;
+        }
+        let moment = cross(place, force);
+        for k in 0..3 {
+            self.instrument[k] += force[k];
+            self.moment[k] += moment[k];
+        }
+    }
+
     /// A free node of a mass with what is left of the internal force on it.
     pub fn add_free(&mut self, mass: f64, q: &[f64; 3], tangent: &[[f64; 3]; 3], left: &[f64; 3]) {
         self.kinetic += 0.5 * mass * dot(q, q);
@@ -63,6 +79,7 @@ impl Sums {
     pub const LOST: Self = Self {
         instrument: [f64::NAN; 3],
         base: [f64::NAN; 3],
+        moment: [f64::NAN; 3],
         kinetic: f64::NAN,
         learnt: [f64::NAN; 3],
         present: f64::NAN,
@@ -75,11 +92,16 @@ impl std::ops::Add for Sums {
         Self {
             instrument: std::array::from_fn(|k| self.instrument[k] + other.instrument[k]),
             base: std::array::from_fn(|k| self.base[k] + other.base[k]),
+            moment: std::array::from_fn(|k| self.moment[k] + other.moment[k]),
             kinetic: self.kinetic + other.kinetic,
             learnt: std::array::from_fn(|k| self.learnt[k] + other.learnt[k]),
             present: self.present + other.present,
         }
     }
+}
+
+pub(super) fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
@@ -130,7 +152,7 @@ impl Motion {
         }
     }
 
-    /// Takes inertia out of the force on the instrument; fills in gap and error estimate. `slides`: tissue may slide on a surface.
+    /// Takes inertia out of force and moment on the instrument; fills in gap and error estimate. `slides`: tissue may slide on a surface.
     pub fn take_out_inertia(&self, b: &mut Balance, sums: &Sums, slides: bool) {
         let mut left: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + b.base[k]);
         b.gap = dot(&left, &left).sqrt();
@@ -158,8 +180,20 @@ impl Motion {
                 left[i] -= most * rate[i] / square.sqrt();
             }
         }
+        move_along_its_line(b, &taken_out);
         let across = dot(&left, &left).sqrt();
         let unknown = if across > ROUND_OFF * b.gap { 0.5 * across } else { 0.0 };
         b.error_estimate = (dot(&errors, &errors) + unknown * unknown).sqrt();
+    }
+}
+
+/// Takes the moment of what was taken out of the force out of the moment: what inertia adds is taken to act along the force's own line,
+/// which goes through c = F x M / |F|^2, so that the moment about the line stays.
+fn move_along_its_line(b: &mut Balance, taken_out: &[f64; 3]) {
+    let before: [f64; 3] = std::array::from_fn(|k| b.instrument[k] + taken_out[k]);
+    let square = dot(&before, &before);
+    if square > 0.0 {
+        let moment = cross(&cross(&before, &b.moment).map(|c| c / square), taken_out);
+        (0..3).for_each(|k| b.moment[k] -= moment[k]);
     }
 }

@@ -15,8 +15,7 @@ use crate::material::{Law, Volumetric};
 
 use super::block::{Block, BlockScratch, ForceOfLane, Shares};
 use super::dilatation::Dilatation;
-use super::disjoint::{Chunks, Each, Either, Offsets, Runs, Then};
-use super::fold::{self, Guard, Resistance};
+use super::disjoint::{Chunks, Each, Offsets, Runs};
 use super::memory::Memory;
 use super::points::{Constants, Relaxing};
 use super::pool::Pool;
@@ -43,8 +42,6 @@ pub struct Kernel<T: Real> {
     dilation_runs: Offsets,
     dilation_shares: Shares,
     projection: Projection<T>,
-    guard: Guard,
-    guarded: usize,
     nodes: usize,
     /// Of the material of each region.
     pub(super) constants: Vec<Constants>,
@@ -101,8 +98,6 @@ pub struct Scratch<T: Real> {
     /// V (J - 1) of each block at each of its vertices, block after block, m^3.
     dilation: Vec<T>,
     projection: ProjectionScratch<T>,
-    /// Of the guarded cells.
-    resistance: Vec<Resistance>,
     /// Of each thread.
     lanes: Vec<ForceOfLane<T>>,
 }
@@ -148,7 +143,6 @@ impl<T: Real> Kernel<T> {
             VolumeRatio::Averaged => Dilatation::nodal(&vertices.region),
             VolumeRatio::Pointwise => Dilatation { start: vec![0; places.len() + 1], ..Dilatation::default() },
         };
-        let mu = |cell: u32| laws[usize::from(table.region_of_cell(cell as usize))].shear_modulus();
         let blocks = Block::partition(table, &vertices, &places, nodes);
         let mut slot = vec![(0, 0); table.volume.len()];
         for (b, block) in blocks.iter().enumerate() {
@@ -160,8 +154,6 @@ impl<T: Real> Kernel<T> {
             dilation_runs: Offsets::of(blocks.iter().map(|b| b.vertices.len())),
             dilation_shares: Shares::of(blocks.iter().map(|b| b.vertices.as_slice()), places.len()),
             projection: Projection::new(&dilatation, table, &vertices.cells, places.len()),
-            guard: Guard::new(&table.guarded, cells, points, mu),
-            guarded: table.guarded.len(),
             nodes,
             constants: laws.iter().map(|law| Constants::new(law, volume_ratio)).collect(),
             slot,
@@ -203,7 +195,6 @@ impl<T: Real> Kernel<T> {
                 coarse: vec![T::default(); volume.len()],
                 nodal: vec![T::default(); strips.len() * NODES_PER_CHUNK],
             },
-            resistance: vec![Resistance::default(); self.guarded],
             lanes: vec![vec![Default::default(); most]; threads.max(1)],
         }
     }
@@ -239,8 +230,7 @@ impl<T: Real> Kernel<T> {
         } else {
             0.0
         };
-        let resisting: f64 = scratch.resistance.iter().map(|r| r.energy).sum();
-        scratch.blocks.iter().map(|b| b.energy).sum::<f64>() + projected + resisting
+        scratch.blocks.iter().map(|b| b.energy).sum::<f64>() + projected
     }
 
     /// Calls `visit(point, F, P, V)` for every integration point of the last evaluation: deformation gradient and first
@@ -283,28 +273,18 @@ impl<T: Real> Kernel<T> {
             &[]
         };
         let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.force_runs));
-        let work = Then(blocks, Chunks::new(&mut scratch.resistance, fold::CELLS_PER_CHUNK));
-        pool.each_with(&mut scratch.lanes, work, |lanes, i, part| match part {
-            Either::First((scratch, force)) => {
-                let block = &self.blocks[i];
-                block.stress(&active[i], &memory[i], pressure, self.of(block), scratch, lanes, force);
-            }
-            Either::Second(cells) => {
-                fold::fill(cells, i - self.blocks.len(), |cell| self.guard.resistance(cell, u));
-            }
+        pool.each_with(&mut scratch.lanes, blocks, |lanes, i, (scratch, force)| {
+            let block = &self.blocks[i];
+            block.stress(&active[i], &memory[i], pressure, self.of(block), scratch, lanes, force);
         });
     }
 
     /// Shares of the masses, over s (see [`super::mass`]), in the first component of the forces.
-    pub(super) fn bound(&self, memory: &[Memory], scratch: &mut Scratch<T>, pool: &mut Pool, u: &[[f64; 3]]) {
+    pub(super) fn bound(&self, memory: &[Memory], scratch: &mut Scratch<T>, pool: &mut Pool) {
         let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.force_runs));
-        let work = Then(blocks, Chunks::new(&mut scratch.resistance, fold::CELLS_PER_CHUNK));
-        pool.each_with(&mut scratch.lanes, work, |lanes, i, part| match part {
-            Either::First((scratch, force)) => {
-                let block = &self.blocks[i];
-                block.bound(&memory[i], self.of(block), scratch, lanes, force);
-            }
-            Either::Second(cells) => fold::fill(cells, i - self.blocks.len(), |cell| self.guard.bound(cell, u)),
+        pool.each_with(&mut scratch.lanes, blocks, |lanes, i, (scratch, force)| {
+            let block = &self.blocks[i];
+            block.bound(&memory[i], self.of(block), scratch, lanes, force);
         });
     }
 
@@ -315,10 +295,6 @@ impl<T: Real> Kernel<T> {
         for &at in self.force_shares.of_index(n) {
             let share = scratch.force[at as usize];
             (0..3).for_each(|k| sum[k] += share[k].get());
-        }
-        for &at in self.guard.of_node(n) {
-            let share = scratch.resistance[at as usize / 4].force[at as usize % 4];
-            (0..3).for_each(|k| sum[k] += share[k]);
         }
         sum
     }

@@ -31,7 +31,7 @@ impl Model {
         let State { moving, control, .. } = state;
         let mass = Chunks::new(&mut control.mass, NODES_PER_CHUNK);
         with_kernel!((&self.kernel, &mut work.scratch) => (k, scratch) {
-            k.bound(&moving.memory, scratch, &mut work.pool, &moving.u);
+            k.bound(&moving.memory, scratch, &mut work.pool);
             let scratch = &*scratch;
             work.pool.each(mass, |i, mass| {
                 for (m, n) in mass.iter_mut().zip(i * NODES_PER_CHUNK..) {

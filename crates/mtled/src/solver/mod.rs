@@ -7,7 +7,6 @@ mod dilatation;
 #[allow(unsafe_code)] // parts of a slice for several threads
 mod disjoint;
 mod explicit;
-mod fold;
 #[allow(unsafe_code)] // what the owner of a phase tells its helpers
 mod gate;
 mod group;

@@ -102,10 +102,11 @@ impl<'a> Nodes<'a> {
         let mut sums = Sums::default();
         for l in 0..self.u.len() {
             let (q, tangent, f, n) = (&self.q[l], &self.tangent[l], &self.f[l], self.first + l);
+            let place: [f64; 3] = std::array::from_fn(|k| held.points[n][k] + self.u[l][k]);
             match held.role[n] {
                 // The internal force on a held node is what its holder exerts on the tissue.
-                Role::Instrument => (0..3).for_each(|k| sums.instrument[k] -= f[k]),
-                Role::Base => (0..3).for_each(|k| sums.base[k] -= f[k]),
+                Role::Instrument => sums.add_held(By::Instrument, &place, &f.map(|f| -f)),
+                Role::Base => sums.add_held(By::Base, &place, &f.map(|f| -f)),
                 Role::Free => sums.add_free(held.mass[n] * mass_factor, q, tangent, f),
                 Role::Surface => {
                     let touch = &self.touch[l];
@@ -113,17 +114,15 @@ impl<'a> Nodes<'a> {
                         By::Nobody => [0.0; 3],
                         By::Instrument | By::Base => touch.force(f),
                     };
-                    let on = if touch.by == By::Base { &mut sums.base } else { &mut sums.instrument };
-                    (0..3).for_each(|k| on[k] -= force[k]);
+                    sums.add_held(touch.by, &place, &force.map(|f| -f));
                     let left = std::array::from_fn(|k| f[k] - force[k]);
                     sums.add_free(held.mass[n] * mass_factor, q, tangent, &left);
                 }
                 Role::Guided => {
                     let path = &held.path[n];
-                    sums.instrument[2] -= f[2];
-                    for k in 0..2 {
-                        let pull = path.spring * (path.end[k] - self.u[l][k]);
-                        sums.instrument[k] -= pull;
+                    let pulls: [f64; 2] = std::array::from_fn(|k| path.spring * (path.end[k] - self.u[l][k]));
+                    sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], -f[2]]);
+                    for (k, pull) in pulls.into_iter().enumerate() {
                         sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
                         (0..3).for_each(|d| sums.learnt[d] += tangent[d][k] * (f[k] - pull));
                         sums.present += q[k] * (f[k] - pull);

@@ -54,6 +54,8 @@ pub struct Balance {
     pub gap: f64,
     /// Force of the tissue on the base, N: cancels the former at rest.
     pub base: [f64; 3],
+    /// Moment of the force on the instrument about the frame's origin, N m.
+    pub moment: [f64; 3],
     /// Kinetic energy of the scaled masses, J.
     pub kinetic: f64,
     /// Strain energy, J.
@@ -153,6 +155,7 @@ impl Model {
         let mut b = Balance {
             instrument: sums.instrument,
             base: sums.base,
+            moment: sums.moment,
             kinetic: sums.kinetic,
             strain: with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) }),
             ..Balance::default()
@@ -160,6 +163,7 @@ impl Model {
         if self.form == Form::Axisymmetric {
             // the radial forces round a ring cancel
             (b.instrument[0], b.base[0]) = (0.0, 0.0);
+            b.moment = [0.0; 3];
         }
         let Constraints { instrument, base, .. } = &state.constraints;
         state.control.motion.take_out_inertia(&mut b, &sums, instrument.is_some() || base.is_some());
