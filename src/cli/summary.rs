@@ -91,7 +91,10 @@ pub(super) fn newtons(n: f64) -> String {
 fn error(run: &Run) -> Option<String> {
     let metrics = run.force_metrics();
     let relative = metrics.nrmse.map_or_else(String::new, |n| format!(" ({:.1}% of the measured peak)", 1e2 * n));
-    Some(format!("rmse {:.4} N{relative}, largest {:.4} N", metrics.rmse_n?, metrics.max_abs_error_n?))
+    let vector = metrics.rmse_vector_n.zip(metrics.max_vector_error_n);
+    let vector = vector
+        .map_or_else(String::new, |(rmse, largest)| format!("; as a vector rmse {rmse:.4} N, largest {largest:.4} N"));
+    Some(format!("rmse {:.4} N{relative}, largest {:.4} N{vector}", metrics.rmse_n?, metrics.max_abs_error_n?))
 }
 
 /// How far each target went from where it was at first: the farthest, since a retracted instrument leaves it there.

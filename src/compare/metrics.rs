@@ -18,6 +18,10 @@ pub struct ForceMetrics {
     pub nrmse: Option<f64>,
     /// Largest |predicted - measured|, N.
     pub max_abs_error_n: Option<f64>,
+    /// Root mean square of the length of predicted - measured as vectors, N, where the load cell measured one.
+    pub rmse_vector_n: Option<f64>,
+    /// Largest such length, N.
+    pub max_vector_error_n: Option<f64>,
 }
 
 /// Wall time from a pose's arrival to its prediction, ms, by the nearest-rank rule.
@@ -36,8 +40,8 @@ impl Run {
     #[must_use]
     pub fn force_metrics(&self) -> ForceMetrics {
         let residuals = || self.answers.iter().filter_map(|a| a.residual_n());
-        let count = residuals().count();
-        let rmse_n = (count > 0).then(|| (residuals().map(|e| e * e).sum::<f64>() / count as f64).sqrt());
+        let rmse_n = root_mean_square(residuals());
+        let lengths = || self.answers.iter().filter(|_| self.measures_vectors()).filter_map(|a| a.vector_error_n());
         let peak_measured_n = largest_magnitude(self.answers.iter().filter_map(|a| a.measured_n));
         ForceMetrics {
             peak_predicted_n: largest_magnitude(self.answers.iter().map(|a| a.predicted_n)),
@@ -45,7 +49,16 @@ impl Run {
             rmse_n,
             nrmse: rmse_n.zip(peak_measured_n).and_then(|(rmse, peak)| ratio(rmse, peak.abs())),
             max_abs_error_n: residuals().map(f64::abs).reduce(f64::max),
+            rmse_vector_n: root_mean_square(lengths()),
+            max_vector_error_n: lengths().reduce(f64::max),
         }
+    }
+
+    /// Whether the load cell measured the force as a vector: more than one of its components is not always zero.
+    #[must_use]
+    pub fn measures_vectors(&self) -> bool {
+        let read = |k: usize| self.answers.iter().filter_map(|a| a.measured_vector_n).any(|f| f[k] != 0.0);
+        (0..3).filter(|&k| read(k)).count() > 1
     }
 
     /// Latency of the answers; `None` without a finite one.
@@ -68,6 +81,12 @@ impl Run {
     pub fn step_us(&self) -> Option<f64> {
         ratio(1e6 * self.wall_s, self.steps as f64)
     }
+}
+
+/// `None` of nothing.
+fn root_mean_square(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
+    (count > 0.0).then(|| (sum / count).sqrt())
 }
 
 /// `a / b` where that is a finite number.
@@ -114,6 +133,19 @@ mod tests {
         assert_eq!(m.rmse_n, Some(18f64.sqrt()));
         assert_eq!(m.nrmse, Some(18f64.sqrt() / 4.0));
         assert_eq!(m.max_abs_error_n, Some(6.0));
+        assert_eq!(m.rmse_vector_n, None, "no vector was measured");
+    }
+
+    #[test]
+    fn a_load_cell_of_several_axes_is_compared_as_a_vector() {
+        let of = |measured: [[f64; 3]; 2]| {
+            let answer = |m: [f64; 3]| Answer { measured_vector_n: Some(m), ..answer(1.0, Some(m[2]), 0.0) };
+            let m = Run { answers: measured.map(answer).to_vec(), ..Run::default() }.force_metrics();
+            (m.rmse_vector_n, m.max_vector_error_n)
+        };
+        // predicted is (0, 0, 1)
+        assert_eq!(of([[3.0, 0.0, 1.0], [0.0, 0.0, 5.0]]), (Some(12.5f64.sqrt()), Some(4.0)));
+        assert_eq!(of([[0.0, 0.0, 1.0], [0.0, 0.0, 5.0]]), (None, None), "one axis alone was wired");
     }
 
     #[test]

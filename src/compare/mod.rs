@@ -57,6 +57,14 @@ impl Answer {
     pub fn residual_n(&self) -> Option<f64> {
         self.measured_n.map(|measured| self.predicted_n - measured).filter(|e| e.is_finite())
     }
+
+    /// Length of predicted - measured force, N, where both are there and finite.
+    #[must_use]
+    pub fn vector_error_n(&self) -> Option<f64> {
+        let measured = self.measured_vector_n?;
+        let square: f64 = self.predicted_vector_n.iter().zip(measured).map(|(p, m)| (p - m) * (p - m)).sum();
+        Some(square.sqrt()).filter(|e| e.is_finite())
+    }
 }
 
 /// Positions of all targets at one time.

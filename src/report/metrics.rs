@@ -60,6 +60,7 @@ impl Nulls<'_> {
     fn force(&mut self) -> Value {
         let m: ForceMetrics = self.run.force_metrics();
         let unmeasured = "no measured force at the time of a prediction";
+        let one_axis = "the load cell measured no more than one component";
         let peak = self.run.has_peak();
         json!({
             "peak_predicted_n": self.number(
@@ -72,6 +73,8 @@ impl Nulls<'_> {
             "rmse_n": self.number("force.rmse_n", m.rmse_n, unmeasured),
             "nrmse": self.number("force.nrmse", m.nrmse, "no measured force that differs from zero"),
             "max_abs_error_n": self.number("force.max_abs_error_n", m.max_abs_error_n, unmeasured),
+            "rmse_vector_n": self.number("force.rmse_vector_n", m.rmse_vector_n, one_axis),
+            "max_vector_error_n": self.number("force.max_vector_error_n", m.max_vector_error_n, one_axis),
         })
     }
 

@@ -70,6 +70,10 @@ pub(super) fn cards(html: &mut String, run: &Run) {
         let largest = format!("{}; at most {}", with_unit(m.rmse_n), with_unit(m.max_abs_error_n));
         card(html, "Relative RMSE", Some(significant(100.0 * nrmse, 2)), "%", Some(largest));
     }
+    if let Some(rmse) = newton(m.rmse_vector_n) {
+        let largest = format!("at most {}, with the components across the axis", with_unit(m.max_vector_error_n));
+        card(html, "RMSE of the vector", Some(rmse), force.unit, Some(largest));
+    }
     let seconds = format!("{} s for {} s of motion", significant(run.wall_s, 3), significant(run.simulated_s, 3));
     card(html, "Times real time", run.real_time_factor().map(|f| significant(f, 3)), "×", Some(seconds));
     if let Some(latency) = run.latency_ms() {

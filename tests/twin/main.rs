@@ -28,4 +28,5 @@ mod sweep;
 mod synthetic_run;
 mod torque;
 mod twin;
+mod vector_fit;
 mod verification;

@@ -72,6 +72,10 @@ pub struct ForceComparison {
     pub predicted_force_n: Vector3,
     /// What was taken as zero, N.
     pub tare_n: Vector3,
+    /// Length of prediction - (load cell - tare), N; 0 while the load cell has read one component alone.
+    pub vector_error_n: f64,
+    /// Root mean square of it since the last reset, N.
+    pub rmse_vector_n: f64,
     /// From the nearest load-cell reading to the pose, s.
     pub measured_delay_s: f64,
     /// One of the `IDENTIFICATION_` constants.

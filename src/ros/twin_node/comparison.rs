@@ -38,6 +38,10 @@ pub(super) struct Comparator {
     waiting: VecDeque<(Answer, Instant)>,
     tare_n: [f64; 3],
     squares: f64,
+    /// The same of the vectors' differences, N^2.
+    vector_squares: f64,
+    /// Components that the load cell has ever read.
+    read: [bool; 3],
     max_abs: f64,
     samples: u64,
     peak_predicted: f64,
@@ -122,6 +126,7 @@ impl Comparator {
 
     fn clear_statistics(&mut self) {
         self.squares = 0.0;
+        self.vector_squares = 0.0;
         self.max_abs = 0.0;
         self.samples = 0;
     }
@@ -130,6 +135,21 @@ impl Comparator {
     pub fn statistics(&self) -> Option<(f64, f64)> {
         #[allow(clippy::cast_precision_loss)]
         (self.samples > 0).then(|| ((self.squares / self.samples as f64).sqrt(), self.max_abs))
+    }
+
+    /// Whether the load cell has read more than one component.
+    fn measures_vectors(&self) -> bool {
+        self.read.iter().filter(|read| **read).count() > 1
+    }
+
+    /// Root mean square of the vectors' differences so far, N; 0 where only one component is measured.
+    #[allow(clippy::cast_precision_loss)]
+    fn rmse_vector(&self) -> f64 {
+        if self.samples > 0 && self.measures_vectors() {
+            (self.vector_squares / self.samples as f64).sqrt()
+        } else {
+            0.0
+        }
     }
 
     /// The next comparison that can be made, if any.
@@ -165,6 +185,7 @@ impl Comparator {
             message.max_abs_error_n = max;
         }
         message.samples = self.samples;
+        message.rmse_vector_n = self.rmse_vector();
         if let Some(identification) = &mut self.identification {
             let inserted = matches!(answer.prediction.phase, Phase::Penetration | Phase::Retraction);
             identification.take(&mut message, stamp, inserted);
@@ -199,6 +220,13 @@ impl Comparator {
         message.residual_n = message.predicted_n - message.measured_n;
         self.squares += message.residual_n * message.residual_n;
         self.max_abs = self.max_abs.max(message.residual_n.abs());
+        (0..3).for_each(|k| self.read[k] |= force[k] != 0.0);
+        let predicted = answer.prediction.force_n;
+        let square = (0..3).map(|k| (predicted[k] - net[k]).powi(2)).sum::<f64>();
+        self.vector_squares += square;
+        if self.measures_vectors() {
+            message.vector_error_n = square.sqrt();
+        }
         self.samples += 1;
     }
 
@@ -281,6 +309,19 @@ mod tests {
         assert!((m.residual_n - 0.10).abs() < 1e-12);
         assert!((m.rmse_n - 0.10).abs() < 1e-12);
         assert_eq!(m.samples, 1);
+    }
+
+    #[test]
+    fn a_load_cell_of_several_axes_is_compared_as_a_vector() {
+        let mut c = Comparator::default();
+        let mut said = |nanos: i64, force: [f64; 3]| {
+            c.measured(nanos, force);
+            c.predicted(answer(nanos, 0.5));
+            let m = c.next("sample", 0.0).unwrap();
+            [m.vector_error_n, m.rmse_vector_n]
+        };
+        assert_eq!(said(1_000_000_000, [0.0, 0.0, 0.5]), [0.0, 0.0], "one axis alone so far");
+        assert_eq!(said(2_000_000_000, [0.3, 0.0, 0.1]), [0.5, 0.5 / 2f64.sqrt()]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::problem::Recorded;
 use super::unknown::Sought;
-use super::{Calibration, Estimate, Forces, Task};
+use super::{CalibrateError, Calibration, Estimate, Forces, Task};
 use crate::compare::rows::Rows;
 use crate::compare::uncertainty::{Uncertainty, correlation};
 use crate::compare::verdict::judge;
@@ -25,12 +25,11 @@ pub(super) fn judged(
     solution: &least_squares::Solution,
     unknowns: &[least_squares::Unknown],
     forces: Forces,
-    problem: &Recorded,
-) -> Calibration {
+    problem: &mut Recorded,
+) -> Result<Calibration, CalibrateError> {
     let about = Uncertainty::new(&solution.jacobian);
     let noise = about.noise(&solution.jacobian, solution.residuals.as_slice());
-    let of = |column: &[f64]| -> Vec<f64> { problem.fitted().iter().map(|&i| column[i]).collect() };
-    let (force, depth) = (of(&forces.model_n), of(&forces.depth_m));
+    let (force, depth) = problem.all_fitted(&solution.x)?;
     let systematic = about.systematic(&solution.jacobian, &force, &depth, task.force_error);
     let names = problem.names();
     let error = |covariance: &DMatrix<f64>, k: usize| {
@@ -71,7 +70,7 @@ pub(super) fn judged(
     };
     let drift = problem.sought.iter().position(|s| *s == Sought::Drift);
     withhold(&mut calibration, drift, &rows);
-    calibration
+    Ok(calibration)
 }
 
 fn calibration_notes(problem: &Recorded) -> Vec<String> {

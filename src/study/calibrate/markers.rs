@@ -10,7 +10,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{CalibrateError, Wanted, problem, unknown::Sought};
+use super::{CalibrateError, Wanted, paths, unknown::Sought};
 use crate::compare::least_squares::{self, Problem, Solution, Unknown};
 use crate::compare::{ForceSeries, Reading, Run, Watch};
 use crate::input::MarkerSample;
@@ -153,7 +153,7 @@ impl Marked<'_> {
     fn run(&mut self, scene: &Scene) -> Result<Run, CalibrateError> {
         self.runs += 1;
         let none = ForceSeries::new(Vec::new());
-        problem::run(scene, self.task.readings, self.task.force.map_or(&none, |(series, _)| series), self.watch)
+        paths::run(scene, self.task.readings, self.task.force.map_or(&none, |(series, _)| series), self.watch)
     }
 
     /// Recorded times count from that of the first reading in a run.

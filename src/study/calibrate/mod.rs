@@ -4,7 +4,8 @@
 //! smallest sum_i (F(d_1..i; keys) + offset + drift t_i - F_measured,i)^2
 //! ```
 //!
-//! Every F is a whole run of the twin over the recorded motion, the same as `replay` makes. Offset and drift are those of the
+//! Where the load cell measured the force as a vector and the model is one in three dimensions, the components across the axis are fitted
+//! beside that along it, each less its zero before the contact. Every F is a whole run of the twin over the recorded motion, the same as `replay` makes. Offset and drift are those of the
 //! load cell, estimated alongside. So are the depth of the first contact and the clock of the force against that of the position,
 //! where the recording shows that they are off (`compare::alignment`); else they stay as recorded.
 //!
@@ -13,6 +14,7 @@
 mod forces;
 mod judgement;
 mod markers;
+mod paths;
 mod prediction;
 mod problem;
 mod split;
@@ -257,8 +259,11 @@ pub fn calibrate(
     let changes = problem.changes(&solution.x);
     let scene = task.scene.with(&changes)?;
     let forces = problem.forces(&solution.x)?;
-    let found =
-        Calibration { left_out, realigned, ..judgement::judged(task, scene, &solution, &unknowns, forces, &problem) };
+    let found = Calibration {
+        left_out,
+        realigned,
+        ..judgement::judged(task, scene, &solution, &unknowns, forces, &mut problem)?
+    };
     let seen = aligned(&mut problem, &solution.x)?;
     Ok(found.with_alignment(seen))
 }

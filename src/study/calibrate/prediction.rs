@@ -1,6 +1,6 @@
 //! What was found on one recording, held against another.
 
-use super::{CalibrateError, Calibration, carried, problem, rmse};
+use super::{CalibrateError, Calibration, carried, paths, rmse};
 use crate::compare::{ForceSeries, Reading, Run, Watch};
 use crate::scene::Scene;
 use crate::twin::Phase;
@@ -72,7 +72,7 @@ fn whole(
     measured: &ForceSeries,
     watch: &mut dyn Watch,
 ) -> Result<Run, CalibrateError> {
-    let run = problem::run(scene, readings, measured, watch)?;
+    let run = paths::run(scene, readings, measured, watch)?;
     if let Some(reason) = run.diverged {
         return Err(CalibrateError::Diverged(reason));
     }

@@ -5,11 +5,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::paths::{directions, measured_along, path_of, paths_of, run};
 use super::unknown::Sought;
 use super::{CalibrateError, Forces, Parts, Task};
 use crate::compare::path::ForcePath;
 use crate::compare::rows::{Rows, at_rest};
-use crate::compare::{self, Answer, At, Collector, ForceSeries, Keep, Reading, Run, Watch, least_squares::Problem};
+use crate::compare::{Answer, At, Reading, Run, Watch, least_squares::Problem};
 use crate::scene::{Override, Scene};
 
 /// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
@@ -37,7 +38,8 @@ const MOST_LEFT_OUT: f64 = 0.02;
 struct Kept {
     /// Values of the unknowns that it was made with.
     x: Vec<f64>,
-    path: ForcePath,
+    /// Of the force against the axis, then of those across it.
+    paths: Vec<ForcePath>,
 }
 
 pub(super) struct Recorded<'a> {
@@ -51,6 +53,9 @@ pub(super) struct Recorded<'a> {
     fitted: Vec<usize>,
     /// Time, depth, measured and first predicted force of each row.
     forces: Forces,
+    /// Directions across the axis that are fitted as well, and what was measured along each, N.
+    directions: Vec<[f64; 3]>,
+    across_n: Vec<Vec<f64>>,
     runs: u32,
     /// A key that takes the value of a wanted one, by its index.
     tied: Option<usize>,
@@ -74,6 +79,8 @@ impl<'a> Recorded<'a> {
             parts: Parts { fitted: 0..0, held_out: None },
             fitted: Vec::new(),
             forces: Forces::default(),
+            directions: Vec::new(),
+            across_n: Vec::new(),
             runs: 0,
             tied: tied(task),
             kept: None,
@@ -125,6 +132,9 @@ impl<'a> Recorded<'a> {
             ..Forces::default()
         };
         self.fitted = self.parts.fitted.clone().collect();
+        self.directions = directions(first);
+        let answers: Vec<&Answer> = rows.iter().map(|(_, a)| *a).collect();
+        self.across_n = self.directions.iter().map(|d| measured_along(&answers, d)).collect();
         Ok(())
     }
 
@@ -153,11 +163,6 @@ impl<'a> Recorded<'a> {
         &self.parts
     }
 
-    /// Rows that are fitted.
-    pub fn fitted(&self) -> &[usize] {
-        &self.fitted
-    }
-
     /// Poses that the twin refused in the last run.
     pub const fn refused(&self) -> usize {
         self.refused
@@ -167,6 +172,7 @@ impl<'a> Recorded<'a> {
     /// go, a knock) is no part of the model and would pull at every value. Where many are far off the model is wrong, and
     /// nothing is left out.
     pub fn leave_out(&mut self, residuals: &[f64]) -> usize {
+        let residuals = &residuals[..self.fitted.len()]; // those along the axis
         let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
         let most = SPIKE * sizes[sizes.len() / 2];
@@ -218,7 +224,7 @@ impl<'a> Recorded<'a> {
 
     /// The last run's force along its motion.
     pub fn path(&self) -> Option<&ForcePath> {
-        self.kept.as_ref().map(|kept| &kept.path)
+        self.kept.as_ref().map(|kept| &kept.paths[0])
     }
 
     /// Value of an unknown that may not be sought; 0 then.
@@ -268,20 +274,41 @@ impl<'a> Recorded<'a> {
 
     /// Predicted force at every row; `None` where the scene can't be, diverges or refuses poses.
     fn predicted(&mut self, x: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
+        Ok(self.all_predicted(x)?.map(|mut all| all.swap_remove(0)))
+    }
+
+    /// The same against the axis, then along each direction across it.
+    fn all_predicted(&mut self, x: &[f64]) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
         if self.relative_to_kept(x).is_none() {
-            match self.path_with(x)? {
-                Some(path) => self.kept = Some(Kept { x: x.to_vec(), path }),
+            match self.paths_with(x)? {
+                Some(paths) => self.kept = Some(Kept { x: x.to_vec(), paths }),
                 None => return Ok(None),
             }
         }
         let Some((factor, shift)) = self.relative_to_kept(x) else { return Ok(None) };
         let clock = self.value(x, &Sought::Clock);
         let force = |path: &ForcePath, t: &f64| factor * path.force_n(t - clock, shift);
-        Ok(self.kept.as_ref().map(|kept| self.forces.time_s.iter().map(|t| force(&kept.path, t)).collect()))
+        let all = |path: &ForcePath| self.forces.time_s.iter().map(|t| force(path, t)).collect();
+        Ok(self.kept.as_ref().map(|kept| kept.paths.iter().map(all).collect()))
+    }
+
+    /// What was measured along the axis less what the load cell adds, then across it, at the fitted rows.
+    fn all_measured(&self, x: &[f64]) -> Vec<f64> {
+        let along = self.fitted.iter().map(|&i| self.forces.measured_n[i] - self.added(x, self.forces.time_s[i]));
+        let across = self.across_n.iter().flat_map(|m| self.fitted.iter().map(|&i| m[i]));
+        along.chain(across).collect()
+    }
+
+    /// The fitted rows of the forces against the axis and across it, N, and their depths, m.
+    pub fn all_fitted(&mut self, x: &[f64]) -> Result<(Vec<f64>, Vec<f64>), CalibrateError> {
+        let all = self.all_predicted(x)?.unwrap_or_default();
+        let force = all.iter().flat_map(|force| self.fitted.iter().map(|&i| force[i])).collect();
+        let depth = all.iter().flat_map(|_| self.fitted.iter().map(|&i| self.forces.depth_m[i])).collect();
+        Ok((force, depth))
     }
 
     /// A run with the values x.
-    fn path_with(&mut self, x: &[f64]) -> Result<Option<ForcePath>, CalibrateError> {
+    fn paths_with(&mut self, x: &[f64]) -> Result<Option<Vec<ForcePath>>, CalibrateError> {
         let values = self.sought.iter().zip(x).filter(|(s, _)| matches!(s, Sought::Key(_) | Sought::Contact));
         let values: Vec<String> = values.map(|(s, v)| format!("{} = {v:.6}", s.name())).collect();
         (self.tell)(&format!("run {}: {}", self.runs + 1, values.join(", ")));
@@ -291,7 +318,7 @@ impl<'a> Recorded<'a> {
             other => other?,
         };
         let answered = run.answers.len() as f64 >= ANSWERED * self.task.readings.len() as f64;
-        Ok(path_of(&run).filter(|_| run.diverged.is_none() && answered))
+        Ok(paths_of(&run, &self.directions).filter(|_| run.diverged.is_none() && answered))
     }
 
     /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
@@ -300,9 +327,10 @@ impl<'a> Recorded<'a> {
         for change in [size, -size] {
             let mut beside = x.to_vec();
             beside[k] += change;
-            if let Some(path) = self.path_with(&beside)? {
+            if let Some(paths) = self.paths_with(&beside)? {
                 let clock = self.value(x, &Sought::Clock);
-                let other = self.fitted.iter().map(|&i| path.force_n(self.forces.time_s[i] - clock, 0.0));
+                let times = || self.fitted.iter().map(|&i| self.forces.time_s[i] - clock);
+                let other = paths.iter().flat_map(|path| times().map(|t| path.force_n(t, 0.0)));
                 return Ok(Some(other.zip(force).map(|(a, b)| (a - b) / change).collect()));
             }
         }
@@ -313,35 +341,19 @@ impl<'a> Recorded<'a> {
     fn derivative(&self, x: &[f64], k: usize, force: &[f64]) -> Option<Vec<f64>> {
         let (kept, (factor, shift)) = (self.kept.as_ref()?, self.relative_to_kept(x)?);
         let clock = self.value(x, &Sought::Clock);
-        let times = self.fitted.iter().map(|&i| self.forces.time_s[i]);
+        let times = || self.fitted.iter().map(|&i| self.forces.time_s[i]);
+        let each = |of: &dyn Fn(&ForcePath, f64) -> f64| -> Vec<f64> {
+            kept.paths.iter().flat_map(|path| times().map(|t| of(path, t))).collect()
+        };
         Some(match &self.sought[k] {
             Sought::Key(key) if self.scales_the_force(key) => force.iter().map(|f| f / x[k]).collect(),
             Sought::Key(_) => return None,
-            Sought::Contact => times.map(|t| -factor * kept.path.stiffness(t - clock, shift)).collect(),
-            Sought::Clock => times.map(|t| -factor * kept.path.rate(t - clock, shift)).collect(),
-            added => times.map(|t| added.added(t)).collect(),
+            Sought::Contact => each(&|path, t| -factor * path.stiffness(t - clock, shift)),
+            Sought::Clock => each(&|path, t| -factor * path.rate(t - clock, shift)),
+            // across the axis its zero is taken off beforehand
+            added => times().map(|t| added.added(t)).chain(vec![0.0; force.len() - self.fitted.len()]).collect(),
         })
     }
-}
-
-/// A run of a scene over a recording.
-pub(super) fn run(
-    scene: &Scene,
-    readings: &[Reading],
-    measured: &ForceSeries,
-    watch: &mut dyn Watch,
-) -> Result<Run, CalibrateError> {
-    let built = compare::build(scene);
-    let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
-    let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
-    let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, watch);
-    if watch.stop() { Err(CalibrateError::Interrupted) } else { Ok(run) }
-}
-
-/// The force along a run; `None` where the instrument doesn't go into the sample.
-pub(super) fn path_of(run: &Run) -> Option<ForcePath> {
-    let column = |of: fn(&Answer) -> f64| run.answers.iter().map(of).collect();
-    ForcePath::new(column(|a| a.time_s), column(|a| a.depth_m), column(|a| a.predicted_n))
 }
 
 /// The wanted key that another one goes with.
@@ -356,20 +368,20 @@ impl Problem for Recorded<'_> {
     type Error = CalibrateError;
 
     fn residuals(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
-        let Some(force) = self.predicted(x)? else { return Ok(None) };
-        let residual = |i: usize| force[i] + self.added(x, self.forces.time_s[i]) - self.forces.measured_n[i];
-        Ok(Some(DVector::from_iterator(self.fitted.len(), self.fitted.iter().map(|&i| residual(i)))))
+        let Some(force) = self.all_predicted(x)? else { return Ok(None) };
+        let along = |i: usize| force[0][i] + self.added(x, self.forces.time_s[i]) - self.forces.measured_n[i];
+        let across = force[1..].iter().zip(&self.across_n);
+        let across = across.flat_map(|(f, m)| self.fitted.iter().map(|&i| f[i] - m[i]));
+        Ok(Some(DVector::from_vec(self.fitted.iter().map(|&i| along(i)).chain(across).collect())))
     }
 
     fn jacobian(&mut self, x: &[f64], r: &DVector<f64>) -> Result<Option<DMatrix<f64>>, CalibrateError> {
         if self.predicted(x)?.is_none() {
             return Ok(None);
         }
-        let rows = self.fitted.clone();
-        let without = |i: usize| self.forces.measured_n[i] - self.added(x, self.forces.time_s[i]);
-        let force: Vec<f64> = rows.iter().zip(r).map(|(&i, r)| r + without(i)).collect();
+        let force: Vec<f64> = self.all_measured(x).iter().zip(r).map(|(m, r)| r + m).collect();
         let whole = force.iter().map(|f| f * f).sum::<f64>().sqrt();
-        let mut jacobian = DMatrix::zeros(rows.len(), x.len());
+        let mut jacobian = DMatrix::zeros(force.len(), x.len());
         for k in 0..x.len() {
             let column = match self.derivative(x, k, &force) {
                 Some(column) => column,
