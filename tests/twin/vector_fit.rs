@@ -15,7 +15,7 @@ impl Watch for Still {
     }
 }
 
-/// The truth along the axis is 1.1, across it 1.3 of the scene's modulus: least squares over all components take the mean, weighted by
+/// The truth along the axis is 1.1, across it 10 of the scene's modulus: least squares over all components take the mean, weighted by
 /// their squares. The load cell's zero across the axis is no force of the tissue.
 #[test]
 fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
@@ -39,7 +39,7 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
         weights[0] += along * along;
         weights[1] += across.iter().map(|f| f * f).sum::<f64>();
         let zero = [0.0, 0.01, 0.0]; // the path leans in the plane of x and z
-        measured.push((r.time_s, std::array::from_fn(|k| 1.1 * along * pose.axis[k] + 1.3 * across[k] + zero[k])));
+        measured.push((r.time_s, std::array::from_fn(|k| 1.1 * along * pose.axis[k] + 10.0 * across[k] + zero[k])));
     }
     let task = Task {
         scene: &scene,
@@ -52,8 +52,8 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
     };
     let found = calibrate(&task, &mut Still, &mut |_| {}).unwrap();
     let factor = found.estimates[0].value / 1678.0;
-    let expected = (1.1 * weights[0] + 1.3 * weights[1]) / (weights[0] + weights[1]);
+    let expected = (1.1 * weights[0] + 10.0 * weights[1]) / (weights[0] + weights[1]);
     println!("factor {factor:.5}, {expected:.5} expected");
     assert!(expected > 1.105, "the force across the axis has a say: {expected}");
-    assert!((factor - expected).abs() < 1e-3, "{factor} {expected}");
+    assert!((factor - expected).abs() < 5e-4, "{factor} {expected}");
 }
