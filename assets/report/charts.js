@@ -102,7 +102,7 @@ class Chart {
 
   /// Horizontal scale with its ticks, and the phases as tints with their names in a ribbon over the first panel.
   drawGround() {
-    const { x, bands = [], panels } = this.options;
+    const { x, bands = [], ground = [], panels } = this.options;
     this.x = range([{ values: x }], false);
     if (x === this.options.times) this.x = [x[0], Math.max(x[x.length - 1], x[0] + 1e-9)];
     const [top, bottom] = [panels[0].top, panels[panels.length - 1].bottom];
@@ -114,11 +114,23 @@ class Chart {
       tint(top - RIBBON, RIBBON);
       if (b - a > 6.5 * band.word.length + 6) this.svg.append(node('text', { x: a + 4, y: top - 5 }, band.word));
     }
+    for (const part of ground) this.drawGroundPart(part);
     const { at, decimals } = ticks(this.x[0], this.x[1], Math.max(3, (this.right - this.left) / 75));
     for (const value of at) {
       const place = this.px(value);
       for (const panel of panels) this.vertical(place, panel, 'rule');
       this.svg.append(node('text', { x: place, y: bottom + 17, 'text-anchor': 'middle' }, minus(value.toFixed(decimals))));
+    }
+  }
+
+  /// What lies at a stretch of depths: a tint behind the curves, and a named strip along the lower edge.
+  drawGroundPart(part) {
+    const [a, b] = [Math.max(this.left, this.px(part.from)), Math.min(this.right, this.px(part.to))];
+    if (b <= a) return;
+    for (const panel of this.options.panels) {
+      this.svg.append(node('rect', { x: a, y: panel.top, width: b - a, height: panel.height, fill: part.colour, opacity: 0.14 }));
+      this.svg.append(node('rect', { x: a, y: panel.bottom - RIBBON, width: b - a, height: RIBBON, fill: part.colour, opacity: 0.45 }));
+      if (b - a > 6.5 * part.name.length + 6) this.svg.append(node('text', { x: (a + b) / 2, y: panel.bottom - 5, 'text-anchor': 'middle' }, part.name));
     }
   }
 

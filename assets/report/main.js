@@ -34,6 +34,9 @@ function phaseAt(time) {
   return run.phases.findLast((p) => time >= p.from)?.word ?? run.phases[0]?.word ?? '';
 }
 
+/// A name as text of the page.
+function escaped(name) { return name.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`); }
+
 /// Parts of a read-out, none of which breaks in the middle.
 function spans(parts) { return parts.map((part) => `<span>${part}</span>`).join(' · '); }
 
@@ -43,7 +46,8 @@ function readForce(i) {
   if (measured && (!mask || mask[i])) {
     parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
   }
-  return spans([...parts, phaseAt(rows.time[i])]);
+  const region = run.depth_regions.find((r) => rows.depth[i] > r.from && rows.depth[i] <= r.to);
+  return spans([...parts, phaseAt(rows.time[i]), ...(region ? [`in <b>${escaped(region.name)}</b>`] : [])]);
 }
 
 /// A series in its way in and its way back, which is drawn paler.
@@ -74,6 +78,7 @@ function charts() {
     x: depth, times: rows.time, read: readForce,
     label: { x: 'Depth of the tip in mm', about: 'Predicted and measured force over depth' },
     panels: measured ? [force(true, 300), error(true)] : [force(true, 400)],
+    ground: run.depth_regions.map((b) => ({ ...b, from: 1e3 * b.from, to: 1e3 * b.to })),
     bands: run.depth_phases.map((b) => ({ ...b, from: 1e3 * b.from, to: 1e3 * b.to })),
     marks: [
       ...run.events.map((e) => ({ x: 1e3 * e.depth, text: e.word })),

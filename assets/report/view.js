@@ -158,6 +158,19 @@ class View {
   }
 
   legend(low, high) {
+    const named = this.field === 'region';
+    this.place.querySelector('.scale').hidden = named;
+    const names = this.place.querySelector('[data-show=regions]');
+    names.hidden = !named;
+    if (named) {
+      names.replaceChildren(...this.data.regions.map(({ name, colour }) => {
+        const [item, mark] = [document.createElement('li'), document.createElement('i')];
+        mark.className = 'band';
+        mark.style.background = `rgb(${colour})`;
+        item.append(mark, name);
+        return item;
+      }));
+    }
     const stops = this.field === 'jacobian' ? DIVERGING : SEQUENTIAL;
     this.colours = table(stops);
     const ends = { strain: () => ['0', `≥ ${this.number(high, 3)}`], stress: () => ['0 Pa', `≥ ${this.number(high, 3)} Pa`] }[this.field];
@@ -197,9 +210,10 @@ class View {
     const [yaw, pitch] = [this.yaw - 0.5, this.pitch + 0.25];
     this.towards = [-Math.sin(yaw) * Math.cos(pitch), -Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)];
     this.project(this.positions, this.screen);
-    const groups = this.mode === 'half' ? [this.data.half, this.data.cut] : [this.data.surface];
-    for (const triangles of groups) {
-      this.fill(triangles, this.screen, this.positions, this.values, triangles === this.data.cut ? 0.12 : 0.42);
+    const parts = this.mode === 'half' ? ['half', 'cut'] : ['surface'];
+    for (const part of parts) {
+      const region = this.field === 'region' && this.data.region[part];
+      this.fill(this.data[part], this.screen, this.positions, this.values, part === 'cut' ? 0.12 : 0.42, region);
     }
     this.instrument();
     this.context.putImageData(this.image, 0, 0);
@@ -218,8 +232,9 @@ class View {
     }
   }
 
-  /// Fills triangles; `values` in 0..1 take the colour scale, `values` null the instrument's grey.
-  fill(triangles, screen, points, values, contrast) {
+  /// Fills triangles; `values` in 0..1 take the colour scale, `values` null the instrument's grey. With `region`, that of each
+  /// triangle, they take their region's colour.
+  fill(triangles, screen, points, values, contrast, region) {
     const [w, h] = [this.canvas.width, this.canvas.height];
     const { pixels, depths, colours, mesh } = this;
     const edge = mesh && values ? 0.9 * this.canvas.width / this.canvas.clientWidth : 0;
@@ -250,7 +265,9 @@ class View {
           if (z <= depths[at]) continue;
           depths[at] = z;
           let red = 150, green = 158, blue = 168;
-          if (values) {
+          if (region) {
+            [red, green, blue] = this.data.regions[region[k / 3]].colour;
+          } else if (values) {
             const v = a * av + b * bv + c * cv;
             const n = 3 * (v <= 0 ? 0 : v >= 1 ? 255 : (255 * v) | 0);
             red = colours[n]; green = colours[n + 1]; blue = colours[n + 2];

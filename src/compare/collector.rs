@@ -61,6 +61,7 @@ impl Collector {
             effective_radius_m: twin.effective_radius(),
             build_s,
             min_jacobian: 1.0,
+            along: twin.along().clone(),
             instrument: scene.instrument,
             scene_toml: scene.to_toml(),
             command: command.to_owned(),
@@ -250,6 +251,7 @@ impl Collector {
         let mut state = FinalState {
             points: twin.reference_points().to_vec(),
             cells: twin.cells().to_vec(),
+            region: twin.cell_regions().to_vec(),
             surface: twin.surface().to_vec(),
             displacement,
             ..FinalState::default()

@@ -24,7 +24,7 @@ pub use stability::StabilityRow;
 pub use verdict::{Explains, Verdict};
 
 use crate::scene::Instrument;
-use crate::twin::{Event, Phase};
+use crate::twin::{Along, Event, Phase};
 
 /// One answered pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +85,8 @@ pub struct FinalState {
     pub points: Vec<[f64; 3]>,
     /// Background tetrahedra.
     pub cells: Vec<[u32; 4]>,
+    /// Region of each of them ([`crate::twin::Twin::cell_regions`]); empty where the scene has none.
+    pub region: Vec<u8>,
     /// Surface triangles, outward.
     pub surface: Vec<[u32; 3]>,
     /// Displacement at the points, m.
@@ -169,6 +171,8 @@ pub struct Run {
     pub final_state: FinalState,
     /// The tissue at moments of the run, in order of time.
     pub snapshots: Vec<Snapshot>,
+    /// Regions that the tip comes through.
+    pub along: Along,
     /// Instrument of the scene.
     pub instrument: Option<Instrument>,
     /// The scene as it was run (presets and `--set` merged), TOML as `scene show` prints it.

@@ -7,8 +7,9 @@ use super::{
     ReportError,
     page::FILE,
     phases::{self, Stretch},
+    regions,
     section::Section,
-    strain::{Strains, shear_modulus_pa},
+    strain::{Strains, moduli_pa},
     thin::thin,
     unit::Scale,
 };
@@ -41,6 +42,7 @@ pub(super) fn data(run: &Run) -> Result<Value, ReportError> {
         "retraction": kept.partition_point(|&i| i < run.legs().retraction),
         "phases": bands(&phases::over_time(run)),
         "depth_phases": bands(&phases::over_depth(run)),
+        "depth_regions": depth_regions(run),
         "hold": hold(run),
         "events": events(run),
         "period_ms": period_ms(run),
@@ -95,6 +97,15 @@ fn rows(answers: &[&Answer]) -> Value {
 
 fn bands(stretches: &[Stretch]) -> Value {
     stretches.iter().map(|s| json!({ "word": s.word, "from": s.from, "to": s.to })).collect()
+}
+
+/// Regions over the depth, with their pale colours as a style sheet takes them.
+fn depth_regions(run: &Run) -> Value {
+    let colour = |[r, g, b]: [u8; 3]| format!("rgb({r},{g},{b})");
+    let stretch = |s: &regions::Depths| {
+        json!({ "name": regions::name(run, s.region), "from": s.from, "to": s.to, "colour": colour(regions::colour(s.region)) })
+    };
+    regions::over_depth(run).iter().map(stretch).collect()
 }
 
 /// Depth and time spent at the deepest point, where the run stays there.
@@ -186,6 +197,7 @@ fn view(run: &Run) -> Result<Option<Value>, ReportError> {
         "depth": pack_f32(shown.iter().map(|s| s.depth_m)),
         "instrument": run.instrument.as_ref().map(|i| instrument(i, &state.points)),
     });
+    region_of_triangles(&mut view, &section, run);
     displacement(&mut view, &section, &shown);
     jacobian(&mut view, &section, &shown);
     strains(&mut view, &section, &shown, run);
@@ -203,6 +215,19 @@ fn evenly<'a, T>(items: &[&'a T], most: usize) -> Vec<&'a T> {
         return items.last().copied().into_iter().collect();
     }
     (0..most).map(|k| items[k * (n - 1) / (most - 1)]).collect()
+}
+
+/// Region of each triangle, with names and colours; nothing where the scene has none.
+fn region_of_triangles(view: &mut Value, section: &Section, run: &Run) {
+    let region = &run.final_state.region;
+    if region.is_empty() {
+        return;
+    }
+    let of = |cells: &Vec<u32>| pack(cells.iter().map(|&c| region.get(c as usize).copied().unwrap_or(0)));
+    let [surface, half, cut] = &section.cell;
+    view["region"] = json!({ "surface": of(surface), "half": of(half), "cut": of(cut) });
+    let named = (0..).zip(run.along.names()).map(|(i, name)| json!({ "name": name, "colour": regions::colour(i) }));
+    view["regions"] = named.collect();
 }
 
 /// Displacement in steps of `displacement_unit`, moment by moment.
@@ -238,7 +263,7 @@ fn jacobian(view: &mut Value, section: &Section, shown: &[&Snapshot]) {
 /// needle, where points are dense, a few are strained without bound.
 fn strains(view: &mut Value, section: &Section, shown: &[&Snapshot], run: &Run) {
     let state = &run.final_state;
-    let strains = Strains::new(&state.points, &state.cells, shear_modulus_pa(&run.scene_toml));
+    let strains = Strains::new(&state.points, &state.cells, &state.region, moduli_pa(&run.scene_toml).as_deref());
     let mut fields: [Vec<f64>; 2] = Default::default();
     for snapshot in shown {
         for (field, values) in fields.iter_mut().zip(strains.at(&snapshot.displacement)) {

@@ -5,6 +5,7 @@ use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, Panel, VERMILION, label, legend},
     raster::fitted,
+    regions::{self, Depths},
     thin::thin,
     unit::{Scale, significant},
 };
@@ -38,6 +39,11 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let y = Axis::holding(forces.chain([0.0]), 6, 0.06);
     let bottom = if measured { 470.0 } else { 636.0 };
     let upper = Panel { frame: [SIDES[0], 172.0, SIDES[1], bottom], x: x.clone(), y };
+    let ground = || {
+        let shown = |s: &Depths| (1e3 * s.from, 1e3 * s.to, regions::name(run, s.region).to_owned(), regions::tint(s.region));
+        regions::over_depth(run).iter().map(shown).collect::<Vec<_>>()
+    };
+    upper.ground(&mut picture, ground());
     upper.grid(&mut picture, !measured);
     upper.title(&mut picture, &format!("Force against insertion in {}", force.unit), 26.0);
     let stretches = over_depth(run);
@@ -54,6 +60,7 @@ pub(super) fn force_plot(run: &Run) -> Picture {
         let residuals = answers.iter().filter_map(|a| a.residual_n()).map(|e| force.factor * e);
         let y = Axis::holding(residuals.chain([0.0]), 3, 0.06);
         let lower = Panel { frame: [SIDES[0], 520.0, SIDES[1], 636.0], x, y };
+        lower.ground(&mut picture, ground());
         lower.grid(&mut picture, true);
         lower.title(&mut picture, &format!("Predicted − measured in {}", force.unit), 11.0);
         for (leg, pen) in legs.iter().zip(RESIDUAL) {

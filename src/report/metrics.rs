@@ -2,7 +2,7 @@
 
 use crate::compare::alignment::{Alignment, Found};
 use crate::compare::{Answer, ForceMetrics, Run, Verdict};
-use crate::twin::Event;
+use crate::twin::{Event, Phase, REST};
 use serde_json::{Map, Value, json};
 
 /// Content of `metrics.json`: counts, force, timing, stability, checksum. Keys are only ever added.
@@ -129,6 +129,14 @@ impl Nulls<'_> {
     }
 }
 
+/// Region of the tissue that a puncture at a depth opens.
+fn region(run: &Run, depth_m: f64) -> &str {
+    match run.along.name(depth_m, Phase::Penetration) {
+        "" => REST,
+        name => name,
+    }
+}
+
 /// What happened to the tissue: kind, where, and the predicted force at the pose before and at the pose that saw it.
 fn events(run: &Run) -> Value {
     let force = |i: Option<usize>| i.and_then(|i| run.answers.get(i)).map(|a| a.predicted_n).filter(|f| f.is_finite());
@@ -136,7 +144,7 @@ fn events(run: &Run) -> Value {
         let Event::Puncture { depth_m } = a.event?;
         Some(json!({
             "kind": "puncture",
-            "region": "sample",
+            "region": region(run, depth_m),
             "depth_m": Some(depth_m).filter(|d| d.is_finite()),
             "force_before_n": force(i.checked_sub(1)),
             "force_after_n": force(Some(i)),

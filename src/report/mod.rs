@@ -25,6 +25,7 @@ mod place;
 mod plot;
 pub mod printable;
 mod raster;
+mod regions;
 mod rest_plot;
 mod section;
 mod settings;

@@ -76,8 +76,9 @@ fn body(run: &Run, drawn: bool) -> String {
         &fallback,
     );
     if drawn {
-        let stress = strain::shear_modulus_pa(&run.scene_toml).map_or("", |_| STRESS);
-        html.push_str(&VIEW.replace("{{fields}}", &format!("{STRAIN}{stress}")));
+        let stress = strain::moduli_pa(&run.scene_toml).map_or("", |_| STRESS);
+        let region = if run.final_state.region.is_empty() { "" } else { REGION };
+        html.push_str(&VIEW.replace("{{fields}}", &format!("{STRAIN}{stress}{region}")));
         html.push_str("</div>\n");
     }
     chart(
@@ -160,6 +161,7 @@ fn legend(measured: bool, legs: bool) -> String {
 }
 
 const STRAIN: &str = r#"<option value="strain">strain</option>"#;
+const REGION: &str = r#"<option value="region">region</option>"#;
 const STRESS: &str = r#"<option value="stress">von Mises stress</option>"#;
 
 const VIEW: &str = r#"<section id="sample" class="view">
@@ -175,6 +177,7 @@ const VIEW: &str = r#"<section id="sample" class="view">
 </div>
 <div><canvas tabindex="0" role="img" aria-label="Deformed sample in three dimensions; arrow keys turn it, plus and minus zoom"></canvas></div>
 <div class="scale"><span></span><i></i><span></span><span></span></div>
+<ul class="legend" data-show="regions" hidden></ul>
 <div class="controls">
 <button type="button" data-control="play">Play</button>
 <label class="time"><input type="range" data-control="time" min="0" max="0" step="1" value="0" aria-label="Moment"><output data-show="moment"></output></label>

@@ -66,6 +66,9 @@ fn round_step(raw: f64) -> f64 {
     [1.0, 2.0, 5.0].into_iter().map(|m| m * power).find(|&s| s >= raw * (1.0 - 1e-9)).unwrap_or(10.0 * power)
 }
 
+/// Height of the strip that names what lies at a depth, px.
+const GROUND: f64 = 16.0;
+
 /// A plot area with its two axes.
 pub(super) struct Panel {
     /// Left, top, right, bottom, px.
@@ -122,6 +125,21 @@ impl Panel {
         let left = if anchor == Anchor::Start { x } else { x - width };
         picture.rectangle([left - 3.0, y - 12.0], [left + width + 3.0, y + 4.0], Colour(255, 255, 255, 0.85));
         picture.text([x, y], text, label(anchor));
+    }
+
+    /// Named stretches along the lower edge, over the axis, with a line where one ends in another; names that don't fit are left
+    /// out.
+    pub fn ground(&self, picture: &mut Picture, stretches: impl IntoIterator<Item = (f64, f64, String, Colour)>) {
+        let [left, top, right, bottom] = self.frame;
+        for (from, to, word, colour) in stretches {
+            let [x0, x1] = [from, to].map(|x| self.at(x, self.y.min)[0].clamp(left, right));
+            picture.rectangle([x0, top], [x1, bottom], Colour(colour.0, colour.1, colour.2, 0.30));
+            picture.rectangle([x0, bottom - GROUND], [x1, bottom], colour);
+            if x1 - x0 > text_width(&word, 12.0, false) + 8.0 {
+                let ink = Type { size: 12.0, colour: INK, ..label(Anchor::Middle) };
+                picture.text([0.5 * (x0 + x1), bottom - 4.0], word, ink);
+            }
+        }
     }
 
     /// A ribbon of named stretches along the panel's upper edge; names that don't fit are left out.

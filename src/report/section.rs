@@ -26,6 +26,8 @@ pub(super) struct Section {
     pub half: Vec<[u32; 3]>,
     /// The cut that closes the half, seen from y < entry.y.
     pub cut: Vec<[u32; 3]>,
+    /// Cell that each triangle of `surface`, of `half` and of `cut` is of.
+    pub cell: [Vec<u32>; 3],
 }
 
 impl Section {
@@ -36,16 +38,41 @@ impl Section {
         let height =
             |i: u32| if (points[i as usize][1] - y).abs() < 1e-9 * span { 0.0 } else { points[i as usize][1] - y };
         let mut cutter = Cutter { height, section: Self::default(), drawn: BTreeMap::new(), corners: BTreeMap::new() };
+        let of_face = faces(cells, surface);
         for triangle in surface {
             let whole = triangle.map(|i| cutter.node(i));
             cutter.section.surface.push(whole);
             cutter.clip(*triangle);
+            let cell = of_face.get(&sorted(*triangle)).copied().flatten().unwrap_or(0);
+            let Section { surface, half, cell: [of_surface, of_half, _], .. } = &mut cutter.section;
+            of_surface.resize(surface.len(), cell);
+            of_half.resize(half.len(), cell);
         }
-        for cell in cells {
+        for (i, cell) in (0..).zip(cells) {
             cutter.slice(*cell);
+            let Section { cut, cell: [.., of_cut], .. } = &mut cutter.section;
+            of_cut.resize(cut.len(), i);
         }
         cutter.finish()
     }
+}
+
+fn sorted(mut triangle: [u32; 3]) -> [u32; 3] {
+    triangle.sort_unstable();
+    triangle
+}
+
+/// The cell behind each triangle of a surface.
+fn faces(cells: &[[u32; 4]], surface: &[[u32; 3]]) -> BTreeMap<[u32; 3], Option<u32>> {
+    let mut of: BTreeMap<[u32; 3], Option<u32>> = surface.iter().map(|t| (sorted(*t), None)).collect();
+    for (i, &[a, b, c, d]) in (0..).zip(cells) {
+        for face in [[a, b, c], [a, b, d], [a, c, d], [b, c, d]] {
+            if let Some(cell) = of.get_mut(&sorted(face)) {
+                *cell = Some(i);
+            }
+        }
+    }
+    of
 }
 
 /// Marks an index as that of a vertex on an edge, until all drawn nodes are counted.

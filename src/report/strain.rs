@@ -17,13 +17,14 @@ struct Cell {
     corners: [usize; 4],
     volume: f64,
     inverse: Matrix3<f64>,
+    shear_modulus_pa: f64,
 }
 
 /// A mesh, ready for many moments.
 pub(super) struct Strains {
     cells: Vec<Cell>,
     weights: Vec<f64>,
-    shear_modulus_pa: Option<f64>,
+    has_stress: bool,
 }
 
 /// Matrix with the edges from the first corner as columns.
@@ -37,17 +38,23 @@ fn deviator(m: Matrix3<f64>) -> f64 {
 }
 
 impl Strains {
-    /// Flat cells are left out. Without a shear modulus there is no stress.
-    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], shear_modulus_pa: Option<f64>) -> Self {
+    /// Flat cells are left out. `moduli_pa` are the regions' shear moduli, `region` is that of each cell (empty: 0); without
+    /// moduli there is no stress.
+    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], moduli_pa: Option<&[f64]>) -> Self {
         let mut weights = vec![0.0; points.len()];
-        let cell = |c: &[u32; 4]| {
+        let modulus = |i: usize| {
+            let region = region.get(i).map_or(0, |r| usize::from(*r));
+            moduli_pa.and_then(|moduli| moduli.get(region)).copied().unwrap_or(0.0)
+        };
+        let cell = |(i, c): (usize, &[u32; 4])| {
             let corners = c.map(|i| i as usize);
             let edges = edges(corners.map(|i| points[i]));
             let (volume, inverse) = (edges.determinant().abs(), edges.try_inverse()?);
             corners.iter().for_each(|&i| weights[i] += volume);
-            Some(Cell { corners, volume, inverse })
+            Some(Cell { corners, volume, inverse, shear_modulus_pa: modulus(i) })
         };
-        Self { cells: cells.iter().filter_map(cell).collect(), weights, shear_modulus_pa }
+        let cells = cells.iter().enumerate().filter_map(cell).collect();
+        Self { cells, weights, has_stress: moduli_pa.is_some() }
     }
 
     /// Strain and stress (Pa; empty without a modulus) at every point.
@@ -60,25 +67,36 @@ impl Strains {
             cell.corners.iter().for_each(|&i| strains[i] += cell.volume * strain);
             let j = f.determinant();
             if j > NO_TISSUE {
-                let stress = 1.5_f64.sqrt() * j.powf(-5.0 / 3.0) * deviator(f * f.transpose());
+                let stress = cell.shear_modulus_pa * 1.5_f64.sqrt() * j.powf(-5.0 / 3.0) * deviator(f * f.transpose());
                 for i in cell.corners {
                     stresses[i] += cell.volume * stress;
                     tissue[i] += cell.volume;
                 }
             }
         }
-        let mean = |sums: &[f64], weights: &[f64], by: f64| -> Vec<f64> {
-            sums.iter().zip(weights).map(|(s, w)| if *w > 0.0 { by * s / w } else { 0.0 }).collect()
+        let mean = |sums: &[f64], weights: &[f64]| -> Vec<f64> {
+            sums.iter().zip(weights).map(|(s, w)| if *w > 0.0 { s / w } else { 0.0 }).collect()
         };
-        let stress = |mu: f64| mean(&stresses, &tissue, mu);
-        [mean(&strains, &self.weights, 1.0), self.shear_modulus_pa.map_or_else(Vec::new, stress)]
+        let stress = if self.has_stress { mean(&stresses, &tissue) } else { Vec::new() };
+        [mean(&strains, &self.weights), stress]
     }
 }
 
-/// Shear modulus of a scene file whose material is neo-Hookean and doesn't relax, Pa.
-pub(super) fn shear_modulus_pa(scene_toml: &str) -> Option<f64> {
+/// Shear moduli of a scene file, Pa: of `[material]`, then of each region's material, if all of them are neo-Hookean and don't
+/// relax. What is rigid has no stress here: 0.
+pub(super) fn moduli_pa(scene_toml: &str) -> Option<Vec<f64>> {
     let scene: toml::Table = scene_toml.parse().ok()?;
-    let material = scene.get("material")?.as_table()?;
+    let none = toml::Table::new();
+    let materials = scene.get("materials").and_then(|m| m.as_table()).unwrap_or(&none);
+    let regions = scene.get("regions").and_then(|r| r.as_array()).map_or(&[][..], Vec::as_slice);
+    let of_regions = regions.iter().map(|r| modulus_pa(materials.get(r.get("material")?.as_str()?)?.as_table()?));
+    std::iter::once(modulus_pa(scene.get("material")?.as_table()?)).chain(of_regions).collect()
+}
+
+fn modulus_pa(material: &toml::Table) -> Option<f64> {
+    if material.get("rigid").and_then(toml::Value::as_bool) == Some(true) {
+        return Some(0.0);
+    }
     let plain = material.get("model").is_none_or(|m| m.as_str() == Some("neo_hookean"));
     let relaxes = material.get("prony_shares").and_then(|s| s.as_array()).is_some_and(|s| !s.is_empty());
     let modulus = material.get("shear_modulus_pa")?;
@@ -95,12 +113,14 @@ mod tests {
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let gamma = 0.01;
         let sheared = points.map(|p| [gamma * p[2], 0.0, 0.0]);
-        let strains = Strains::new(&points, &[[0, 1, 2, 3]], Some(1678.0));
+        let strains = Strains::new(&points, &[[0, 1, 2, 3]], &[1], Some(&[1.0, 1678.0]));
         let [strain, stress] = strains.at(&sheared);
         // small strains: gamma / sqrt(3), and sqrt(3) mu gamma
         assert!((strain[1] / (gamma / 3_f64.sqrt()) - 1.0).abs() < 1e-2, "{strain:?}");
         assert!((stress[2] / (3_f64.sqrt() * 1678.0 * gamma) - 1.0).abs() < 1e-2, "{stress:?}");
-        assert_eq!(shear_modulus_pa("[material]\nshear_modulus_pa = 1678.0\n"), Some(1678.0));
-        assert_eq!(shear_modulus_pa("[material]\nmodel = \"ogden\"\nshear_modulus_pa = 1.0\n"), None);
+        let layered = "[material]\nshear_modulus_pa = 1678.0\n[materials.skin]\nshear_modulus_pa = 9000.0\n[[regions]]\n\
+            material = \"skin\"\n";
+        assert_eq!(moduli_pa(layered), Some(vec![1678.0, 9000.0]));
+        assert_eq!(moduli_pa("[material]\nmodel = \"ogden\"\nshear_modulus_pa = 1.0\n"), None);
     }
 }

@@ -6,7 +6,7 @@ use super::{
     ReportError,
     files::{self, Rendered},
 };
-use crate::compare::Run;
+use crate::compare::{FinalState, Run};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use std::{
     fmt::Write as _,
@@ -23,7 +23,8 @@ struct Field<'a, const C: usize> {
 }
 
 /// Content of `final.vtu`: reference points and background tetrahedra, with the point data `displacement` (m),
-/// `jacobian` (volume ratio) and `von_mises_pa`. "Warp by vector" with `displacement` shows the deformed sample.
+/// `jacobian` (volume ratio) and `von_mises_pa`, and of a sample with regions the cell data `region`: 0 for what is of
+/// `[material]`, 1 for the scene's first region, and so on. "Warp by vector" with `displacement` shows the deformed sample.
 ///
 /// A field that the run doesn't have is left out. Where a value is not finite (a diverged run), 0 is written and
 /// the point datum `finite` is 0.
@@ -35,7 +36,7 @@ pub fn final_vtu(run: &Run) -> Result<String, ReportError> {
     let jacobian: Vec<[f64; 1]> = state.jacobian.iter().map(|&j| [j]).collect();
     let stress: Vec<[f64; 1]> = state.von_mises_pa.iter().map(|&s| [s]).collect();
     let scalars = [Field { name: "jacobian", values: &jacobian }, Field { name: "von_mises_pa", values: &stress }];
-    grid("final.vtu", &state.points, &state.cells, &state.displacement, &scalars)
+    grid("final.vtu", state, &state.displacement, &scalars)
 }
 
 /// Removes the series of an earlier run from a folder: `series.pvd` and the frames in `series/`, nothing else.
@@ -65,9 +66,8 @@ pub fn write_series(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> 
     for (i, snapshot) in run.snapshots.iter().enumerate() {
         let name = format!("series/frame_{i:04}.vtu");
         let jacobian: Vec<[f64; 1]> = snapshot.jacobian.iter().map(|&j| [j]).collect();
-        let state = &run.final_state;
         let scalars = [Field { name: "jacobian", values: &jacobian }];
-        let content = grid("series/frame.vtu", &state.points, &state.cells, &snapshot.displacement, &scalars)?;
+        let content = grid("series/frame.vtu", &run.final_state, &snapshot.displacement, &scalars)?;
         let _ = writeln!(entries, r#"    <DataSet timestep="{:?}" file="{name}"/>"#, snapshot.time_s);
         rendered.push(Rendered::new(name, content));
     }
@@ -81,11 +81,11 @@ pub fn write_series(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> 
 
 fn grid(
     file: &'static str,
-    points: &[[f64; 3]],
-    cells: &[[u32; 4]],
+    state: &FinalState,
     displacement: &[[f64; 3]],
     scalars: &[Field<'_, 1>],
 ) -> Result<String, ReportError> {
+    let FinalState { points, cells, .. } = state;
     if let Some(&index) = cells.iter().flatten().find(|&&i| i as usize >= points.len()) {
         return Err(ReportError::Index { file, index, points: points.len() });
     }
@@ -103,12 +103,28 @@ fn grid(
     Ok(format!(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" \
          header_type=\"UInt64\">\n<UnstructuredGrid>\n<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n\
-         <PointData Vectors=\"displacement\">\n{data}</PointData>\n<Points>\n{coordinates}</Points>\n<Cells>\n{}\
+         <PointData Vectors=\"displacement\">\n{data}</PointData>\n{}<Points>\n{coordinates}</Points>\n<Cells>\n{}\
          </Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n",
         points.len(),
         cells.len(),
+        cell_data(file, state)?,
         topology(cells),
     ))
+}
+
+/// Regions of the cells, where there are any.
+fn cell_data(file: &'static str, state: &FinalState) -> Result<String, ReportError> {
+    if state.region.is_empty() {
+        return Ok(String::new());
+    }
+    let (found, expected) = (state.region.len(), state.cells.len());
+    if found != expected {
+        return Err(ReportError::Length { file, field: "region", found, expected });
+    }
+    let mut text = String::from("<CellData Scalars=\"region\">\n");
+    data_array(&mut text, "UInt8", "region", 1, &state.region);
+    text.push_str("</CellData>\n");
+    Ok(text)
 }
 
 fn topology(cells: &[[u32; 4]]) -> String {

@@ -61,6 +61,7 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
             table,
             &targets,
             revolve::sectors(0.5 * diameter.get(), layout.spacing.far),
+            &region,
         )?,
     })
 }
@@ -118,8 +119,9 @@ fn tissue(
     table: ShapeTable,
     targets: &[[f64; 3]],
     sectors: usize,
+    region: &[u8],
 ) -> Result<Tissue, BuildError> {
-    let Revolved { points, cells, surface, first, azimuths } = Revolved::new(plane, sectors).map_err(cloud_error)?;
+    let Revolved { points, cells, triangle, surface, first, azimuths } = Revolved::new(plane, sectors).map_err(cloud_error)?;
     let azimuth = |p: [f64; 3]| match p[0].hypot(p[1]) {
         0.0 => [1.0, 0.0],
         r => [p[0] / r, p[1] / r],
@@ -127,6 +129,7 @@ fn tissue(
     Ok(Tissue {
         points,
         cells,
+        region: if scene.regions.is_empty() { Vec::new() } else { triangle.iter().map(|&t| region[t as usize]).collect() },
         surface,
         model: Cells {
             nodes: plane.points.len(),

@@ -13,7 +13,7 @@ use super::pace::Pace;
 use super::recover::Saved;
 use super::tissue::{Cells, Fields, Tissue};
 use super::work::Counters;
-use super::{Body, BuildError, Fixed, Progress, Twin, axisymmetric, regions};
+use super::{Along, Body, BuildError, Fixed, Progress, Twin, axisymmetric, regions};
 
 /// What a model brings to the twin.
 pub(super) struct Built {
@@ -47,7 +47,8 @@ impl Twin {
         warnings.extend(contact.as_ref().and_then(|contact| thinner(scene, contact)));
         let pace = Pace::new(scene, height);
         let scene = scene.clone();
-        let fixed = Fixed { scene, dimension, tissue, top, height, reach, warnings, repaired_supports };
+        let along = Along::of(&scene, &tissue, top);
+        let fixed = Fixed { scene, along, dimension, tissue, top, height, reach, warnings, repaired_supports };
         Ok(Self {
             fixed: Arc::new(fixed),
             solver,
@@ -106,11 +107,18 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     Ok(Built {
         solver,
         contact,
-        tissue: Tissue { points, cells, surface, model, fields },
+        warnings: body.warnings.into_iter().chain(regions::warnings(scene, &region)).collect(),
+        tissue: Tissue {
+            points,
+            cells,
+            region: if scene.regions.is_empty() { Vec::new() } else { region },
+            surface,
+            model,
+            fields,
+        },
         top: body.top,
         height: body.height,
         reach: body.reach,
-        warnings: body.warnings.into_iter().chain(regions::warnings(scene, &region)).collect(),
         repaired_supports: approximation.repaired_supports(),
     })
 }

@@ -1,5 +1,6 @@
 //! One pose in, one prediction out: [`Twin::step`].
 
+mod along;
 mod axisymmetric;
 mod body;
 mod build;
@@ -25,6 +26,7 @@ use crate::scene::{Dimension, Instrument, Resolved, Scene};
 use mtled::cloud::Axis;
 use mtled::solver::{Solver, StepWork};
 
+pub use along::{Along, REST};
 pub use body::{Body, PATH_SPACING};
 pub use look_ahead::Motion;
 pub use work::Work;
@@ -196,6 +198,8 @@ pub struct Twin {
 struct Fixed {
     scene: Scene,
     dimension: Resolved,
+    /// Regions on the instrument's path.
+    along: Along,
     tissue: Tissue,
     /// z of the undeformed surface where the instrument meets it, m.
     top: f64,
@@ -364,5 +368,18 @@ impl Twin {
     #[must_use]
     pub fn cells(&self) -> &[[u32; 4]] {
         &self.fixed.tissue.cells
+    }
+
+    /// Region of each background tetrahedron: 0 for what is of `[material]`, or one more than the place among the scene's
+    /// regions. Empty where the scene has none.
+    #[must_use]
+    pub fn cell_regions(&self) -> &[u8] {
+        &self.fixed.tissue.region
+    }
+
+    /// Regions on the instrument's path.
+    #[must_use]
+    pub fn along(&self) -> &Along {
+        &self.fixed.along
     }
 }

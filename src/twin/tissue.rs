@@ -12,6 +12,8 @@ pub(super) struct Tissue {
     /// Reference places, m.
     pub points: Vec<[f64; 3]>,
     pub cells: Vec<[u32; 4]>,
+    /// Region of each of these: 0, or one more than the place in the scene's list; empty if there are none.
+    pub region: Vec<u8>,
     /// Outward triangles.
     pub surface: Vec<[u32; 3]>,
     /// The model's own cells, and the one that each integration point lies in.

@@ -47,6 +47,7 @@ pub fn needle(pose_hz: f64) -> Run {
             surface: surface(&mesh.1, &mesh.0),
             points: mesh.0,
             cells: mesh.1,
+            region: Vec::new(),
             displacement: last.displacement,
             jacobian: last.jacobian,
             von_mises_pa,

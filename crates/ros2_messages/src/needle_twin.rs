@@ -174,6 +174,8 @@ pub struct TwinStatus {
     pub constraint_error_m: f64,
     /// Host and process that speaks, `host:4711`.
     pub instance: String,
+    /// Region of the tissue that the tip is in; empty outside of the sample.
+    pub region: String,
 }
 
 impl TwinStatus {

@@ -34,6 +34,7 @@ static DEFINITIONS: &[Definition] = &[
         "bool data\n",
         "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
     ),
+    definition("std_msgs/String", "string data\n", "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"),
     definition("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n", ""),
     definition("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n", ""),
     definition("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n", ""),
@@ -122,7 +123,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/TwinStatus",
         include_str!("../msg/TwinStatus.msg"),
-        "RIHS01_ecc4156fd3c4281031e9b1de688498a9dcc650eacd15f738fd9fab5d996e06e2",
+        "RIHS01_fb7b55ea7981f62e6bf5aa347716710f9709a111f77e4e452c31af7c817e5eb1",
     ),
 ];
 

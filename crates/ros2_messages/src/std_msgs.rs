@@ -9,7 +9,7 @@ pub struct Header {
     /// Time of the measurement, or of the pose that a prediction answers.
     pub stamp: Time,
     /// Coordinate frame, without a leading slash.
-    pub frame_id: String,
+    pub frame_id: std::string::String,
 }
 
 /// A number.
@@ -33,11 +33,18 @@ pub struct Bool {
     pub data: bool,
 }
 
+/// A text.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct String {
+    /// The text.
+    pub data: std::string::String,
+}
+
 /// One dimension of an array.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MultiArrayDimension {
     /// Its name.
-    pub label: String,
+    pub label: std::string::String,
     /// Elements along it.
     pub size: u32,
     /// Numbers from one element to the next.
@@ -76,5 +83,5 @@ pub struct ColorRGBA {
 }
 
 ros_messages!("std_msgs":
-    Header, Float64, Float32, Bool, MultiArrayDimension, MultiArrayLayout, Float64MultiArray, ColorRGBA,
+    Header, Float64, Float32, Bool, String, MultiArrayDimension, MultiArrayLayout, Float64MultiArray, ColorRGBA,
 );

@@ -166,6 +166,7 @@ fn tissue(run: &mut Run, model: &TissueModel, heard: &Observations, origin_ns: i
         points: model.reference_points.iter().map(|p| (*p).into()).collect(),
         surface: triangles.map(|t| [t[0], t[1], t[2]]).collect(),
         cells: cells.map(|c| [c[0], c[1], c[2], c[3]]).collect(),
+        region: Vec::new(),
         displacement: last.map(|s| displacement(&s.value)).unwrap_or_default(),
         jacobian: fields.jacobian,
         von_mises_pa: fields.von_mises_pa,

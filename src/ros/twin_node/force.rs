@@ -12,7 +12,7 @@ use crate::instrument::reading::COORDINATE_M;
 use crate::ros::logging::Throttle;
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
 use crate::ros::messages::needle_twin::ForceComparison;
-use crate::ros::messages::std_msgs::Header;
+use crate::ros::messages::std_msgs::{Header, String as Text};
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
 use crate::twin::Prediction;
@@ -30,6 +30,7 @@ const UNHEARD: Duration = Duration::from_millis(100);
 pub(super) struct ForceOutputs {
     pub force: Output<WrenchStamped>,
     pub comparison: Output<ForceComparison>,
+    region: Output<Text>,
     assurance: Assurance,
 }
 
@@ -38,12 +39,13 @@ impl ForceOutputs {
         Ok(Self {
             force: participant.publisher("predicted_cf", qos::reliable(10))?,
             comparison: participant.publisher("comparison", qos::reliable(10))?,
+            region: participant.publisher("region", qos::latched())?,
             assurance: Assurance::new(participant)?,
         })
     }
 
     pub fn failed(&self) -> u64 {
-        self.force.failed() + self.comparison.failed()
+        self.force.failed() + self.comparison.failed() + self.region.failed()
     }
 }
 
@@ -59,11 +61,13 @@ pub(super) fn run(
     let mut said = Said::default();
     let mut refusals = Throttle::new(SAID_AGAIN);
     let mut due = Instant::now();
+    let mut region: Option<String> = None;
     loop {
         match events.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok(Event::Answer(answer)) => {
                 if answered(outputs, frame_id, shared, &mut comparator, &answer) {
                     said.pose = Some(answer.received);
+                    entered(outputs, shared, &mut region);
                 }
             }
             Ok(Event::Measured { stamp_nanos, force_n }) => {
@@ -80,6 +84,7 @@ pub(super) fn run(
                 comparator.reset();
                 said = Said::default();
                 shared.lock().reset();
+                entered(outputs, shared, &mut region);
                 tracing::info!("back in the undeformed state ({reason})");
             }
             Ok(Event::Tare(reply)) => {
@@ -156,6 +161,17 @@ fn answered(
     shared.lock().total.record(Instant::now() - answer.received);
     comparator.predicted(*answer);
     true
+}
+
+/// Says which region the tip is in, when it is another one.
+fn entered(outputs: &ForceOutputs, shared: &Shared, said: &mut Option<String>) {
+    let live = shared.lock();
+    if said.as_deref() != Some(live.region()) {
+        let region = live.region().to_owned();
+        drop(live);
+        outputs.region.send(Text { data: region.clone() });
+        *said = Some(region);
+    }
 }
 
 /// Says what was not seen of the instrument's way: before the first pose, and while no poses came.

@@ -16,7 +16,7 @@ use crate::input::Refusal;
 use crate::ros::clock::NodeClock;
 use crate::ros::lifecycle::State;
 use crate::ros::messages::needle_twin::ForceComparison;
-use crate::twin::Event;
+use crate::twin::{Along, Event};
 
 /// Why a pose was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -117,6 +117,8 @@ pub(super) struct Live {
     pub stepping_s: f64,
     pub last: Option<Answer>,
     pub puncture_depth_m: Option<f64>,
+    /// Regions that the tip comes through.
+    pub along: Arc<Along>,
     pub halted: Option<String>,
     /// The solver does not come back: for so long, s.
     pub stuck_s: Option<f64>,
@@ -245,9 +247,15 @@ impl Live {
             load_cell: self.load_cell,
             stuck_s: self.stuck_s,
             dying: self.dying.take(),
+            along: Arc::clone(&self.along),
             rivals: std::mem::take(&mut self.rivals),
             ..Self::default()
         };
+    }
+
+    /// Region that the tip is in; empty outside of the sample.
+    pub fn region(&self) -> &str {
+        self.last.as_ref().map_or("", |a| self.along.name(a.prediction.depth_m, a.prediction.phase))
     }
 
     /// Closes the window if a second has gone by.

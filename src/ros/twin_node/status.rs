@@ -61,6 +61,7 @@ pub(super) fn status(
         latency_p99_s: live.total.quantile(0.99),
         latency_max_s: live.total.max(),
         instance: instance.to_owned(),
+        region: live.region().to_owned(),
         ..TwinStatus::default()
     };
     if let Some(answer) = &live.last {
@@ -148,6 +149,7 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
         milliseconds("stepping p99 (ms)", live.stepping.quantile(0.99)),
     ];
     if let Some(answer) = &live.last {
+        values.push(value("region", live.region()));
         values.push(value("displacements computed", answer.work.displacements));
         values.push(value("targets computed", answer.work.targets));
         values.push(value("volume ratios computed", answer.work.volume_ratios));

@@ -104,6 +104,7 @@ impl Supervisor {
             model.integration_points,
             model.build.as_secs_f64()
         );
+        self.shared.lock().along = Arc::clone(&model.along);
         self.tell(Some(Arc::clone(&model)));
         if self.tissue_thread.is_none() {
             let (tissue, shared, inbox) = (Arc::clone(&self.tissue), Arc::clone(&self.shared), Arc::clone(&self.inbox));

@@ -1,5 +1,6 @@
 //! The deformation outputs: each at the node's own rate, each only while somebody subscribes.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
@@ -14,7 +15,7 @@ use crate::ros::messages::std_msgs::{ColorRGBA, Header};
 use crate::ros::messages::visualization_msgs::Marker;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
-use crate::twin::Twin;
+use crate::twin::{Along, Twin};
 
 /// What never changes of a twin, copied out of it once.
 #[derive(Clone, Debug)]
@@ -32,6 +33,8 @@ pub(super) struct Model {
     pub cells: Vec<[u32; 4]>,
     pub target_names: Vec<String>,
     pub target_references: Vec<[f64; 3]>,
+    /// Regions that the tip comes through.
+    pub along: Arc<Along>,
 }
 
 impl Model {
@@ -51,6 +54,7 @@ impl Model {
             cells: twin.cells().to_vec(),
             target_names: scene.targets.iter().map(|t| t.name.clone()).collect(),
             target_references: scene.targets.iter().map(|t| t.position).collect(),
+            along: Arc::new(twin.along().clone()),
         }
     }
 

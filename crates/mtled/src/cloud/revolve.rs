@@ -18,6 +18,8 @@ pub struct Revolved {
     pub points: Vec<Point>,
     /// Tetrahedra, each with positive volume.
     pub cells: Vec<[u32; 4]>,
+    /// Triangle of the half plane that each tetrahedron is swept from.
+    pub triangle: Vec<u32>,
     /// Surface triangles, counter-clockwise seen from outside.
     pub surface: Vec<[u32; 3]>,
     /// First copy of each node of the half plane, and the number of points at the end.
@@ -54,12 +56,13 @@ impl Revolved {
             let (from, to) = (first[v as usize], first[v as usize + 1]);
             from + (sector as u32 % sectors as u32) % (to - from)
         };
-        let mut cells = Vec::new();
-        for t in &meridian.triangles {
+        let (mut cells, mut triangle) = (Vec::new(), Vec::new());
+        for (i, t) in (0..).zip(&meridian.triangles) {
             (0..sectors).for_each(|s| wedge(*t, &|v, k| copy(v, s + k), &points, &mut cells));
+            triangle.resize(cells.len(), i);
         }
         let surface = super::check::check(&points, &cells)?;
-        Ok(Self { points, cells, surface, first, azimuths })
+        Ok(Self { points, cells, triangle, surface, first, azimuths })
     }
 }
 
