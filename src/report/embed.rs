@@ -102,9 +102,7 @@ fn bands(stretches: &[Stretch]) -> Value {
 /// Regions over the depth, with their pale colours as a style sheet takes them.
 fn depth_regions(run: &Run) -> Value {
     let colour = |[r, g, b]: [u8; 3]| format!("rgb({r},{g},{b})");
-    let stretch = |s: &regions::Depths| {
-        json!({ "name": regions::name(run, s.region), "from": s.from, "to": s.to, "colour": colour(regions::colour(s.region)) })
-    };
+    let stretch = |s: &regions::Depths| json!({ "name": regions::name(run, s.region), "from": s.from, "to": s.to, "colour": colour(regions::colour(s.region)) });
     regions::over_depth(run).iter().map(stretch).collect()
 }
 

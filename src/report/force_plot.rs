@@ -40,7 +40,8 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let bottom = if measured { 470.0 } else { 636.0 };
     let upper = Panel { frame: [SIDES[0], 172.0, SIDES[1], bottom], x: x.clone(), y };
     let ground = || {
-        let shown = |s: &Depths| (1e3 * s.from, 1e3 * s.to, regions::name(run, s.region).to_owned(), regions::tint(s.region));
+        let shown =
+            |s: &Depths| (1e3 * s.from, 1e3 * s.to, regions::name(run, s.region).to_owned(), regions::tint(s.region));
         regions::over_depth(run).iter().map(shown).collect::<Vec<_>>()
     };
     upper.ground(&mut picture, ground());

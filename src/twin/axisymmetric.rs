@@ -121,7 +121,8 @@ fn tissue(
     sectors: usize,
     region: &[u8],
 ) -> Result<Tissue, BuildError> {
-    let Revolved { points, cells, triangle, surface, first, azimuths } = Revolved::new(plane, sectors).map_err(cloud_error)?;
+    let Revolved { points, cells, triangle, surface, first, azimuths } =
+        Revolved::new(plane, sectors).map_err(cloud_error)?;
     let azimuth = |p: [f64; 3]| match p[0].hypot(p[1]) {
         0.0 => [1.0, 0.0],
         r => [p[0] / r, p[1] / r],
@@ -129,7 +130,11 @@ fn tissue(
     Ok(Tissue {
         points,
         cells,
-        region: if scene.regions.is_empty() { Vec::new() } else { triangle.iter().map(|&t| region[t as usize]).collect() },
+        region: if scene.regions.is_empty() {
+            Vec::new()
+        } else {
+            triangle.iter().map(|&t| region[t as usize]).collect()
+        },
         surface,
         model: Cells {
             nodes: plane.points.len(),

@@ -28,6 +28,9 @@ const WALL_GROWTH: f64 = 0.15;
 /// coarser in space.
 const PLANE_REFINEMENT: f64 = 0.5;
 const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
+/// Largest spacing along a needle's path through several regions in a half plane, over the capture radius: where the shear on
+/// the needle jumps with the modulus, the force's error falls in proportion to it.
+const REGIONS_PATH_SPACING: f64 = 0.1;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
@@ -117,6 +120,9 @@ impl Layout {
         };
         let spacing = Metres(finer * grading.spacing.get());
         let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, POINT_REFINEMENT);
+        if !scene.regions.is_empty() {
+            layout.spacing.features.iter_mut().for_each(refine_path);
+        }
         if scene.instrument.is_some_and(|i| surface::has_wall(&i)) {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
             layout.spacing.features.iter_mut().for_each(refine_wall);
@@ -192,6 +198,13 @@ fn interfaces(scene: &Scene, domain: &Domain, far: f64, across: f64) -> impl Ite
         };
         Feature::Region { solid, spacing }
     })
+}
+
+/// Makes a needle's path finer.
+fn refine_path(feature: &mut Feature) {
+    if let Feature::Path { capture_radius, spacing, .. } = feature {
+        *spacing = spacing.min(REGIONS_PATH_SPACING * *capture_radius);
+    }
 }
 
 /// Makes the cloud finer at the edge of an indenter's wall.

@@ -79,6 +79,7 @@ fn every_message_type_is_read_by_others() {
         geometry_msgs::PoseStamped,
         std_msgs::Float64,
         std_msgs::Bool,
+        std_msgs::String,
         rosgraph_msgs::Clock,
         sensor_msgs::PointCloud2,
         visualization_msgs::Marker,

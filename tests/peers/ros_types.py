@@ -22,6 +22,7 @@ TEXTS = {
     "std_msgs/Float64": "float64 data",
     "std_msgs/Float32": "float32 data",
     "std_msgs/Bool": "bool data",
+    "std_msgs/String": "string data",
     "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",

@@ -36,6 +36,17 @@ fn arrays_hold_the_run_bit_by_bit() {
 }
 
 #[test]
+fn cells_have_their_regions_where_there_are_any() {
+    let mut run = synthetic_run::needle(10.0);
+    assert_eq!(array(&report::final_vtu(&run).unwrap(), "region"), None);
+    run.final_state.region = (0..run.final_state.cells.len()).map(|i| (i % 3) as u8).collect();
+    assert_eq!(array(&report::final_vtu(&run).unwrap(), "region").unwrap(), run.final_state.region);
+    run.final_state.region.pop();
+    let message = report::final_vtu(&run).unwrap_err().to_string();
+    assert!(message.contains("region") && message.contains("final.vtu"), "{message}");
+}
+
+#[test]
 fn a_diverged_field_is_masked_and_never_written() {
     let mut run = synthetic_run::needle(10.0);
     run.final_state.displacement[7] = [0.0, f64::NAN, 1.0];

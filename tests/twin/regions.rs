@@ -3,7 +3,7 @@
 
 use crate::coarse::{alone, travel};
 use needle_twin::scene::{Dimension, Override, Scene, SceneError};
-use needle_twin::twin::Twin;
+use needle_twin::twin::{Phase, Twin};
 
 const SAMPLE: &str = "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017\n[material]\nmodel = \
     \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\ndensity_kg_per_m3 = 970.0\n";
@@ -91,6 +91,45 @@ fn an_inclusion_under_an_indenter_has_the_reference_force_and_displacements() {
     compare("inclusion_indentation", &scene, |_| 0.01, 0.01);
 }
 
+/// In three dimensions, in larger poses.
+fn in_space(case: &str, scene: &Scene, deepest: f64, force: f64, displacement: f64) {
+    let full = Override::text("discretisation.dimension", "full", "test");
+    let mut twin = alone(|| Twin::new(&scene.with(&[full]).unwrap()).unwrap());
+    let (mut depth, mut places) = (0.0, Vec::new());
+    for row in reference(case).iter().filter(|row| row[0] <= deepest) {
+        let poses = ((row[0] - depth) / 5e-6).round() as u32;
+        let predicted = travel(&mut twin, depth, row[0], poses).last().unwrap().force_n[2];
+        depth = row[0];
+        let error = predicted / row[1] - 1.0;
+        println!("{case} in space at {:.2} mm: {:+.2} %", 1e3 * depth, 1e2 * error);
+        assert!(error.abs() < force, "{case} at {depth} m: {error:+.4}");
+        twin.target_positions(&mut places);
+        for ((target, place), wanted) in scene.targets.iter().zip(&places).zip(&row[3..]) {
+            let off = (place[2] - target.position[2] - wanted) / depth;
+            assert!(off.abs() < displacement, "{case} at {depth} m, {}: {off:+.4} of the depth", target.name);
+        }
+    }
+}
+
+#[test]
+fn layers_in_space_have_the_reference_force_and_displacements() {
+    let scene = scene(&[&three_layers(), DISC, &targets(&[15.0, 10.0])]).unwrap();
+    in_space("layered_indentation", &scene, 0.001, 0.015, 0.015);
+}
+
+#[test]
+fn a_needle_through_layers_in_space_has_the_reference_force() {
+    let scene = scene(&[&three_layers(), NEEDLE]).unwrap();
+    in_space("layered_needle", &scene, 0.002, 0.03, 0.0);
+}
+
+#[test]
+fn an_inclusion_in_space_has_the_reference_force_and_displacements() {
+    let scene =
+        scene(&[SAMPLE, &material("hard", 8390.0), &sphere(0.0, 0.01), DISC, &targets(&[13.0, 10.0, 7.0])]).unwrap();
+    in_space("inclusion_indentation", &scene, 0.001, 0.015, 0.015);
+}
+
 #[test]
 fn an_inclusion_in_compression_has_the_reference_force() {
     let scene = scene(&[SAMPLE, &material("hard", 16_780.0), &sphere(0.0, 0.0085), PLATE]).unwrap();
@@ -162,6 +201,21 @@ fn regions_on_the_axis_keep_the_half_plane_and_others_say_why_not() {
     assert!(beside.because.contains("lump") && beside.because.contains("axis"), "{}", beside.because);
     let cuboid = "[[regions]]\nname = \"b\"\nmaterial = \"hard\"\nshape = \"box\"\ncentre_m = [0, 0, 0.01]\nsize_m = [0.002, 0.002, 0.002]\n";
     assert!(of(cuboid).because.contains("box"));
+}
+
+/// A needle's tip comes through the layers; an indenter's stays before the first one.
+#[test]
+fn the_tip_is_in_the_region_at_its_depth() {
+    let along = |tool: &str| {
+        let twin = alone(|| Twin::new(&scene(&[&three_layers(), tool]).unwrap()).unwrap());
+        assert_eq!(twin.cell_regions().len(), twin.cells().len());
+        twin.along().clone()
+    };
+    let (needle, disc) = (along(NEEDLE), along(DISC));
+    let at = |depth: f64| needle.name(depth, Phase::Penetration);
+    assert_eq!([0.0, 0.0019, 0.0021, 0.0069, 0.0071].map(at), ["top", "top", "middle", "middle", "sample"]);
+    assert_eq!([needle.name(0.003, Phase::Indentation), needle.name(-0.001, Phase::Approach)], ["top", ""]);
+    assert_eq!(disc.name(0.004, Phase::Indentation), "top");
 }
 
 #[test]

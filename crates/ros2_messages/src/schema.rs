@@ -34,7 +34,11 @@ static DEFINITIONS: &[Definition] = &[
         "bool data\n",
         "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
     ),
-    definition("std_msgs/String", "string data\n", "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"),
+    definition(
+        "std_msgs/String",
+        "string data\n",
+        "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+    ),
     definition("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n", ""),
     definition("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n", ""),
     definition("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n", ""),

@@ -329,6 +329,7 @@ mod tests {
             cells: vec![],
             target_names: vec![],
             target_references: vec![],
+            along: Arc::default(),
         };
         let snapshot = Snapshot { displacements: vec![[0.0, 3.0, 4.0]], jacobian: vec![0.5], ..Snapshot::default() };
         let cloud = cloud(Header::default(), &model, &snapshot);

@@ -4,6 +4,10 @@
 use crate::ros::{Peer, Program, TWIN, free_domain};
 use serde_json::{Value, json};
 
+/// A region of the same constants.
+const SKIN: &str = "[materials.skin]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\n\
+    density_kg_per_m3 = 970.0\n[[regions]]\nname = \"skin\"\nmaterial = \"skin\"\nshape = \"layer\"\nto_depth_m = 0.006\n";
+
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("not a number: {value}"))
 }
@@ -26,8 +30,9 @@ fn poses_move_the_tissue_that_viewers_see_and_the_targets_in_it() {
         .args(["scene", "show", "compression"])
         .output()
         .unwrap();
-    let text =
-        String::from_utf8(shown.stdout).unwrap() + "\n[[targets]]\nname = \"lesion\"\nposition_m = [0.0, 0.0, 0.012]\n";
+    let text = String::from_utf8(shown.stdout).unwrap()
+        + "\n[[targets]]\nname = \"lesion\"\nposition_m = [0.0, 0.0, 0.012]\n"
+        + SKIN;
     std::fs::write(&scene, text).unwrap();
     let (scene, domain) = (scene.display().to_string(), free_domain());
     let mut arguments = vec!["--scene", scene.as_str()];
@@ -39,6 +44,8 @@ fn poses_move_the_tissue_that_viewers_see_and_the_targets_in_it() {
         ("/tissue_points", "sensor_msgs/msg/PointCloud2", "best_effort"),
         ("/tissue_surface", "visualization_msgs/msg/Marker", "best_effort"),
         ("/targets", "geometry_msgs/msg/PoseArray", "reliable"),
+        ("/region", "std_msgs/msg/String", "latched"),
+        ("/status", "needle_twin/msg/TwinStatus", "reliable"),
     ] {
         peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": qos}));
     }
@@ -56,6 +63,10 @@ fn poses_move_the_tissue_that_viewers_see_and_the_targets_in_it() {
         peer.ask(json!({"op": "publish", "topic": "/measured_cp", "value": value}));
         std::thread::sleep(std::time::Duration::from_millis(25));
     }
+    let said = peer.ask(json!({"op": "take", "topic": "/region"}));
+    let region = said["messages"].as_array().unwrap().last().unwrap()["data"].clone();
+    let status = peer.ask(json!({"op": "last", "topic": "/status", "seconds": 0.5}))["message"].clone();
+    assert_eq!([&region, &status["region"]], [&json!("skin"); 2]);
     let cloud = peer.ask(json!({"op": "last", "topic": "/tissue_points", "seconds": 0.5}))["message"].clone();
     let points = model["reference_points"].as_array().unwrap();
     assert_eq!(

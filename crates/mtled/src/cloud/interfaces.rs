@@ -100,10 +100,11 @@ impl Spacing {
     pub(crate) fn touching(&self, domain: &Domain, p: Point) -> u64 {
         let near = ON * domain.height();
         let mut bits = 1 << self.region(p);
-        if self.interface_distance(p) < near {
+        if self.interface_distance(domain.height(), p) < near {
             for k in 0..27 {
                 let way = [k % 3, k / 3 % 3, k / 9].map(|i| 4.0 * near * (f64::from(i) - 1.0));
-                bits |= 1 << self.region(add(p, way));
+                let [x, y, z] = add(p, way);
+                bits |= 1 << self.region([x, y, z.clamp(0.0, domain.height())]);
             }
         }
         bits

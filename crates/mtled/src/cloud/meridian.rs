@@ -116,7 +116,7 @@ impl Plane<'_> {
     /// Distance to the nearest edge of the half plane, the axis being one, or interface between regions.
     fn room(&self, p: Point) -> f64 {
         let edges = p[0].min(self.radius - p[0]).min(p[2]).min(self.height - p[2]);
-        edges.min(self.spacing.interface_distance(p))
+        edges.min(self.spacing.interface_distance(self.height, p))
     }
 
     fn reserved(&self, p: Point) -> bool {

@@ -54,8 +54,8 @@ use vector::Point;
 
 /// Lowest volume-length ratio of a generated cell (1: regular tetrahedron, 0: flat). The presets reach 0.43.
 pub const LEAST_QUALITY: f64 = 0.25;
-/// The same of a cloud that conforms to regions: a few cells between nodes that can't move stay flat. They have next to no
-/// volume, and a meshless fit takes no notice of a cell's shape.
+/// The same of a cloud that conforms to regions: a few cells between nodes that can't move, as at the edges of a box, stay flat.
+/// They have next to no volume, and a meshless fit takes no notice of a cell's shape.
 pub const LEAST_QUALITY_OF_REGIONS: f64 = 0.01;
 /// Sweeps of smoothing over the first triangulation.
 const SWEEPS: usize = 2;
@@ -114,7 +114,7 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
             return spacing.onto_interface(domain, p).filter(slid);
         }
         let q = if face == 0 { p } else { domain.project(face, p) };
-        let clear = spacing.interface_distance(q) > INTERFACE_CLEARANCE * packing.h(q);
+        let clear = spacing.interface_distance(domain.height(), q) > INTERFACE_CLEARANCE * packing.h(q);
         (clear && domain.depth(q) >= -1e-9 * domain.height() && !packing.reserved(q)).then_some(q)
     };
     let regions: Vec<u64> = if spacing.solids().next().is_some() {

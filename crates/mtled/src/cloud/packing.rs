@@ -103,7 +103,10 @@ impl Packing<'_> {
                 let way = add(scale(t1, cos), scale(t2, sin));
                 let candidate = self.domain.project(face, add(p, scale(way, self.stride(p, h, way))));
                 let gap = self.h(candidate);
-                if self.domain.edge_distance(face, candidate).min(self.spacing.interface_distance(candidate))
+                if self
+                    .domain
+                    .edge_distance(face, candidate)
+                    .min(self.spacing.interface_distance(self.domain.height(), candidate))
                     < CLEARANCE * gap
                     || self.reserved(candidate)
                     || self.crowded(nodes, spacings, grid, candidate, gap, FACE_GAP)
@@ -133,7 +136,8 @@ impl Packing<'_> {
                     continue;
                 }
                 let gap = self.h(candidate);
-                if self.domain.depth(candidate).min(self.spacing.interface_distance(candidate)) < CLEARANCE * gap
+                if self.domain.depth(candidate).min(self.spacing.interface_distance(self.domain.height(), candidate))
+                    < CLEARANCE * gap
                     || self.reserved(candidate)
                     || self.crowded(nodes, spacings, grid, candidate, gap, BODY_GAP)
                 {
@@ -211,7 +215,7 @@ impl Packing<'_> {
             q = self.domain.project(face, q);
             self.domain.edge_distance(face, q)
         };
-        let room = room.min(self.spacing.interface_distance(q));
+        let room = room.min(self.spacing.interface_distance(self.domain.height(), q));
         if room < CLEARANCE * h || self.reserved(q) { p } else { q }
     }
 }

@@ -26,7 +26,8 @@ pub(crate) fn smooth(packing: &Packing, points: &mut [Point], faces: &[u8], fixe
             continue;
         }
         let q = scale(sum, 1.0 / total);
-        if packing.domain.depth(q).min(packing.spacing.interface_distance(q)) > CLEARANCE * packing.h(q)
+        if packing.domain.depth(q).min(packing.spacing.interface_distance(packing.domain.height(), q))
+            > CLEARANCE * packing.h(q)
             && !packing.reserved(q)
         {
             points[i] = q;

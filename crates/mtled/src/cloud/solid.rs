@@ -57,6 +57,34 @@ impl Solid {
         }
     }
 
+    /// The solid with what ends at the top or the base of a body of this height going on beyond: no boundary is there.
+    #[must_use]
+    pub(crate) fn open(&self, height: f64) -> Self {
+        let near = 1e-7 * height;
+        let beyond = |low: f64, high: f64| {
+            (if low <= near { -height } else { low }, if high >= height - near { 2.0 * height } else { high })
+        };
+        let about = |z: f64, h: f64| {
+            let (low, high) = beyond(z - 0.5 * h, z + 0.5 * h);
+            (0.5 * (low + high), high - low)
+        };
+        match *self {
+            Self::Layer { bottom, top } => {
+                let (bottom, top) = beyond(bottom, top);
+                Self::Layer { bottom, top }
+            }
+            Self::Cylinder { centre: [x, y, z], radius, height: h } => {
+                let (z, h) = about(z, h);
+                Self::Cylinder { centre: [x, y, z], radius, height: h }
+            }
+            Self::Box { centre: [x, y, z], size: [a, b, c] } => {
+                let (z, c) = about(z, c);
+                Self::Box { centre: [x, y, z], size: [a, b, c] }
+            }
+            Self::Sphere { .. } => *self,
+        }
+    }
+
     /// Smallest extent, m.
     #[must_use]
     pub fn thickness(&self) -> f64 {
@@ -125,9 +153,9 @@ impl Spacing {
         })
     }
 
-    /// Distance to the nearest boundary of a region, m; infinite without one.
-    pub(crate) fn interface_distance(&self, p: Point) -> f64 {
-        self.solids().map(|solid| solid.signed(p).abs()).fold(f64::INFINITY, f64::min)
+    /// Distance to the nearest boundary of a region within a body of this height, m; infinite without one.
+    pub(crate) fn interface_distance(&self, height: f64, p: Point) -> f64 {
+        self.solids().map(|solid| solid.open(height).signed(p).abs()).fold(f64::INFINITY, f64::min)
     }
 
     /// Parameters at which a curve passes from one region to another, ascending.
@@ -166,6 +194,7 @@ mod tests {
             assert!((cylinder.signed(p) - d).abs() < 1e-12, "{p:?}");
         }
         let layer = Solid::Layer { bottom: 1.0, top: 3.0 };
+        assert_eq!([layer.open(3.0).signed([0.0, 0.0, 3.0]), layer.open(4.0).signed([0.0, 0.0, 3.0])], [-2.0, 0.0]);
         assert_eq!([layer.signed([9.0, 0.0, 2.5]), layer.signed([0.0, 0.0, 4.0])], [-0.5, 1.0]);
     }
 
