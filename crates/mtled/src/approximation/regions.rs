@@ -12,8 +12,9 @@ use std::collections::BTreeMap;
 
 use super::mls::Neighbour;
 
-/// Radii of nodes near an interface over others': points there then have as many nodes as those within a region.
-const WIDER: f64 = 1.2;
+/// Radii of nodes near an interface over others', in a half plane: points there then have as many nodes as those within a region.
+/// In space, where one point stands for two cells, a wider fit is softer than the tissue (docs/lab/interfaces.md).
+const WIDER: [f64; 2] = [1.2, 1.0];
 
 /// Which region cells and nodes belong to; none: one region.
 #[derive(Clone, Debug, Default)]
@@ -47,7 +48,8 @@ impl Regions {
         for c in cells.iter().filter(|c| c.iter().any(several)) {
             c.iter().for_each(|&n| near[n as usize] = true);
         }
-        radii.iter_mut().zip(near).filter(|(_, near)| *near).for_each(|(r, _)| *r *= WIDER);
+        let wider = WIDER[usize::from(K > 3)];
+        radii.iter_mut().zip(near).filter(|(_, near)| *near).for_each(|(r, _)| *r *= wider);
     }
 
     /// Region of a cell.
