@@ -1,12 +1,14 @@
 //! `needle_twin scene`: what scenes there are, what is in one, and whether it can be used.
 
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use serde_json::{Map, json};
 
 use super::options::SetOptions;
 use super::{CliError, Outcome, print, scene_file};
+use crate::report;
 use crate::scene::keys::{KEYS, SECTIONS};
 use crate::scene::size::Estimate;
 use crate::scene::{Key, PRESETS, Scene, Value};
@@ -55,11 +57,15 @@ struct Show {
     /// Print JSON: every key by its dotted path
     #[arg(long)]
     json: bool,
+    /// Instead, draw the sample cut open along the instrument, with its regions: an .svg or .png file
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["keys", "json"])]
+    section: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: Arguments) -> Result<Outcome, CliError> {
     match arguments.verb {
         Verb::List { json } => list(json)?,
+        Verb::Show(Show { scene: Some(scene), set, section: Some(file), .. }) => draw(&scene, &set, &file)?,
         Verb::Show(show) => print(&show.text()?)?,
         Verb::Check { scenes, set, json } => check(&scenes, &set, json)?,
     }
@@ -74,6 +80,13 @@ fn list(as_json: bool) -> Result<(), CliError> {
     }
     let rows = scenes.iter().map(|s| format!("{:<18}{}\n", s.name, s.description.trim()));
     print(&rows.collect::<String>())
+}
+
+/// Draws a scene's section.
+fn draw(name: &str, set: &SetOptions, file: &Path) -> Result<(), CliError> {
+    let scene = set.apply(&scene_file::load(name)?, [])?;
+    let body = Body::new(&scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    Ok(report::write_section(file, &scene, &body)?)
 }
 
 impl Show {

@@ -27,6 +27,7 @@ pub mod printable;
 mod raster;
 mod regions;
 mod rest_plot;
+mod scene_section;
 mod section;
 mod settings;
 mod speed_plot;
@@ -50,11 +51,13 @@ pub use page::report_html;
 pub use vtu::{clear_series, final_vtu, write_series};
 
 use crate::compare::Run;
+use crate::scene::Scene;
 use crate::study::accuracy::{Row, Steps};
 use crate::study::bounds::Bounds;
 use crate::study::calibrate::Calibration;
 use crate::study::verification::{self, Verification};
 use crate::study::{speed, stability};
+use crate::twin::Body;
 use files::Rendered;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -124,6 +127,18 @@ fn push_picture(rendered: &mut Vec<Rendered>, name: &str, picture: &picture::Pic
     rendered.push(Rendered::new(format!("{name}.svg"), picture.to_svg()));
     rendered.push(Rendered::new(format!("{name}.png"), picture.to_png("the PNG", PNG_SCALE)?));
     Ok(())
+}
+
+/// Writes a picture of a scene's body, cut along its instrument, as SVG or, if the path ends in `.png`, as PNG.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_section(path: &Path, scene: &Scene, body: &Body) -> Result<(), ReportError> {
+    let picture = scene_section::scene_section(scene, body);
+    match path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        true => write_file(path, &picture.to_png("the PNG", PNG_SCALE)?),
+        false => write_file(path, picture.to_svg().as_bytes()),
+    }
 }
 
 /// Writes one file so that no half-written one is ever seen under its name.

@@ -78,6 +78,14 @@ impl Body {
     }
 }
 
+impl Body {
+    /// Region of each cell: 0, or one more than the place in the scene's list.
+    #[must_use]
+    pub fn regions(&self, scene: &Scene) -> Vec<u8> {
+        regions::of_cells(scene, self.top, &self.cloud.points, &self.cloud.cells, &self.volumes)
+    }
+}
+
 fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, BuildError> {
     let layout = Layout::new(scene, domain, grading);
     let height = domain.height();

@@ -89,6 +89,20 @@ fn an_organ_is_solved_and_its_scene_can_be_moved() {
     needle_twin().args(["scene", "check"]).arg(elsewhere.path().join("moved.toml")).assert().success();
 }
 
+#[test]
+fn a_mesh_of_three_volume_groups_is_shipped_and_its_regions_are_met_by_the_needle() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/meshes/lesion.toml");
+    let scene = needle_twin::scene::file::load(path.to_str().unwrap()).unwrap();
+    let mut twin = Twin::new(&scene).unwrap();
+    let name = |depth: f64| twin.along().name(depth, needle_twin::twin::Phase::Penetration).to_owned();
+    assert_eq!([0.005, 0.015, 0.0205].map(name), ["sample", "tumour", "sample"]);
+    let regions: std::collections::BTreeSet<u8> = twin.cell_regions().iter().copied().collect();
+    assert_eq!(regions.len(), 3, "organ, tumour and vessel");
+    assert!(twin.reach_m() > 0.020, "to 20 mm: {}", twin.reach_m());
+    let answers = coarse::travel(&mut twin, 0.0, 2e-4, 40);
+    assert!(answers.last().unwrap().force_n[2] > 0.0);
+}
+
 /// The preset's targets, moved into both meshes of these tests, whose units are mm.
 const TARGETS: [(&str, &str); 3] = [
     ("targets.0.position_m", "[0.002, 0.001, 0.009]"),

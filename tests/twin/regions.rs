@@ -118,12 +118,6 @@ fn layers_in_space_have_the_reference_force_and_displacements() {
 }
 
 #[test]
-fn a_needle_through_layers_in_space_has_the_reference_force() {
-    let scene = scene(&[&three_layers(), NEEDLE]).unwrap();
-    in_space("layered_needle", &scene, 0.002, 0.03, 0.0);
-}
-
-#[test]
 fn an_inclusion_in_space_has_the_reference_force_and_displacements() {
     let scene =
         scene(&[SAMPLE, &material("hard", 8390.0), &sphere(0.0, 0.01), DISC, &targets(&[13.0, 10.0, 7.0])]).unwrap();

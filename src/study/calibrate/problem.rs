@@ -326,7 +326,8 @@ impl<'a> Recorded<'a> {
 
     /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
     fn difference(&mut self, x: &[f64], k: usize, force: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
-        let shape = matches!(&self.sought[k], Sought::Key(key) if key.starts_with("regions.") || key.starts_with("sample."));
+        let shape =
+            matches!(&self.sought[k], Sought::Key(key) if key.starts_with("regions.") || key.starts_with("sample."));
         let share = if shape { DIFFERENCE_OF_SHAPES } else { DIFFERENCE };
         let size = if x[k] == 0.0 { share } else { share * x[k].abs() };
         for change in [size, -size] {
