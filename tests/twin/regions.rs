@@ -81,7 +81,7 @@ fn a_layered_sample_under_an_indenter_has_the_reference_force_and_displacements(
 #[test]
 fn a_needle_through_layers_has_the_reference_force() {
     let scene = scene(&[&three_layers(), NEEDLE]).unwrap();
-    compare("layered_needle", &scene, |depth| if depth < 0.003 { 0.03 } else { 0.017 }, 0.0);
+    compare("layered_needle", &scene, |depth| if depth < 0.003 { 0.03 } else { 0.015 }, 0.0);
 }
 
 #[test]
