@@ -96,11 +96,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
     let surfaces = surfaces(scene, &cloud.points, &cloud.faces, [body.top - body.height, body.top]);
     let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table, surfaces);
-    // the table is the largest object: dropped before the fields are made
-    let (of_point, volume) = {
-        let table = table;
-        (table.cell, table.volume)
-    };
+    let (of_point, volume) = cells_and_volumes(table);
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
     let model = Cells { nodes: cloud.points.len(), triangles: None, of_point, volume };
     let Cloud { points, cells, surface, .. } = body.cloud;
@@ -121,6 +117,11 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
         reach: body.reach,
         repaired_supports: approximation.repaired_supports(),
     })
+}
+
+/// What of a table is kept of each point; the rest, the largest object of all, is dropped before the fields are made.
+fn cells_and_volumes(table: ShapeTable) -> (Vec<u32>, Vec<f64>) {
+    (table.cell, table.volume)
 }
 
 impl From<ApproximationError> for BuildError {

@@ -29,6 +29,7 @@ pub(super) struct Answer {
 }
 
 /// What the force thread hears: from the solver, and from the input thread.
+#[expect(clippy::large_enum_variant, reason = "most events are answers, and a box would allocate for each pose")]
 pub(super) enum Event {
     /// A pose was answered.
     Answer(Answer),
