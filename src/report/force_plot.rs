@@ -39,13 +39,12 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let y = Axis::holding(forces.chain([0.0]), 6, 0.06);
     let bottom = if measured { 470.0 } else { 636.0 };
     let upper = Panel { frame: [SIDES[0], 172.0, SIDES[1], bottom], x: x.clone(), y };
-    let ground = || {
-        let shown =
-            |s: &Depths| (1e3 * s.from, 1e3 * s.to, regions::name(run, s.region).to_owned(), regions::tint(s.region));
-        regions::over_depth(run).iter().map(shown).collect::<Vec<_>>()
-    };
-    upper.ground(&mut picture, ground());
+    let depths =
+        |s: &Depths| (1e3 * s.from, 1e3 * s.to, regions::name(run, s.region).to_owned(), regions::tint(s.region));
+    let ground: Vec<_> = regions::over_depth(run).iter().map(depths).collect();
+    upper.ground(&mut picture, &ground);
     upper.grid(&mut picture, !measured);
+    upper.strip(&mut picture, &ground);
     upper.title(&mut picture, &format!("Force against insertion in {}", force.unit), 26.0);
     let stretches = over_depth(run);
     upper.ribbon(&mut picture, stretches.iter().map(|s| (1e3 * s.from, 1e3 * s.to, s.word, tint(s.word))));
@@ -61,8 +60,9 @@ pub(super) fn force_plot(run: &Run) -> Picture {
         let residuals = answers.iter().filter_map(|a| a.residual_n()).map(|e| force.factor * e);
         let y = Axis::holding(residuals.chain([0.0]), 3, 0.06);
         let lower = Panel { frame: [SIDES[0], 520.0, SIDES[1], 636.0], x, y };
-        lower.ground(&mut picture, ground());
+        lower.ground(&mut picture, &ground);
         lower.grid(&mut picture, true);
+        lower.strip(&mut picture, &ground);
         lower.title(&mut picture, &format!("Predicted − measured in {}", force.unit), 11.0);
         for (leg, pen) in legs.iter().zip(RESIDUAL) {
             lower.curve(&mut picture, column(leg, Answer::residual_n, force.factor), pen);

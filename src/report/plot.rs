@@ -67,7 +67,7 @@ fn round_step(raw: f64) -> f64 {
 }
 
 /// Height of the strip that names what lies at a depth, px.
-const GROUND: f64 = 16.0;
+const STRIP: f64 = 16.0;
 
 /// A plot area with its two axes.
 pub(super) struct Panel {
@@ -127,19 +127,31 @@ impl Panel {
         picture.text([x, y], text, label(anchor));
     }
 
-    /// Named stretches along the lower edge, over the axis, with a line where one ends in another; names that don't fit are left
-    /// out.
-    pub fn ground(&self, picture: &mut Picture, stretches: impl IntoIterator<Item = (f64, f64, String, Colour)>) {
-        let [left, top, right, bottom] = self.frame;
-        for (from, to, word, colour) in stretches {
-            let [x0, x1] = [from, to].map(|x| self.at(x, self.y.min)[0].clamp(left, right));
+    /// Tints stretches of the panel, behind everything else.
+    pub fn ground(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
+        let [_, top, _, bottom] = self.frame;
+        for (from, to, _, colour) in stretches {
+            let [x0, x1] = self.between(*from, *to);
             picture.rectangle([x0, top], [x1, bottom], Colour(colour.0, colour.1, colour.2, 0.30));
-            picture.rectangle([x0, bottom - GROUND], [x1, bottom], colour);
-            if x1 - x0 > text_width(&word, 12.0, false) + 8.0 {
+        }
+    }
+
+    /// Named stretches along the lower edge, over the axis; names that don't fit are left out.
+    pub fn strip(&self, picture: &mut Picture, stretches: &[(f64, f64, String, Colour)]) {
+        let bottom = self.frame[3];
+        for (from, to, word, colour) in stretches {
+            let [x0, x1] = self.between(*from, *to);
+            picture.rectangle([x0, bottom - STRIP], [x1, bottom], *colour);
+            if x1 - x0 > text_width(word, 12.0, false) + 8.0 {
                 let ink = Type { size: 12.0, colour: INK, ..label(Anchor::Middle) };
-                picture.text([0.5 * (x0 + x1), bottom - 4.0], word, ink);
+                picture.text([0.5 * (x0 + x1), bottom - 4.0], word.clone(), ink);
             }
         }
+    }
+
+    fn between(&self, from: f64, to: f64) -> [f64; 2] {
+        let [left, _, right, _] = self.frame;
+        [from, to].map(|x| self.at(x, self.y.min)[0].clamp(left, right))
     }
 
     /// A ribbon of named stretches along the panel's upper edge; names that don't fit are left out.

@@ -26,7 +26,7 @@ pub(super) fn colour(region: u8) -> [u8; 3] {
 
 /// The same, so pale that curves and names are read on it.
 pub(super) fn tint(region: u8) -> Colour {
-    let [r, g, b] = colour(region).map(|c| 255 - (255 - c) * 2 / 5);
+    let [r, g, b] = colour(region).map(|c| 255 - (255 - c) / 5 * 2);
     Colour(r, g, b, 1.0)
 }
 

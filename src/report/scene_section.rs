@@ -47,11 +47,12 @@ pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
         picture.line([corners[0], corners[1], corners[2], corners[0]], Pen::new(Colour(r, g, b, 1.0), 0.6));
     }
     tool(&mut picture, &panel, scene, body.top);
-    for target in &scene.targets {
+    // neighbours' names stand above and below
+    for (target, below) in scene.targets.iter().zip([-7.0, 15.0].into_iter().cycle()) {
         let at = panel.at(1e3 * target.position[0], 1e3 * target.position[2]);
         picture.dot(at, 4.0, INK);
         picture.text(
-            [at[0] + 8.0, at[1] + 4.0],
+            [at[0] + 6.0, at[1] + below],
             target.name.clone(),
             Type { size: 12.0, colour: INK, ..label(Anchor::Start) },
         );

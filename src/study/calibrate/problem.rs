@@ -16,9 +16,9 @@ use crate::scene::{Override, Scene};
 /// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
 /// is small against the steps of the search.
 const DIFFERENCE: f64 = 0.01;
-/// The same of a key that moves the cloud, as a region's depth: two clouds differ by half a per cent of the force, which the change has
-/// to stand out from.
-const DIFFERENCE_OF_SHAPES: f64 = 0.1;
+/// The same of a region's depth or modulus: each value is a run of its own, a depth makes another cloud, and two of them differ by up to
+/// a per cent of the force, which the change has to stand out from.
+const DIFFERENCE_OF_REGIONS: f64 = 0.1;
 /// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so another value of it needs no run. The second is a list
 /// of one where it is sought.
 const PROPORTIONAL: [&str; 2] = ["material.shear_modulus_pa", "material.ogden_shear_moduli_pa"];
@@ -326,9 +326,7 @@ impl<'a> Recorded<'a> {
 
     /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
     fn difference(&mut self, x: &[f64], k: usize, force: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
-        let shape =
-            matches!(&self.sought[k], Sought::Key(key) if key.starts_with("regions.") || key.starts_with("sample."));
-        let share = if shape { DIFFERENCE_OF_SHAPES } else { DIFFERENCE };
+        let share = if self.sought[k].is_of_regions() { DIFFERENCE_OF_REGIONS } else { DIFFERENCE };
         let size = if x[k] == 0.0 { share } else { share * x[k].abs() };
         for change in [size, -size] {
             let mut beside = x.to_vec();

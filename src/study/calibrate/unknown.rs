@@ -65,6 +65,11 @@ impl Sought {
         }
     }
 
+    /// Whether it is a key of one of several regions or materials.
+    pub fn is_of_regions(&self) -> bool {
+        matches!(self, Self::Key(key) if key.starts_with("regions.") || key.starts_with("materials."))
+    }
+
     /// What one unit of it adds to the reading of a load cell at a time.
     pub const fn added(&self, time_s: f64) -> f64 {
         match self {
