@@ -46,7 +46,7 @@ function readForce(i) {
   if (measured && (!mask || mask[i])) {
     parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
   }
-  const region = run.depth_regions.find((r) => rows.depth[i] > r.from && rows.depth[i] <= r.to);
+  const region = run.depth_regions.find((r) => rows.depth[i] > r.from && rows.depth[i] <= 1.000001 * r.to);
   return spans([...parts, phaseAt(rows.time[i]), ...(region ? [`in <b>${escaped(region.name)}</b>`] : [])]);
 }
 

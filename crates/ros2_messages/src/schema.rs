@@ -122,7 +122,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/ForceComparison",
         include_str!("../msg/ForceComparison.msg"),
-        "RIHS01_b7a3588432552c5d7988e94ea283b934729c943b806bb2036e555457f1e23c32",
+        "RIHS01_a0bd8ab6ea4ecf1f6336076dccaa1104de18c3887b0631f925e75b0a8e6c8373",
     ),
     definition(
         "needle_twin/TwinStatus",
