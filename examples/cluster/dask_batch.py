@@ -1,6 +1,6 @@
-"""Runs the shards of a manifest on a Dask cluster, and puts their rows together.
+"""Runs the shards of a manifest, or of the study of accuracy, on a Dask cluster, and puts their rows together.
 
-usage: dask_batch.py MANIFEST OUT [--shards N] [--scheduler tcp://HOST:8786] [--program needle_twin]
+usage: dask_batch.py MANIFEST|study OUT [--shards N] [--scheduler tcp://HOST:8786] [--program needle_twin]
 
 needs: pip install "dask[distributed]"; OUT on a disk that all workers see, and needle_twin on each.
 Without --scheduler two worker processes are started here. A shard whose worker dies is run again elsewhere; it finds
@@ -14,10 +14,17 @@ import subprocess
 DONE = (0, 3)
 
 
+def command(manifest):
+    """What is run in shards, and what joins them."""
+    if manifest == "study":
+        return ["study", "accuracy"], ["study", "merge"]
+    return ["batch", manifest], ["batch", "merge"]
+
+
 def run_shard(program, manifest, rows, number, shards):
     """One shard, on one core of whatever worker it lands on; gives its exit code."""
     shard = ["--shard", f"{number}/{shards}", "--threads", "1"]
-    code = subprocess.run([program, "batch", manifest, "--out", rows, *shard], check=False).returncode
+    code = subprocess.run([program, *command(manifest)[0], "--out", rows, *shard], check=False).returncode
     if code not in DONE:
         raise RuntimeError(f"shard {number}/{shards} ended with exit code {code}")
     return code
@@ -30,9 +37,9 @@ def submit(client, program, manifest, out, shards):
     return client.map(lambda n: run_shard(program, manifest, f"{out}/rows", n, shards), numbers, retries=3, pure=False)
 
 
-def merge(program, out):
+def merge(program, out, manifest=""):
     """Tables and page from the rows."""
-    return subprocess.run([program, "batch", "merge", f"{out}/rows", "--out", out], check=False).returncode
+    return subprocess.run([program, *command(manifest)[1], f"{out}/rows", "--out", out], check=False).returncode
 
 
 def main():
@@ -48,7 +55,7 @@ def main():
     cluster = a.scheduler or LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
     with Client(cluster) as client:
         client.gather(submit(client, a.program, a.manifest, a.out, a.shards))
-    raise SystemExit(merge(a.program, a.out))
+    raise SystemExit(merge(a.program, a.out, a.manifest))
 
 
 if __name__ == "__main__":

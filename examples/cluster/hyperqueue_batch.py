@@ -1,6 +1,6 @@
-"""Runs the shards of a manifest with HyperQueue, and puts their rows together.
+"""Runs the shards of a manifest, or of the study of accuracy, with HyperQueue, and puts their rows together.
 
-usage: hyperqueue_batch.py MANIFEST OUT [--shards N] [--server DIR] [--program needle_twin]
+usage: hyperqueue_batch.py MANIFEST|study OUT [--shards N] [--server DIR] [--program needle_twin]
 
 needs: pip install hyperqueue; OUT on a disk that all workers see. Without --server (the folder of a running server) a
 server and two workers are started here. A shard whose worker dies is run again; it goes on from the rows that are there.
@@ -12,7 +12,14 @@ import subprocess
 from pathlib import Path
 
 # Exit code 3: done, and some recordings failed; their rows say why.
-RUN = '"$0" batch "$1" --out "$2/rows" --shard "$3" --threads 1 || test $? -eq 3'
+RUN = 'out=$1 shard=$2; shift 2; "$0" "$@" --out "$out/rows" --shard "$shard" --threads 1 || test $? -eq 3'
+
+
+def command(manifest):
+    """What is run in shards, and what joins them."""
+    if manifest == "study":
+        return ["study", "accuracy"], ["study", "merge"]
+    return ["batch", os.path.abspath(manifest)], ["batch", "merge"]
 
 
 def submit(client, program, manifest, out, shards):
@@ -20,12 +27,12 @@ def submit(client, program, manifest, out, shards):
     from hyperqueue import Job
 
     # tasks run in folders of their own, so every path is a whole one
-    manifest, out = os.path.abspath(manifest), os.path.abspath(out)
+    what, out = command(manifest)[0], os.path.abspath(out)
     job = Job(max_fails=0)
     for number in range(1, shards + 1):
         log = Path(out, "logs", str(number))
         shard = f"{number}/{shards}"
-        job.program(["sh", "-c", RUN, program, manifest, out, shard], stdout=f"{log}.out", stderr=f"{log}.err")
+        job.program(["sh", "-c", RUN, program, out, shard, *what], stdout=f"{log}.out", stderr=f"{log}.err")
     client.wait_for_jobs([client.submit(job)])
 
 
@@ -47,7 +54,8 @@ def main():
             for _ in range(2):
                 cluster.start_worker(WorkerConfig(cores=1))
             submit(cluster.client(), a.program, a.manifest, a.out, a.shards)
-    raise SystemExit(subprocess.run([a.program, "batch", "merge", f"{a.out}/rows", "--out", a.out], check=False).returncode)
+    merge = [a.program, *command(a.manifest)[1], f"{a.out}/rows", "--out", a.out]
+    raise SystemExit(subprocess.run(merge, check=False).returncode)
 
 
 if __name__ == "__main__":

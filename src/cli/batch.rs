@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, Subcommand};
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::interrupt::Interrupt;
 use super::options::ThreadOptions;
 use super::output::OutputFolder;
+use super::progress::Bar;
 use super::{CliError, Outcome, print, warn};
 use crate::report;
-use crate::study::batch::{self, Group, Job, Manifest, Merged, ROWS, Row};
+use crate::study::batch::{self, Group, Job, Manifest, Merged, ROWS, Row, SampleJob, SampleRow, Tables};
 
 /// Replay or calibrate every recording of a manifest, and say what the samples have in common
 ///
@@ -78,6 +78,12 @@ struct Shard {
     of: usize,
 }
 
+impl Shard {
+    const fn has(self, i: usize) -> bool {
+        i % self.of == self.number - 1
+    }
+}
+
 fn shard(text: &str) -> Result<Shard, String> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
     let whole = parts.filter(|(number, of)| (1..=*of).contains(number));
@@ -100,6 +106,9 @@ impl Merge {
         for row in &merged.rows {
             report::write_row(&folder.path, row)?;
         }
+        for row in &merged.joint {
+            report::write_sample(&folder.path, row)?;
+        }
         deliver(&folder.path, &merged, self.json)
     }
 }
@@ -109,24 +118,16 @@ impl Arguments {
         let manifest = Manifest::read(manifest, self.root.as_deref())?;
         let folder = OutputFolder::prepare(out)?;
         let shard = self.shard.unwrap_or(Shard { number: 1, of: 1 });
-        let numbers = (0..manifest.recordings.len()).filter(|i| i % shard.of == shard.number - 1);
-        let jobs: Vec<Job> = numbers.map(|number| Job { manifest: &manifest, number }).collect();
-        let done = self.threads.install(|| rows(&jobs, &folder.path))??;
-        let mine = jobs.len();
+        let done = self.threads.install(|| rows(&manifest, shard, &folder.path))??;
+        let mine = (0..manifest.recordings.len()).filter(|i| shard.has(*i)).count();
         if done.stopped {
             warn(&format!(
                 "interrupted: {} of {mine} recordings are done; the same command goes on from there",
                 done.rows.len()
             ));
         }
-        let seconds = done.wall_s;
-        let each = if done.made > 0 { format!(", {:.2} s each", seconds / done.made as f64) } else { String::new() };
         warn_if_failed(&done.rows);
-        let text = format!(
-            "{} recordings done in {seconds:.1} s{each}, {} were done before\n",
-            done.made,
-            done.rows.len() - done.made
-        );
+        let text = done.cost();
         let outcome = if self.shard.is_some() {
             print(&text)?;
             outcome(done.rows.iter().all(|row| row.failed.is_none()))
@@ -134,7 +135,7 @@ impl Arguments {
             if !self.json {
                 print(&text)?;
             }
-            deliver(&folder.path, &Merged::of(done.rows), self.json)?
+            deliver(&folder.path, &Merged::of(done.rows, done.joint), self.json)?
         };
         Ok(if done.stopped { Outcome::Lossy } else { outcome })
     }
@@ -143,44 +144,122 @@ impl Arguments {
 /// What came of the jobs.
 struct Done {
     rows: Vec<Row>,
-    /// Rows that were made now.
+    joint: Vec<SampleRow>,
+    /// Rows that were made now, and the runs of the twin and the calibrations that they took.
     made: usize,
+    runs: u64,
+    calibrations: u64,
+    /// Runs that the shared curves took.
+    shared_runs: usize,
     wall_s: f64,
     stopped: bool,
 }
 
-/// Does the jobs whose rows are not there yet.
-fn rows(jobs: &[Job], out: &Path) -> Result<Done, CliError> {
+impl Done {
+    /// What it took, for whoever plans more of it.
+    fn cost(&self) -> String {
+        let (made, seconds) = (self.made, self.wall_s);
+        let before = self.rows.len() - made;
+        let mut text = format!("{made} recordings done in {seconds:.1} s");
+        if made > 0 {
+            let _ = write!(text, ", {:.2} s each", seconds / made as f64); // a String takes anything
+        }
+        if self.calibrations > 0 {
+            let each = self.runs as f64 / self.calibrations as f64;
+            let _ = write!(text, ", {} calibrations with {each:.1} runs of the twin each", self.calibrations);
+        }
+        if self.shared_runs > 0 {
+            let _ = write!(text, ", {} runs for the curves that they share", self.shared_runs);
+        }
+        let _ = writeln!(text, ", {before} were done before");
+        text
+    }
+}
+
+/// A row that is there already and still holds.
+fn known(job: &Job, out: &Path) -> Option<Row> {
+    let row = batch::read(&out.join(ROWS).join(format!("{}.json", job.name()))).ok()?;
+    (row.failed.is_none() && row.fingerprint == job.fingerprint()).then_some(row)
+}
+
+/// Does the recordings whose rows are not there yet.
+fn rows(manifest: &Manifest, shard: Shard, out: &Path) -> Result<Done, CliError> {
     let interrupt = Interrupt::listen();
     let begun = Instant::now();
-    let bar = ProgressBar::new(jobs.len() as u64);
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} recordings, {eta} left  {msg}");
-    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     let stop = || interrupt.pressed();
-    let one = |job: &Job| -> Result<Option<(Row, bool)>, CliError> {
+    let none = Tables::default();
+    let job = |tables, number| Job { manifest, number, tables };
+    let all: Vec<Job> = (0..manifest.recordings.len()).map(|n| job(&none, n)).collect();
+    let mine: Vec<&Job> = all.iter().filter(|job| shard.has(job.number)).collect();
+    let before: Vec<(usize, Option<Row>)> = mine.par_iter().map(|job| (job.number, known(job, out))).collect();
+    let (known_samples, samples) = samples_left(&all, shard, out);
+    let (there, left): (Vec<_>, Vec<_>) = before.into_iter().partition(|(_, row)| row.is_some());
+    let left: Vec<Job> = left.into_iter().map(|(number, _)| job(&none, number)).collect();
+    let curves = Bar::new(None, "runs for the curves that all share");
+    let needed: Vec<Job> = left.iter().chain(samples.iter().flat_map(|sample| &sample.jobs)).copied().collect();
+    let tables = Tables::new(&needed, &stop, &mut |runs| curves.add(runs as u64, ""));
+    curves.finish();
+    let bar = Bar::new(Some(left.len() as u64), "recordings");
+    let one = |left: &Job| -> Result<Option<Row>, CliError> {
         if stop() {
             return Ok(None);
         }
-        let known = batch::read(&out.join(ROWS).join(format!("{}.json", job.name()))).ok();
-        let known = known.filter(|row| row.failed.is_none() && row.fingerprint == job.fingerprint());
-        let made = known.is_none();
-        let row = known.unwrap_or_else(|| job.run(&stop));
+        let row = job(&tables, left.number).run(&stop);
         if stop() {
             return Ok(None);
         }
-        if made {
-            report::write_row(out, &row)?;
-        }
-        bar.set_message(row.name.clone());
-        bar.inc(1);
-        Ok(Some((row, made)))
+        report::write_row(out, &row)?;
+        bar.add(1, &row.name);
+        Ok(Some(row))
     };
-    let all: Vec<_> = jobs.par_iter().map(one).collect::<Result<_, CliError>>()?;
-    bar.finish_and_clear();
-    let done: Vec<(Row, bool)> = all.into_iter().flatten().collect();
-    let made = done.iter().filter(|(_, made)| *made).count();
-    let rows = done.into_iter().map(|(row, _)| row).collect();
-    Ok(Done { rows, made, wall_s: begun.elapsed().as_secs_f64(), stopped: stop() })
+    let made: Vec<Option<Row>> = left.par_iter().map(one).collect::<Result<_, CliError>>()?;
+    bar.finish();
+    let made: Vec<Row> = made.into_iter().flatten().collect();
+    let joint = samples_done(samples, &tables, out, &stop)?;
+    let fits = || made.iter().flat_map(|row| &row.fits).filter(|fit| fit.failed.is_none());
+    let runs = fits().map(|fit| u64::from(fit.runs)).sum();
+    let calibrations = fits().filter(|fit| !fit.keys.is_empty()).count() as u64;
+    let (count, wall_s) = (made.len(), begun.elapsed().as_secs_f64());
+    let rows = there.into_iter().filter_map(|(_, row)| row).chain(made).collect();
+    let joint = known_samples.into_iter().chain(joint).collect();
+    Ok(Done { rows, joint, made: count, runs, calibrations, shared_runs: tables.runs(), wall_s, stopped: stop() })
+}
+
+/// The samples of a shard whose rows still hold, and those that are left.
+fn samples_left<'a>(all: &[Job<'a>], shard: Shard, out: &Path) -> (Vec<SampleRow>, Vec<SampleJob<'a>>) {
+    let samples = SampleJob::all(all).into_iter().enumerate().filter(|(i, _)| shard.has(*i)).map(|(_, sample)| sample);
+    let (mut known, mut left) = (Vec::new(), Vec::new());
+    for sample in samples {
+        let row = batch::read_sample(&report::sample_path(out, sample.name)).ok();
+        match row.filter(|row| row.fingerprint == sample.fingerprint()) {
+            Some(row) => known.push(row),
+            None => left.push(sample),
+        }
+    }
+    (known, left)
+}
+
+/// Fits the recordings of each sample together.
+fn samples_done(
+    samples: Vec<SampleJob>,
+    tables: &Tables,
+    out: &Path,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Result<Vec<SampleRow>, CliError> {
+    let bar = Bar::new(Some(samples.len() as u64), "samples fitted together");
+    let one = |sample: &SampleJob| -> Result<Option<SampleRow>, CliError> {
+        let jobs = sample.jobs.iter().map(|job| Job { tables, ..*job }).collect();
+        let row = SampleJob { name: sample.name, jobs }.run(stop);
+        if stop() {
+            return Ok(None);
+        }
+        report::write_sample(out, &row)?;
+        bar.add(1, &row.name);
+        Ok(Some(row))
+    };
+    let done: Vec<Option<SampleRow>> = samples.par_iter().map(one).collect::<Result<_, CliError>>()?;
+    bar.finish();
+    Ok(done.into_iter().flatten().collect())
 }
 
 fn warn_if_failed(rows: &[Row]) {

@@ -223,6 +223,7 @@ fn found(
             Cell::Exact => LoadCell::Exact,
         },
         force_error: arguments.force_error,
+        table: None,
         part: match (arguments.hold_out, arguments.fit_to_depth_m) {
             (_, Some(depth_m)) => HoldOut::Beyond(depth_m),
             (Held::None, None) => HoldOut::Nothing,

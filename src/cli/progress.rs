@@ -188,3 +188,47 @@ fn line(answer: &Answer, elapsed: Duration) -> String {
         answer.steps
     )
 }
+
+/// How much of some work is done and how long the rest takes: a bar where stderr is a terminal, else a line now and then.
+pub(super) struct Bar {
+    bar: ProgressBar,
+    what: &'static str,
+    begun: Instant,
+    /// When the last line was written, after the beginning, s.
+    said_s: AtomicU64,
+}
+
+impl Bar {
+    /// A bar of so many; `None` if it isn't known how many.
+    pub(super) fn new(of: Option<u64>, what: &'static str) -> Self {
+        let bar = of.map_or_else(ProgressBar::no_length, ProgressBar::new);
+        let known = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{elapsed}}, {{eta}} left  {{msg}}");
+        let template = if of.is_some() { known } else { format!("{{spinner}} {{pos}} {what}, {{elapsed}}") };
+        bar.set_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.enable_steady_tick(Duration::from_millis(500));
+        Self { bar, what, begun: Instant::now(), said_s: AtomicU64::new(0) }
+    }
+
+    /// So many more are done, the last of this name.
+    pub(super) fn add(&self, done: u64, name: &str) {
+        self.bar.set_message(name.to_owned());
+        self.bar.inc(done);
+        let elapsed_s = self.begun.elapsed().as_secs();
+        let before_s = self.said_s.load(Relaxed);
+        let due = self.bar.is_hidden() && elapsed_s >= before_s + LINE.as_secs();
+        // of several threads one speaks
+        if due && self.said_s.compare_exchange(before_s, elapsed_s, Relaxed, Relaxed).is_ok() {
+            let (done, what) = (self.bar.position(), self.what);
+            let left = self.bar.length().map_or_else(String::new, |of| {
+                let left_s = elapsed_s as f64 / done.max(1) as f64 * of.saturating_sub(done) as f64;
+                format!(" of {of}, about {left_s:.0} s left")
+            });
+            // a failure to write can't be reported either
+            let _ = writeln!(std::io::stderr(), "{done} {what}{left}");
+        }
+    }
+
+    pub(super) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -61,7 +61,7 @@ pub fn batch_html(merged: &Merged) -> String {
 }
 
 fn groups(page: &mut String, groups: &[Group]) {
-    page.push_str("<h2>Kinds of samples</h2><table><tr><th>kind<th>model<th>left of the fit<th>keys: mean, within, between samples\
+    page.push_str("<h2>Kinds of samples</h2><table><tr><th>kind<th>model<th>error by which it was chosen<th>keys: mean, within, between samples\
                    <th>predicted within 5 %<th>mean and largest error at the end</tr>\n");
     for g in groups {
         let left = g.candidates.iter().find(|(name, _)| *name == g.candidate).and_then(|(_, left)| *left);

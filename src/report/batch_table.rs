@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::files::{self, Rendered};
 use super::{ReportError, batch_page::batch_html};
-use crate::study::batch::{Fit, HeldOut, Merged, ROWS, Row};
+use crate::study::batch::{Fit, HeldOut, Merged, ROWS, Row, SAMPLES, SampleRow};
 
 /// Writes the row of one recording; whole, or not at all.
 ///
@@ -14,6 +14,27 @@ use crate::study::batch::{Fit, HeldOut, Merged, ROWS, Row};
 /// [`ReportError`].
 pub fn write_row(out: &Path, row: &Row) -> Result<PathBuf, ReportError> {
     let name = format!("{ROWS}/{}.json", row.name);
+    let mut text = serde_json::to_string_pretty(row).unwrap_or_default();
+    text.push('\n');
+    files::write(out, &[Rendered::new(name, text)]).map(|mut paths| paths.remove(0))
+}
+
+fn sample_name(sample: &str) -> String {
+    format!("{SAMPLES}/{}.json", sample.replace(['/', '\\'], "_"))
+}
+
+/// File of a sample's row.
+#[must_use]
+pub fn sample_path(out: &Path, sample: &str) -> PathBuf {
+    out.join(sample_name(sample))
+}
+
+/// Writes the row of one sample; whole, or not at all.
+///
+/// # Errors
+/// [`ReportError`].
+pub fn write_sample(out: &Path, row: &SampleRow) -> Result<PathBuf, ReportError> {
+    let name = sample_name(&row.name);
     let mut text = serde_json::to_string_pretty(row).unwrap_or_default();
     text.push('\n');
     files::write(out, &[Rendered::new(name, text)]).map(|mut paths| paths.remove(0))
@@ -67,6 +88,8 @@ fn table(merged: &Merged, all: bool) -> String {
         "reduced_chi_square",
         "peak_n",
         "rmse_n",
+        "forward_error",
+        "runs",
         "contact_depth_m",
         "force_zero_n",
         "held_out_rmse_n",
@@ -100,6 +123,7 @@ fn line(row: &Row, fit: Option<&Fit>, keys: &[&str]) -> Vec<String> {
     cells.extend(
         [fit.and_then(|f| f.reduced_chi_square), fit.map(|f| f.peak_n), fit.and_then(|f| f.rmse_n)].map(number),
     );
+    cells.extend([fit.and_then(|f| f.forward_error), fit.map(|f| f64::from(f.runs))].map(number));
     cells.extend([fit.map(|f| f.contact_depth_m), fit.map(|f| f.force_zero_n), held.map(|h| h.rmse_n)].map(number));
     cells.extend(
         [held.map(|h| h.end_depth_m), held.map(|h| h.end_measured_n), held.map(|h| h.end_predicted_n)].map(number),

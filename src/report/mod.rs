@@ -40,7 +40,7 @@ mod unit;
 mod verification_plot;
 mod vtu;
 
-pub use batch_table::{batch_json, write_batch, write_row};
+pub use batch_table::{batch_json, sample_path, write_batch, write_row, write_sample};
 pub use calibration_json::calibration_json;
 pub use csv::{force_csv, targets_csv};
 pub use error::ReportError;

@@ -223,3 +223,59 @@ fn a_table_of_recordings_is_a_manifest_too() {
         assert!(output.status.code() == Some(1) && stderr.contains(words), "{stderr}");
     }
 }
+
+/// The same manifest with more defaults.
+fn with_defaults(lab: &Lab, more: &str) {
+    let manifest = fs::read_to_string(lab.path("manifest.toml")).unwrap();
+    fs::write(lab.path("manifest.toml"), manifest.replacen("[defaults]\n", &format!("[defaults]\n{more}\n"), 1))
+        .unwrap();
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn curves_that_all_share_find_what_runs_find() {
+    let lab = Lab::new();
+    lab.batch("runs", &[]);
+    with_defaults(&lab, "curves = \"table\"\nchoose_from_depth_m = 0.0015");
+    let (_, text, _) = lab.batch("table", &[]);
+    assert!(text.contains("0.0 runs of the twin each, 2 runs for the curves that they share"), "{text}");
+    for name in ["A_1", "A_2", "B_1", "B_2", "C_1"] {
+        let [runs, table] = ["runs", "table"].map(|out| json(&lab.path(out).join(format!("recordings/{name}.json"))));
+        for (a, b) in runs["fits"].as_array().unwrap().iter().zip(table["fits"].as_array().unwrap()) {
+            let value = |fit: &Value| fit["keys"][0]["value"].as_f64().unwrap();
+            assert!((value(a) / value(b) - 1.0).abs() < 2e-3, "{name}: {a} {b}");
+            assert!(b["forward_error"].as_f64().unwrap() < 0.05 && a["forward_error"].is_null(), "{b}");
+            assert!(a["runs"].as_u64().unwrap() >= 2, "{a}");
+        }
+    }
+}
+
+#[test]
+fn recordings_of_a_sample_are_fitted_together() {
+    let lab = Lab::new();
+    with_defaults(&lab, "curves = \"table\"\ntogether = true");
+    lab.batch("out", &[]);
+    let all = json(&lab.path("out/batch.json"));
+    for (sample, size) in all["samples"].as_array().unwrap().iter().zip([1.01, 1.485, 2.0]) {
+        let key = &sample["keys"][0];
+        assert_eq!(key["together"], true, "{sample}");
+        assert!((key["value"].as_f64().unwrap() / (1e4 * size) - 1.0).abs() < 0.01, "{sample}");
+    }
+    // one modulus and the contact of each: 0 and 0.3 mm; the repeats differ by 2 %, and so does the modulus within its error
+    let row = json(&lab.path("out/samples/A.json"));
+    let fit = &row["fits"][0];
+    let contact = |i: usize| fit["own"][i][1].as_f64().unwrap();
+    assert!(contact(0).abs() < 1e-4 && (contact(1) - 3e-4).abs() < 1e-4, "{fit}");
+    let error = fit["keys"][0]["standard_error"].as_f64().unwrap();
+    assert!((40.0..200.0).contains(&error), "half of the difference of the two, 200 Pa, or less: {fit}");
+    // shards make the same
+    for shard in ["1/2", "2/2"] {
+        lab.batch("parts", &["--shard", shard, "--threads", "1"]);
+    }
+    let mut merge = program();
+    merge.args(["batch", "merge"]).arg(lab.path("parts")).arg("--out").arg(lab.path("parts")).assert().code(3);
+    assert_eq!(files(&lab.path("parts")), files(&lab.path("out")));
+}

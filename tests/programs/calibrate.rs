@@ -108,6 +108,7 @@ fn from_seed(scene: RigScene, key: &str, seed: u64) -> Calibration {
         load_cell: LoadCell::Drift,
         force_error: FORCE_ERROR,
         part: HoldOut::Nothing,
+        table: None,
     };
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     one_thread.install(|| calibrate(&task, &mut Still, &mut |_| {})).unwrap()

@@ -55,6 +55,7 @@ fn outcome(recording: &Recording, scene: &str, key: &str) -> Outcome {
             load_cell: LoadCell::Drift,
             force_error: FORCE_ERROR,
             part: HoldOut::Nothing,
+            table: None,
         };
         Outcome::Found(Box::new(calibrate(&task, &mut Still, &mut |_| {}).unwrap()))
     })

@@ -49,6 +49,7 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
         load_cell: LoadCell::Exact,
         force_error: 0.01,
         part: HoldOut::Nothing,
+        table: None,
     };
     let found = calibrate(&task, &mut Still, &mut |_| {}).unwrap();
     let factor = found.estimates[0].value / 1678.0;

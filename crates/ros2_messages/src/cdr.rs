@@ -37,11 +37,21 @@ pub enum CdrError {
 /// # Errors
 /// [`CdrError::Write`] for what CDR can't hold (a sequence of unknown length); none of this crate's messages.
 pub fn to_cdr<T: Serialize>(message: &T) -> Result<Vec<u8>, CdrError> {
-    let mut bytes = LITTLE_ENDIAN.to_vec();
-    // Alignment counts from behind the header: the encoder has its own count, which starts at 0 here.
-    cdr_encoding::to_writer::<T, LittleEndian, &mut Vec<u8>>(&mut bytes, message)
-        .map_err(|e| CdrError::Write { reason: e.to_string() })?;
+    let mut bytes = Vec::new();
+    to_cdr_in(&mut bytes, message)?;
     Ok(bytes)
+}
+
+/// As [`to_cdr`], into memory that is used again: whatever `bytes` held is replaced.
+///
+/// # Errors
+/// As [`to_cdr`].
+pub fn to_cdr_in<T: Serialize>(bytes: &mut Vec<u8>, message: &T) -> Result<(), CdrError> {
+    bytes.clear();
+    bytes.extend_from_slice(&LITTLE_ENDIAN);
+    // Alignment counts from behind the header: the encoder has its own count, which starts at 0 here.
+    cdr_encoding::to_writer::<T, LittleEndian, &mut Vec<u8>>(bytes, message)
+        .map_err(|e| CdrError::Write { reason: e.to_string() })
 }
 
 /// The message in `bytes`, little or big endian as its encapsulation header says. Bytes behind it are ignored, as

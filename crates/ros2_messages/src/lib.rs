@@ -29,7 +29,7 @@ pub mod std_msgs;
 pub mod std_srvs;
 pub mod visualization_msgs;
 
-pub use cdr::{CdrError, from_cdr, to_cdr};
+pub use cdr::{CdrError, from_cdr, to_cdr, to_cdr_in};
 
 /// A message type that has a name in ROS: what a topic, a bag channel or a schema is labelled with.
 pub trait RosMessage: serde::Serialize + serde::de::DeserializeOwned {

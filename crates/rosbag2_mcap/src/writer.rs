@@ -10,7 +10,7 @@ use super::qos::Qos;
 use super::space::Reserved;
 use mcap::records::{MessageHeader, Metadata as MetadataRecord};
 use ros2_messages::schema::{Schema, schema};
-use ros2_messages::{RosMessage, to_cdr};
+use ros2_messages::{RosMessage, to_cdr_in};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -31,6 +31,8 @@ pub struct WriterOptions {
     pub custom_data: BTreeMap<String, String>,
     /// Program that writes, with its version, as the file's header has it.
     pub library: String,
+    /// Level of zstd: 0 is zstd's own choice, 1 the fastest.
+    pub compression_level: u32,
 }
 
 impl Default for WriterOptions {
@@ -40,6 +42,7 @@ impl Default for WriterOptions {
             flush_after: Some(Duration::from_secs(1)),
             custom_data: BTreeMap::new(),
             library: concat!("rosbag2_mcap ", env!("CARGO_PKG_VERSION")).to_owned(),
+            compression_level: 0,
         }
     }
 }
@@ -102,6 +105,8 @@ pub struct BagWriter {
     /// The failure has been reported: no more messages are taken.
     full: bool,
     lost: u64,
+    /// Memory of the message that is being written.
+    message: Vec<u8>,
 }
 
 impl std::fmt::Debug for BagWriter {
@@ -143,8 +148,7 @@ impl BagWriter {
         let path = folder.join(&file_name);
         let file = File::create(&path).map_err(at(&path))?;
         let space = Reserved::new(file.try_clone().map_err(at(&path))?);
-        let mcap =
-            mcap_options(&options.library).create(BufWriter::new(file)).map_err(|e| at(&path)(io::Error::other(e)))?;
+        let mcap = mcap_options(&options).create(BufWriter::new(file)).map_err(|e| at(&path)(io::Error::other(e)))?;
         let writer = Self {
             folder,
             file_name,
@@ -159,6 +163,7 @@ impl BagWriter {
             summary_bytes: 0,
             full: false,
             lost: 0,
+            message: Vec::new(),
         };
         writer.write_metadata_yaml().map_err(at(&writer.folder.join("metadata.yaml")))?;
         Ok(writer)
@@ -231,8 +236,13 @@ impl BagWriter {
         publish_ns: u64,
         message: &T,
     ) -> Result<(), BagError> {
-        let bytes = to_cdr(message).map_err(|e| self.error(e.to_string()))?;
-        self.write_raw(topic, log_ns, publish_ns, &bytes)
+        let mut bytes = std::mem::take(&mut self.message);
+        let written = match to_cdr_in(&mut bytes, message) {
+            Ok(()) => self.write_raw(topic, log_ns, publish_ns, &bytes),
+            Err(e) => Err(self.error(e.to_string())),
+        };
+        self.message = bytes;
+        written
     }
 
     /// Writes one message that is already serialised (encapsulation header and CDR).
@@ -399,10 +409,11 @@ impl Drop for BagWriter {
     }
 }
 
-fn mcap_options(library: &str) -> mcap::WriteOptions {
+fn mcap_options(options: &WriterOptions) -> mcap::WriteOptions {
     mcap::WriteOptions::new()
         .profile("ros2")
-        .library(library)
+        .library(&options.library)
+        .compression_level(options.compression_level)
         .compression(Some(mcap::Compression::Zstd))
         // More threads would be nondeterministic in time and memory, and a chunk is compressed in milliseconds.
         .compression_threads(0)

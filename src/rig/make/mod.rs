@@ -225,7 +225,13 @@ impl RigRecording {
 
     fn write_named(&self, folder: &Path, name: &str) -> Result<Written, BagError> {
         let (custom_data, library) = (self.custom_data(), crate::WRITER.to_owned());
-        let options = WriterOptions { chunk_bytes: 128 << 10, flush_after: None, custom_data, library };
+        let options = WriterOptions {
+            chunk_bytes: 128 << 10,
+            flush_after: None,
+            custom_data,
+            library,
+            ..WriterOptions::default()
+        };
         let mut bag = BagWriter::create_named(folder, name, options)?;
         let depth_topic = bag.add_topic::<JointState>("/measured_js", &Qos::reliable(10))?;
         let force_topic = bag.add_topic::<WrenchStamped>("/measured_cf", &Qos::reliable(10))?;

@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::{Candidate, Curve, Entry, Fit, HeldOut, Key, Manifest, Row};
-use crate::compare::{self, Answer, At, Collector, ForceSeries, Keep, Reading, Run, Watch};
+use super::fit::{calibrated, replayed};
+use super::{Candidate, Curve, Entry, Fit, Manifest, Row, Tables};
+use crate::compare::{self, Answer, At, Collector, ForceSeries, Keep, Reading, Watch};
 use crate::input::Recording;
 use crate::scene::{Override, Scene, file as scene_file};
-use crate::study::calibrate::{Calibration, HoldOut, LoadCell, Task, calibrate};
-
-/// Readings at the end of what was predicted whose mean is the force there.
-const AT_THE_END: usize = 5;
+use crate::study::calibrate::{CurveTable, HoldOut, LoadCell, Task, Wanted, calibrate};
+use crate::twin::Twin;
 
 /// Whether to end.
 pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
@@ -34,9 +33,11 @@ pub struct Job<'a> {
     pub manifest: &'a Manifest,
     /// Which of its recordings.
     pub number: usize,
+    /// Curves that recordings share.
+    pub tables: &'a Tables,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
     /// What is said of it.
     #[must_use]
     pub fn entry(&self) -> &Entry {
@@ -49,13 +50,13 @@ impl Job<'_> {
         self.entry().name.as_deref().unwrap_or_default()
     }
 
-    fn files(&self) -> Vec<PathBuf> {
+    pub(super) fn files(&self) -> Vec<PathBuf> {
         let entry = self.entry();
         entry.file.iter().chain(&entry.force_file).map(PathBuf::from).collect()
     }
 
     /// The scene with the changes of the entry and of a candidate.
-    fn scene(&self, candidate: &Candidate, recording: Option<&Recording>) -> Result<Scene, String> {
+    pub(super) fn scene(&self, candidate: &Candidate, recording: Option<&Recording>) -> Result<Scene, String> {
         let named = self.entry().scene.as_deref().or_else(|| recording.and_then(|r| r.scene.as_deref()));
         let name = named.ok_or("no scene: name one in the manifest")?;
         let beside = self.manifest.folder.join(name);
@@ -96,11 +97,13 @@ impl Job<'_> {
     pub fn run(&self, stop: Stop) -> Row {
         let entry = self.entry();
         let sample = entry.sample.clone().unwrap_or_default();
+        let group = entry.group.clone().unwrap_or_else(|| sample.clone());
         let row = Row {
             number: self.number,
             of: self.manifest.recordings.len(),
             name: self.name().to_owned(),
-            group: entry.group.clone().unwrap_or_else(|| sample.clone()),
+            chosen_for: entry.chosen_for.clone().unwrap_or_else(|| group.clone()),
+            group,
             sample,
             fingerprint: self.fingerprint(),
             failed: None,
@@ -131,40 +134,83 @@ impl Job<'_> {
             force_zero_n: 0.0,
             peak_n: 0.0,
             rmse_n: None,
+            forward_error: None,
+            runs: 0,
             held_out: None,
             curve: Curve::default(),
         })
     }
 
-    fn tried(&self, candidate: &Candidate, recording: &Recording, stop: Stop) -> Result<Fit, String> {
-        let scene = self.scene(candidate, Some(recording))?;
+    /// What is fitted, with what is wrong with the recording.
+    pub(super) fn prepared(&self, candidate: &Candidate, recording: &Recording) -> Result<Prepared<'a>, String> {
         let entry = self.entry();
-        let wanted = entry.wanted(candidate)?;
-        let readings = readings(recording, entry.to_depth_m);
         let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
-        let measured = measured.on_one_clock(recording.one_clock);
+        let prepared = Prepared {
+            scene: self.scene(candidate, Some(recording))?,
+            wanted: entry.wanted(candidate)?,
+            readings: readings(recording, entry.to_depth_m),
+            measured: measured.on_one_clock(recording.one_clock),
+            load_cell: load_cell(entry.load_cell.as_deref())?,
+            part: entry.fit_to_depth_m.map_or(HoldOut::Nothing, HoldOut::Beyond),
+            table: self.tables.of(self, candidate)?,
+        };
+        prepared.table.map_or(Ok(()), |table| table.covers(&prepared.readings))?;
+        Ok(prepared)
+    }
+
+    fn tried(&self, candidate: &Candidate, recording: &Recording, stop: Stop) -> Result<Fit, String> {
+        let prepared = self.prepared(candidate, recording)?;
+        let Prepared { scene, readings, measured, .. } = &prepared;
         let mut watch = Quiet(stop);
-        let twin = compare::build(&scene).map_err(|e| e.to_string())?;
-        if let Some(what) = compare::scale::mistaken(&twin.0, &readings, &measured, recording.scene.as_deref()) {
+        // with a table the candidates differ in nothing that units depend on
+        let first = self.manifest.candidates.first().is_none_or(|first| first.name == candidate.name);
+        let looked_at = prepared.table.is_none() || first;
+        let twin = looked_at.then(|| compare::build(scene).map_err(|e| e.to_string())).transpose()?;
+        let mistaken =
+            |(twin, _): &(Twin, f64)| compare::scale::mistaken(twin, readings, measured, recording.scene.as_deref());
+        if let Some(what) = twin.as_ref().and_then(mistaken) {
             return Err(what);
         }
-        if wanted.is_empty() {
-            let collector = Collector::new(&twin.0, "batch", 0.0, Keep::ANSWERS);
-            let mut twin = twin.0;
-            let run = compare::drive(&mut twin, readings, Some(&measured), collector, &mut watch);
+        if let (Some((mut twin, _)), true) = (twin, prepared.wanted.is_empty()) {
+            let collector = Collector::new(&twin, "batch", 0.0, Keep::ANSWERS);
+            let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, &mut watch);
             return if stop() { Err("interrupted".to_owned()) } else { Ok(replayed(candidate, &run)) };
         }
-        let task = Task {
-            scene: &scene,
-            readings: &readings,
-            measured: &measured,
-            wanted: &wanted,
-            load_cell: load_cell(entry.load_cell.as_deref())?,
-            force_error: compare::uncertainty::FORCE_ERROR,
-            part: entry.fit_to_depth_m.map_or(HoldOut::Nothing, HoldOut::Beyond),
-        };
+        let found = calibrate(&prepared.task(), &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
+        let fit = calibrated(candidate, &found, readings);
+        let Some(from_m) = self.entry().choose_from_depth_m else { return Ok(fit) };
+        // nothing deeper than what is fitted is looked at for the choice
+        let fitted: Vec<Reading> = self::readings(recording, self.entry().fit_to_depth_m.or(self.entry().to_depth_m));
+        let task = Task { readings: &fitted, part: HoldOut::Beyond(from_m), ..prepared.task() };
         let found = calibrate(&task, &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
-        Ok(calibrated(candidate, &found, &readings))
+        let forward = found.held_out_rmse_n().map(|rmse| rmse / fit.peak_n).filter(|x| x.is_finite());
+        Ok(Fit { forward_error: forward, runs: fit.runs + found.runs, ..fit })
+    }
+}
+
+/// A recording as a candidate is fitted to it.
+pub(super) struct Prepared<'a> {
+    scene: Scene,
+    wanted: Vec<Wanted>,
+    readings: Vec<Reading>,
+    measured: ForceSeries,
+    load_cell: LoadCell,
+    part: HoldOut,
+    table: Option<&'a CurveTable>,
+}
+
+impl Prepared<'_> {
+    pub fn task(&self) -> Task<'_> {
+        Task {
+            scene: &self.scene,
+            readings: &self.readings,
+            measured: &self.measured,
+            wanted: &self.wanted,
+            load_cell: self.load_cell,
+            force_error: compare::uncertainty::FORCE_ERROR,
+            part: self.part,
+            table: self.table,
+        }
     }
 }
 
@@ -193,79 +239,4 @@ fn readings(recording: &Recording, to_depth_m: Option<f64>) -> Vec<Reading> {
     let most = to_depth_m.unwrap_or(f64::INFINITY);
     let kept = recording.depths.iter().take_while(|s| s.depth_m <= most);
     kept.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect()
-}
-
-fn replayed(candidate: &Candidate, run: &Run) -> Fit {
-    let verdict = run.verdict();
-    let aligned = run.alignment().unwrap_or_default();
-    let rows = compare::rows::Rows::of(run);
-    Fit {
-        candidate: candidate.name.clone(),
-        scene: run.scene.clone(),
-        failed: run.diverged.clone(),
-        explains: verdict.explains.as_str().to_owned(),
-        reduced_chi_square: verdict.reduced_chi_square,
-        reasons: verdict.reasons,
-        keys: Vec::new(),
-        contact_depth_m: aligned.contact_depth_m.value,
-        force_zero_n: rows.zero_n,
-        peak_n: rows.measured_n.iter().map(|f| f.abs()).fold(0.0, f64::max),
-        rmse_n: run.force_metrics().rmse_n,
-        held_out: None,
-        curve: Curve::of(&rows.depth_m, &rows.measured_n, &rows.predicted_n),
-    }
-}
-
-/// Recorded depth at a time since the first reading, m: a calibration that has moved the contact has it in its own depths.
-fn recorded_depth(readings: &[Reading], time_s: f64) -> f64 {
-    let begin = readings.first().map_or(0.0, |r| r.time_s);
-    let depth = |r: &Reading| if let At::Depth(depth_m) = r.at { depth_m } else { 0.0 };
-    let next = readings.partition_point(|r| r.time_s - begin < time_s).clamp(1, readings.len().max(2) - 1);
-    let (Some(a), Some(b)) = (readings.get(next - 1), readings.get(next)) else { return 0.0 };
-    let share = ((time_s - (a.time_s - begin)) / (b.time_s - a.time_s)).clamp(0.0, 1.0);
-    depth(a) + share * (depth(b) - depth(a))
-}
-
-fn calibrated(candidate: &Candidate, found: &Calibration, readings: &[Reading]) -> Fit {
-    let keys = found.estimates[..found.keys].iter().map(|e| Key {
-        key: e.name.clone(),
-        value: e.value,
-        standard_error: e.standard_error(),
-        noise_error: e.noise_error,
-    });
-    let aligned = found.alignment.unwrap_or_default();
-    // what was not taken out of the recording is not taken off its depths
-    let contact = if found.realigned[0] { aligned.contact_depth_m.value } else { 0.0 };
-    let forces = &found.forces;
-    // the load cell's zero and drift, as they were found
-    let less_zero: Vec<f64> =
-        (0..forces.model_n.len()).map(|i| forces.measured_n[i] - (forces.fitted_n[i] - forces.model_n[i])).collect();
-    let recorded: Vec<f64> = forces.time_s.iter().map(|t| recorded_depth(readings, *t)).collect();
-    let depth: Vec<f64> = recorded.iter().map(|d| d - contact).collect();
-    let peak_n = less_zero[found.parts.fitted.clone()].iter().map(|f| f.abs()).fold(0.0, f64::max);
-    let mean = |of: &[f64], end: usize| {
-        let from = end.saturating_sub(AT_THE_END);
-        of[from..end].iter().sum::<f64>() / (end - from).max(1) as f64
-    };
-    let held_out = found.parts.held_out.clone().filter(|held| !held.is_empty()).map(|held| HeldOut {
-        rmse_n: found.held_out_rmse_n().unwrap_or(0.0),
-        end_depth_m: mean(&recorded, held.end),
-        end_measured_n: mean(&less_zero, held.end),
-        end_predicted_n: mean(&forces.model_n, held.end),
-    });
-    Fit {
-        candidate: candidate.name.clone(),
-        scene: found.scene.name.clone(),
-        failed: None,
-        explains: found.verdict.explains.as_str().to_owned(),
-        reduced_chi_square: found.verdict.reduced_chi_square,
-        reasons: found.verdict.reasons.clone(),
-        keys: keys.collect(),
-        contact_depth_m: contact,
-        force_zero_n: less_zero.first().map_or(0.0, |f| forces.measured_n[0] - f),
-        peak_n,
-        rmse_n: Some(found.rmse_n()),
-        held_out,
-        curve: Curve::of(&depth, &less_zero, &forces.model_n),
-    }
 }

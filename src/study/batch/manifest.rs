@@ -46,6 +46,8 @@ pub struct Entry {
     pub sample: Option<String>,
     /// Samples of one kind.
     pub group: Option<String>,
+    /// Kinds of samples for which one candidate is chosen; left out: each group has its own.
+    pub chosen_for: Option<String>,
     /// Scene file from the manifest's folder, or preset.
     pub scene: Option<String>,
     /// Changes of the scene, `KEY=VALUE`.
@@ -58,6 +60,12 @@ pub struct Entry {
     pub fit_to_depth_m: Option<f64>,
     /// Recorded depth up to which the recording is used, m.
     pub to_depth_m: Option<f64>,
+    /// Depth from which the part up to `fit_to_depth_m` is predicted, to choose among the candidates, m.
+    pub choose_from_depth_m: Option<f64>,
+    /// Where forces come from: `runs` of the twin for each recording, or a `table` of curves that all recordings share.
+    pub curves: Option<String>,
+    /// Whether the recordings of a sample are fitted together as well.
+    pub together: Option<bool>,
     /// Topic or column of the depth.
     #[serde(alias = "position_topic")]
     pub position: Option<String>,
@@ -98,7 +106,23 @@ pub struct Entry {
 struct Written {
     defaults: Entry,
     candidates: Vec<Candidate>,
+    variants: Vec<Candidate>,
     recordings: Vec<Entry>,
+}
+
+/// Every candidate with every variant, in the order of the candidates.
+fn crossed(candidates: Vec<Candidate>, variants: &[Candidate]) -> Vec<Candidate> {
+    let candidates = if candidates.is_empty() { vec![Candidate::default()] } else { candidates };
+    if variants.is_empty() {
+        return candidates;
+    }
+    let joined = |a: &[String], b: &[String]| a.iter().chain(b).cloned().collect();
+    let with = |a: &Candidate, b: &Candidate| {
+        let name =
+            [a.name.as_str(), b.name.as_str()].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
+        Candidate { name, set: joined(&a.set, &b.set), fit: joined(&a.fit, &b.fit) }
+    };
+    candidates.iter().flat_map(|a| variants.iter().map(move |b| with(a, b))).collect()
 }
 
 /// All recordings, each with the defaults filled in.
@@ -140,7 +164,7 @@ impl Manifest {
         if let Some(twice) = names.windows(2).find(|w| w[0] == w[1]) {
             return Err(error(format!("two recordings are called {}: give each a name", twice[0])));
         }
-        let candidates = if written.candidates.is_empty() { vec![Candidate::default()] } else { written.candidates };
+        let candidates = crossed(written.candidates, &written.variants);
         Ok(Self { folder, candidates, recordings })
     }
 }
@@ -159,7 +183,7 @@ fn from_csv(text: &str) -> Result<Written, String> {
             }
             // only numbers and truth values; a name may look like one
             let numeric = key.ends_with("_m") || key.ends_with("_s") || key.ends_with("_sign") || key.ends_with("_hz");
-            let typed = numeric || key == "header_line" || key == "decimal_comma";
+            let typed = numeric || key == "header_line" || key == "decimal_comma" || key == "together";
             if typed { serde_json::from_str(cell).unwrap_or_else(|_| cell.into()) } else { cell.into() }
         };
         let object: Map<String, Value> = cells.map(|(key, cell)| (key.to_owned(), value(key, cell))).collect();
@@ -186,6 +210,7 @@ fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, 
         Entry {
             sample: Some(entry.sample.as_ref().map_or_else(|| name.clone(), fill)),
             group: entry.group.as_ref().map(fill),
+            chosen_for: entry.chosen_for.as_ref().map(fill),
             file: Some(file.to_string_lossy().into_owned()),
             force_file: entry.force_file.as_ref().map(|f| root.join(f).to_string_lossy().into_owned()),
             name: Some(name.replace(['/', '\\'], "_")),
@@ -261,12 +286,16 @@ impl Entry {
             force_file,
             sample,
             group,
+            chosen_for,
             scene,
             set,
             fit,
             load_cell,
             fit_to_depth_m,
             to_depth_m,
+            choose_from_depth_m,
+            curves,
+            together,
             position,
             position_unit,
             position_sign,

@@ -5,10 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::pool::{fit_of, pool};
-use super::{Fit, Group, Row, Sample};
+use super::{Fit, Group, Row, Sample, SampleRow};
 
 /// Folder of the rows below the output folder.
 pub const ROWS: &str = "recordings";
+/// Folder of the samples' rows.
+pub const SAMPLES: &str = "samples";
 
 /// Why rows can't be put together.
 #[derive(Debug, thiserror::Error)]
@@ -48,16 +50,19 @@ pub struct Merged {
     pub groups: Vec<Group>,
     /// Samples.
     pub samples: Vec<Sample>,
+    /// Samples whose recordings were fitted together.
+    pub joint: Vec<SampleRow>,
 }
 
 impl Merged {
     /// Of rows in any order.
     #[must_use]
-    pub fn of(mut rows: Vec<Row>) -> Self {
+    pub fn of(mut rows: Vec<Row>, mut joint: Vec<SampleRow>) -> Self {
         rows.sort_by(|a, b| (a.number, &a.name).cmp(&(b.number, &b.name)));
         let all = rows.iter().map(|row| row.of).max().unwrap_or(0);
-        let (groups, samples) = pool(&rows);
-        Self { missing: all.saturating_sub(rows.len()), rows, groups, samples }
+        joint.sort_by(|a, b| a.name.cmp(&b.name));
+        let (groups, samples) = pool(&rows, &joint);
+        Self { missing: all.saturating_sub(rows.len()), rows, groups, samples, joint }
     }
 
     /// The fit of a row with the candidate that was chosen for its kind.
@@ -81,7 +86,7 @@ impl Merged {
 pub fn merge(folders: &[PathBuf]) -> Result<Merged, MergeError> {
     let mut rows: BTreeMap<String, (PathBuf, Row)> = BTreeMap::new();
     for folder in folders {
-        let files = files(folder).ok_or_else(|| MergeError::Nothing(folder.clone()))?;
+        let files = files(folder, ROWS).ok_or_else(|| MergeError::Nothing(folder.clone()))?;
         for path in files {
             let row = read(&path)?;
             match rows.get(&row.name) {
@@ -97,12 +102,23 @@ pub fn merge(folders: &[PathBuf]) -> Result<Merged, MergeError> {
     if rows.is_empty() {
         return Err(MergeError::Nothing(folders.first().cloned().unwrap_or_default()));
     }
-    Ok(Merged::of(rows.into_values().map(|(_, row)| row).collect()))
+    let mut joint: BTreeMap<String, (PathBuf, SampleRow)> = BTreeMap::new();
+    for path in folders.iter().flat_map(|folder| files(folder, SAMPLES).unwrap_or_default()) {
+        let row = read_sample(&path)?;
+        match joint.get(&row.name) {
+            Some((first, known)) if *known != row => {
+                return Err(MergeError::Differ { name: row.name, first: first.clone(), second: path });
+            }
+            _ => drop(joint.insert(row.name.clone(), (path, row))),
+        }
+    }
+    let joint = joint.into_values().map(|(_, row)| row).collect();
+    Ok(Merged::of(rows.into_values().map(|(_, row)| row).collect(), joint))
 }
 
 /// The rows' files, in the order of their names.
-fn files(folder: &Path) -> Option<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder.join(ROWS)).ok()?.flatten().map(|e| e.path());
+fn files(folder: &Path, kind: &str) -> Option<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder.join(kind)).ok()?.flatten().map(|e| e.path());
     let hidden = |p: &PathBuf| p.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
     let mut files: Vec<PathBuf> =
         entries.filter(|p| p.extension().is_some_and(|e| e == "json") && !hidden(p)).collect();
@@ -115,6 +131,18 @@ fn files(folder: &Path) -> Option<Vec<PathBuf>> {
 /// # Errors
 /// [`MergeError::Row`].
 pub fn read(path: &Path) -> Result<Row, MergeError> {
+    of_json(path)
+}
+
+/// A sample's row from its file.
+///
+/// # Errors
+/// [`MergeError::Row`].
+pub fn read_sample(path: &Path) -> Result<SampleRow, MergeError> {
+    of_json(path)
+}
+
+fn of_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, MergeError> {
     let error = |reason: String| MergeError::Row { path: path.to_owned(), reason };
     let text = fs::read(path).map_err(|e| error(e.to_string()))?;
     serde_json::from_slice(&text).map_err(|e| error(format!("it is no row ({e})")))

@@ -4,16 +4,23 @@
 //! A recording's row depends on nothing but its line of the manifest, its file and its scene, so a shard of a manifest can run
 //! anywhere, twice, or after a crash: the rows are the same to the last bit.
 
+mod choice;
 mod curve;
+mod fit;
 mod job;
 mod manifest;
 mod merge;
+mod mixed;
 mod pool;
 mod row;
+mod tables;
+mod together;
 
 pub use curve::Curve;
 pub use job::{Job, Stop};
 pub use manifest::{Candidate, Entry, Manifest, ManifestError};
-pub use merge::{MergeError, Merged, ROWS, merge, read};
+pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample};
 pub use pool::{Group, Pooled, Sample};
 pub use row::{Fit, HeldOut, Key, Row};
+pub use tables::Tables;
+pub use together::{JointFit, SampleJob, SampleRow};

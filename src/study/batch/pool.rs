@@ -1,6 +1,6 @@
 //! What the recordings of one sample have in common, and samples of one kind.
 //!
-//! Joint estimate of a key that n recordings of a sample share, each with its own zero and contact depth, x_i with the standard error
+//! With `together = true` the recordings of a sample are one problem (`calibrate::joint`). Without it the joint estimate of a key that n recordings of a sample share, each with its own zero and contact depth, x_i with the standard error
 //! e_i of its own fit: to second order of the sum of squares that of one fit to all of them,
 //!
 //! ```text
@@ -8,9 +8,7 @@
 //! Q = sum (x_i - x_0)^2 / e_i^2,  S1 = sum 1 / e_i^2,  S2 = sum 1 / e_i^4,  x_0 the mean with t = 0
 //! ```
 //!
-//! t is the spread of repeats beyond their errors (DerSimonian and Laird, Control. Clin. Trials 7, 1986). Within and between samples of one kind:
-//! the variance components of one-way analysis, s_w^2 = MS_w and s_b^2 = max(0, (MS_b - MS_w) / n_0) (Searle, Casella and McCulloch,
-//! Variance Components, 1992, 3.6).
+//! t is the spread of repeats beyond their errors (DerSimonian and Laird, Control. Clin. Trials 7, 1986). Within and between samples of one kind: `mixed`.
 //!
 //! Leave one out: each recording is predicted by the mean curve of its sample's others, over the depth since contact.
 
@@ -18,7 +16,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Fit, Row};
+use super::choice::choose;
+use super::mixed::Components;
+use super::{Fit, Row, SampleRow};
 
 /// A key over the recordings of one sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,6 +33,8 @@ pub struct Pooled {
     pub spread: Option<f64>,
     /// Recordings.
     pub count: usize,
+    /// Whether it is that of one fit to all recordings; else of their own fits' mean.
+    pub together: bool,
 }
 
 /// One sample.
@@ -42,7 +44,7 @@ pub struct Sample {
     pub name: String,
     /// Its kind.
     pub group: String,
-    /// The candidate that leaves the least over what was fitted, of all recordings of the kind.
+    /// The candidate that was taken for the kind.
     pub candidate: String,
     /// Keys with that candidate.
     pub keys: Vec<Pooled>,
@@ -55,9 +57,10 @@ pub struct Sample {
 pub struct Group {
     /// Its name.
     pub name: String,
-    /// The candidate that leaves the least.
+    /// The candidate that was taken.
     pub candidate: String,
-    /// Each candidate's share of the peak that is left over what was fitted, root mean square over the recordings.
+    /// Each candidate's error by which one was taken, as a share of the peak, root mean square over the recordings of the choice: of its prediction
+    /// within what is fitted where that was asked for, else of the fit.
     pub candidates: Vec<(String, Option<f64>)>,
     /// The key, mean, standard deviation within samples and between.
     pub keys: Vec<(String, f64, Option<f64>, Option<f64>)>,
@@ -80,25 +83,6 @@ fn by(rows: &[Row], of: impl Fn(&Row) -> &String) -> BTreeMap<String, Vec<&Row>>
     let mut all: BTreeMap<String, Vec<&Row>> = BTreeMap::new();
     rows.iter().for_each(|row| all.entry(of(row).clone()).or_default().push(row));
     all
-}
-
-/// Root mean square of what a candidate leaves of the rows; `None` where it failed for one that another candidate explains.
-fn left(rows: &[&Row], candidate: &str) -> Option<f64> {
-    let usable: Vec<&&Row> = rows.iter().filter(|row| row.failed.is_none()).collect();
-    let each: Option<Vec<f64>> = usable.iter().map(|row| fit_of(row, candidate)?.nrmse()).collect();
-    let each = each.filter(|each| !each.is_empty())?;
-    Some((each.iter().map(|x| x * x).sum::<f64>() / each.len() as f64).sqrt())
-}
-
-/// Each candidate with what it leaves, in the manifest's order, and the best.
-fn candidates(rows: &[&Row]) -> (Vec<(String, Option<f64>)>, String) {
-    let names = rows.iter().find(|row| !row.fits.is_empty()).map(|row| row.fits.iter().map(|f| f.candidate.clone()));
-    let all: Vec<(String, Option<f64>)> =
-        names.into_iter().flatten().map(|name| (name.clone(), left(rows, &name))).collect();
-    let known = all.iter().filter_map(|(name, left)| left.map(|left| (name, left)));
-    let best = known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name.clone());
-    let best = best.or_else(|| all.first().map(|(name, _)| name.clone())).unwrap_or_default();
-    (all, best)
 }
 
 /// Values of a key with their errors.
@@ -130,7 +114,14 @@ fn pooled(key: &str, values: &[(f64, Option<f64>)]) -> Option<Pooled> {
     let Some(errors) = errors.filter(|e| !e.is_empty()) else {
         // without errors all count alike
         let standard_error = spread.map(|s| s / (n as f64).sqrt());
-        return (n > 0).then(|| Pooled { key: key.to_owned(), value: mean(&x), standard_error, spread, count: n });
+        return (n > 0).then(|| Pooled {
+            key: key.to_owned(),
+            value: mean(&x),
+            standard_error,
+            spread,
+            count: n,
+            together: false,
+        });
     };
     let weighted = |t2: f64| {
         let w: Vec<f64> = errors.iter().map(|e| 1.0 / (e * e + t2)).collect();
@@ -142,7 +133,17 @@ fn pooled(key: &str, values: &[(f64, Option<f64>)]) -> Option<Pooled> {
     let s2: f64 = errors.iter().map(|e| e.powi(-4)).sum();
     let t2 = if n > 1 { ((q - (n - 1) as f64) / (s1 - s2 / s1)).max(0.0) } else { 0.0 };
     let (value, sum) = weighted(t2);
-    Some(Pooled { key: key.to_owned(), value, standard_error: Some(sum.powf(-0.5)), spread, count: n })
+    Some(Pooled { key: key.to_owned(), value, standard_error: Some(sum.powf(-0.5)), spread, count: n, together: false })
+}
+
+/// The estimate of one fit to all recordings, where there is one.
+fn together(pooled: Pooled, joint: &[SampleRow], sample: &str, candidate: &str) -> Pooled {
+    let row = joint.iter().find(|row| row.name == sample);
+    let fit = row.and_then(|row| row.fits.iter().find(|fit| fit.candidate == candidate && fit.failed.is_none()));
+    match fit.and_then(|fit| fit.keys.iter().find(|key| key.key == pooled.key)) {
+        Some(key) => Pooled { value: key.value, standard_error: key.standard_error, together: true, ..pooled },
+        None => pooled,
+    }
 }
 
 /// Error of each recording's prediction by the mean of the others.
@@ -169,10 +170,14 @@ fn left_one_out(rows: &[&Row], candidate: &str) -> Vec<(String, f64)> {
 }
 
 /// All groups and samples of the rows.
-pub(super) fn pool(rows: &[Row]) -> (Vec<Group>, Vec<Sample>) {
+pub(super) fn pool(rows: &[Row], joint: &[SampleRow]) -> (Vec<Group>, Vec<Sample>) {
     let (mut groups, mut samples) = (Vec::new(), Vec::new());
+    let choices: BTreeMap<String, _> =
+        by(rows, |row| &row.chosen_for).into_iter().map(|(name, of)| (name, choose(&of))).collect();
     for (name, of_group) in by(rows, |row| &row.group) {
-        let (candidates, candidate) = candidates(&of_group);
+        let of_group_alone = || choose(&of_group);
+        let choice = of_group.first().and_then(|row| choices.get(&row.chosen_for)).cloned();
+        let (candidates, candidate) = choice.unwrap_or_else(of_group_alone);
         let mut of_samples: BTreeMap<&str, Vec<&Row>> = BTreeMap::new();
         of_group.iter().for_each(|row| of_samples.entry(&row.sample).or_default().push(row));
         for (sample, rows) in &of_samples {
@@ -181,18 +186,22 @@ pub(super) fn pool(rows: &[Row]) -> (Vec<Group>, Vec<Sample>) {
                 name: (*sample).to_owned(),
                 group: name.clone(),
                 candidate: candidate.clone(),
-                keys: keys.iter().filter_map(|key| pooled(key, &values(rows, &candidate, key))).collect(),
+                keys: keys
+                    .iter()
+                    .filter_map(|key| pooled(key, &values(rows, &candidate, key)))
+                    .map(|one| together(one, joint, sample, &candidate))
+                    .collect(),
                 left_one_out: left_one_out(rows, &candidate),
             });
         }
-        let components = keys(&of_group, &candidate).into_iter().map(|key| {
+        let components = keys(&of_group, &candidate).into_iter().filter_map(|key| {
             let each: Vec<Vec<f64>> = of_samples
                 .values()
                 .map(|rows| values(rows, &candidate, &key).iter().map(|v| v.0).collect())
                 .filter(|v: &Vec<f64>| !v.is_empty())
                 .collect();
-            let (mean, within, between) = components(&each);
-            (key, mean, within, between)
+            let found = Components::of(&each);
+            found.map(|Components { mean, within, between, .. }| (key, mean, within, between))
         });
         let ends: Vec<f64> = of_group
             .iter()
@@ -213,19 +222,6 @@ pub(super) fn pool(rows: &[Row]) -> (Vec<Group>, Vec<Sample>) {
     (groups, samples)
 }
 
-/// Mean of all, standard deviation within samples and between.
-fn components(samples: &[Vec<f64>]) -> (f64, Option<f64>, Option<f64>) {
-    let all: Vec<f64> = samples.iter().flatten().copied().collect();
-    let (n, k) = (all.len() as f64, samples.len() as f64);
-    let whole = mean(&all);
-    let within: f64 = samples.iter().map(|s| squares(s)).sum();
-    let ms_within = (n > k).then(|| within / (n - k));
-    let between: f64 = samples.iter().map(|s| s.len() as f64 * (mean(s) - whole).powi(2)).sum();
-    let n0 = (n - samples.iter().map(|s| (s.len() as f64).powi(2)).sum::<f64>() / n) / (k - 1.0);
-    let s_between = ms_within.filter(|_| k > 1.0).map(|msw| ((between / (k - 1.0) - msw) / n0).max(0.0).sqrt());
-    (whole, ms_within.map(f64::sqrt), s_between)
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -239,15 +235,5 @@ mod tests {
         // far apart they count alike, and the error is that of their spread
         let apart = pooled("k", &[(1.0, Some(1e-3)), (2.0, Some(2e-3))]).unwrap();
         assert!((apart.value - 1.5).abs() < 1e-3 && (apart.standard_error.unwrap() - 0.5).abs() < 1e-2, "{apart:?}");
-    }
-
-    /// Searle's balanced case by hand: MS_w = 1, MS_b = 2 * 8 = 16 with two of each of two samples.
-    #[test]
-    fn spread_within_and_between() {
-        let half = 0.5f64.sqrt();
-        let (mean, within, between) = components(&[vec![0.0 - half, 0.0 + half], vec![4.0 - half, 4.0 + half]]);
-        assert!((mean - 2.0).abs() < 1e-12 && (within.unwrap() - 1.0).abs() < 1e-12);
-        assert!((between.unwrap() - 7.5f64.sqrt()).abs() < 1e-12);
-        assert_eq!(components(&[vec![1.0]]).1, None);
     }
 }

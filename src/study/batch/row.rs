@@ -63,6 +63,10 @@ pub struct Fit {
     pub peak_n: f64,
     /// Root mean square over the fitted part, N.
     pub rmse_n: Option<f64>,
+    /// Fitted to the first part of the fitted part, the root mean square over the rest of it over `peak_n`, where that was asked for.
+    pub forward_error: Option<f64>,
+    /// Runs of the twin.
+    pub runs: u32,
     /// What was predicted.
     pub held_out: Option<HeldOut>,
     /// Measured and predicted force over the depth since contact.
@@ -90,6 +94,8 @@ pub struct Row {
     pub sample: String,
     /// Its kind of samples.
     pub group: String,
+    /// Kinds that share the candidate that is chosen.
+    pub chosen_for: String,
     /// Hash of all that the row depends on.
     pub fingerprint: String,
     /// Why there is nothing else, if so.

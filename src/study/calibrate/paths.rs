@@ -1,10 +1,18 @@
 //! The force along a run: against the instrument's axis, and across it where the load cell measured a vector.
 
-use super::CalibrateError;
+use super::{CalibrateError, Task};
 use crate::compare::path::ForcePath;
 use crate::compare::rows::Rows;
 use crate::compare::{self, Answer, Collector, ForceSeries, Keep, Reading, Run, Watch};
 use crate::scene::{Dimension, Scene, Word as _};
+
+/// Share of the poses that must be answered.
+const ANSWERED: f64 = 0.9;
+
+/// Whether enough poses were answered.
+pub(super) fn answered(run: &Run, task: &Task) -> bool {
+    run.answers.len() as f64 >= ANSWERED * task.readings.len() as f64
+}
 
 /// A run of a scene over a recording.
 pub(super) fn run(

@@ -5,7 +5,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::paths::{directions, measured_along, path_of, paths_of, run};
+use super::paths::{answered, directions, measured_along, path_of, paths_of, run};
+use super::tie::{pressures, tied};
 use super::unknown::Sought;
 use super::{CalibrateError, Forces, Parts, Task};
 use crate::compare::path::ForcePath;
@@ -19,50 +20,40 @@ const DIFFERENCE: f64 = 0.01;
 /// The same of a region's depth or modulus: each value is a run of its own, a depth makes another cloud, and two of them differ by up to
 /// a per cent of the force, which the change has to stand out from.
 const DIFFERENCE_OF_REGIONS: f64 = 0.1;
-/// The force is proportional to this key (quasi-static, Poisson's ratio fixed), so another value of it needs no run. The second is a list
-/// of one where it is sought.
-const PROPORTIONAL: [&str; 2] = ["material.shear_modulus_pa", "material.ogden_shear_moduli_pa"];
+/// Pressures whose ratio changes by less than this keep it.
+const SAME_RATIO: f64 = 1e-12;
 /// Shift of the contact, m, within which the last run's own slope says what it does.
 const NEAR_M: f64 = 2e-5;
-/// Share of the poses that must be answered.
-const ANSWERED: f64 = 0.9;
-
 /// A key whose doubling changes the force by less than this share of it has no effect: what is left is rounding.
 const NO_EFFECT: f64 = 1e-3;
-/// Where a scene's retraction coefficient equals its deformation coefficient, they stay equal.
-const TIED: (&str, &str) = ("instrument.retraction_coefficient", "instrument.deformation_coefficient");
-
-/// A residual of more than so many medians of all residuals' sizes is a spike (for normal noise: six standard deviations).
-const SPIKE: f64 = 9.0;
-/// Largest share of the readings that may be spikes.
-const MOST_LEFT_OUT: f64 = 0.02;
-
 /// A run that is made use of again.
-struct Kept {
+pub(super) struct Kept {
     /// Values of the unknowns that it was made with.
-    x: Vec<f64>,
+    pub x: Vec<f64>,
     /// Of the force against the axis, then of those across it.
-    paths: Vec<ForcePath>,
+    pub paths: Vec<ForcePath>,
 }
 
 pub(super) struct Recorded<'a> {
-    task: &'a Task<'a>,
+    pub(super) task: &'a Task<'a>,
     pub sought: Vec<Sought>,
     watch: &'a mut dyn Watch,
     tell: &'a mut dyn FnMut(&str),
     /// Of the rows.
     parts: Parts,
     /// Rows that are fitted: those of the part, less what was left out.
-    fitted: Vec<usize>,
+    pub(super) fitted: Vec<usize>,
     /// Time, depth, measured and first predicted force of each row.
-    forces: Forces,
+    pub(super) forces: Forces,
     /// Directions across the axis that are fitted as well, and what was measured along each, N.
-    directions: Vec<[f64; 3]>,
+    pub(super) directions: Vec<[f64; 3]>,
     across_n: Vec<Vec<f64>>,
     runs: u32,
-    /// A key that takes the value of a wanted one, by its index.
-    tied: Option<usize>,
-    kept: Option<Kept>,
+    /// Keys that take the value of an unknown: the key, and its index.
+    tied: Vec<(&'static str, usize)>,
+    /// Which of the unknowns are pressures to which, together, the force is proportional; empty where it is not.
+    pub(super) pressures: Vec<usize>,
+    pub(super) kept: Option<Kept>,
     /// Poses that the last run refused.
     refused: usize,
 }
@@ -75,6 +66,8 @@ impl<'a> Recorded<'a> {
         tell: &'a mut dyn FnMut(&str),
     ) -> Self {
         Self {
+            tied: tied(task.scene, &sought),
+            pressures: pressures(task.scene, &sought),
             task,
             sought,
             watch,
@@ -85,7 +78,6 @@ impl<'a> Recorded<'a> {
             directions: Vec::new(),
             across_n: Vec::new(),
             runs: 0,
-            tied: tied(task),
             kept: None,
             refused: 0,
         }
@@ -138,6 +130,7 @@ impl<'a> Recorded<'a> {
         self.directions = directions(first);
         let answers: Vec<&Answer> = rows.iter().map(|(_, a)| *a).collect();
         self.across_n = self.directions.iter().map(|d| measured_along(&answers, d)).collect();
+        self.kept = None;
         Ok(())
     }
 
@@ -147,13 +140,12 @@ impl<'a> Recorded<'a> {
             Sought::Key(key) => Some(Override::typed(key, *value, "--fit")),
             _ => None,
         });
-        let tied = self.tied.map(|k| Override::typed(TIED.0, x[k], "--fit"));
-        keys.chain(tied).collect()
+        keys.chain(self.tied.iter().map(|(key, k)| Override::typed(key, x[*k], "--fit"))).collect()
     }
 
     /// Keys that took the value of another: (key, the other).
     pub fn tied(&self) -> Vec<(String, String)> {
-        self.tied.iter().map(|_| (TIED.0.to_owned(), TIED.1.to_owned())).collect()
+        self.tied.iter().map(|(key, k)| ((*key).to_owned(), self.sought[*k].name().to_owned())).collect()
     }
 
     /// Names of the unknowns.
@@ -171,22 +163,9 @@ impl<'a> Recorded<'a> {
         self.refused
     }
 
-    /// Leaves out the rows whose residuals are far from all others; gives how many. A spike of a few readings (a bond that lets
-    /// go, a knock) is no part of the model and would pull at every value. Where many are far off the model is wrong, and
-    /// nothing is left out.
-    pub fn leave_out(&mut self, residuals: &[f64]) -> usize {
-        let residuals = &residuals[..self.fitted.len()]; // those along the axis
-        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
-        sizes.sort_unstable_by(f64::total_cmp);
-        let most = SPIKE * sizes[sizes.len() / 2];
-        let kept: Vec<usize> =
-            self.fitted.iter().zip(residuals).filter(|(_, r)| r.abs() <= most).map(|(i, _)| *i).collect();
-        let left = self.fitted.len() - kept.len();
-        if left as f64 > MOST_LEFT_OUT * self.fitted.len() as f64 {
-            return 0;
-        }
-        self.fitted = kept;
-        left
+    /// Number of residuals: of the fitted rows, along the axis and across it.
+    pub fn residual_count(&self) -> usize {
+        self.fitted.len() * (1 + self.directions.len())
     }
 
     /// Runs of the twin so far.
@@ -236,7 +215,6 @@ impl<'a> Recorded<'a> {
     }
 
     fn run(&mut self, scene: &Scene, contact_m: f64) -> Result<Run, CalibrateError> {
-        self.runs += 1;
         let shifted = |r: &Reading| match r.at {
             At::Depth(depth) => Reading { at: At::Depth(depth - contact_m), ..*r },
             At::Pose(mut pose) => {
@@ -245,7 +223,14 @@ impl<'a> Recorded<'a> {
             }
         };
         let readings: Vec<Reading> = self.task.readings.iter().map(shifted).collect();
-        let run = run(scene, &readings, self.task.measured, self.watch)?;
+        let tabulated = self.task.table.map(|table| table.run(scene, &readings, self.task.measured));
+        let run = match tabulated {
+            Some(run) => run.ok_or(CalibrateError::OutsideTable)?,
+            None => {
+                self.runs += 1;
+                run(scene, &readings, self.task.measured, self.watch)?
+            }
+        };
         self.refused = readings.len() - run.answers.len();
         Ok(run)
     }
@@ -255,20 +240,23 @@ impl<'a> Recorded<'a> {
         self.sought.iter().zip(x).map(|(s, value)| value * s.added(time_s)).sum()
     }
 
-    /// Whether another value of a key multiplies the force. The modulus of one of several regions does not.
-    fn scales_the_force(&self, key: &str) -> bool {
-        PROPORTIONAL.contains(&key) && self.task.scene.regions.is_empty()
+    /// The factor by which all pressures differ from those of the last run; `None` where they don't by one.
+    fn factor(&self, x: &[f64], kept: &Kept) -> Option<f64> {
+        let Some(&first) = self.pressures.iter().find(|&&k| kept.x[k] != 0.0) else { return Some(1.0) };
+        let factor = x[first] / kept.x[first];
+        let alike = |&k: &usize| k == first || (x[k] - factor * kept.x[k]).abs() <= SAME_RATIO * x[k].abs();
+        self.pressures.iter().all(alike).then_some(factor)
     }
 
     /// How the last run's force follows for other values: its factor and the shift of the contact from it; `None` where it can't.
     fn relative_to_kept(&self, x: &[f64]) -> Option<(f64, f64)> {
         let kept = self.kept.as_ref()?;
-        let (mut factor, mut shift) = (1.0, 0.0);
-        for ((sought, new), old) in self.sought.iter().zip(x).zip(&kept.x) {
+        let factor = self.factor(x, kept)?;
+        let mut shift = 0.0;
+        for (k, sought) in self.sought.iter().enumerate().filter(|(k, _)| !self.pressures.contains(k)) {
             match sought {
-                Sought::Key(key) if self.scales_the_force(key) => factor = new / old,
-                Sought::Key(_) if new != old => return None,
-                Sought::Contact => shift = new - old,
+                Sought::Key(_) if x[k] != kept.x[k] => return None,
+                Sought::Contact => shift = x[k] - kept.x[k],
                 _ => {}
             }
         }
@@ -276,7 +264,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// Predicted force at every row; `None` where the scene can't be, diverges or refuses poses.
-    fn predicted(&mut self, x: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
+    pub(super) fn predicted(&mut self, x: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
         Ok(self.all_predicted(x)?.map(|mut all| all.swap_remove(0)))
     }
 
@@ -317,17 +305,18 @@ impl<'a> Recorded<'a> {
         (self.tell)(&format!("run {}: {}", self.runs + 1, values.join(", ")));
         let Ok(scene) = self.task.scene.with(&self.changes(x)) else { return Ok(None) };
         let run = match self.run(&scene, self.value(x, &Sought::Contact)) {
-            Err(CalibrateError::Build { .. }) => return Ok(None),
+            Err(CalibrateError::Build { .. } | CalibrateError::OutsideTable) => return Ok(None),
             other => other?,
         };
-        let answered = run.answers.len() as f64 >= ANSWERED * self.task.readings.len() as f64;
-        Ok(paths_of(&run, &self.directions).filter(|_| run.diverged.is_none() && answered))
+        Ok(paths_of(&run, &self.directions).filter(|_| run.diverged.is_none() && answered(&run, self.task)))
     }
 
     /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
     fn difference(&mut self, x: &[f64], k: usize, force: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
         let share = if self.sought[k].is_of_regions() { DIFFERENCE_OF_REGIONS } else { DIFFERENCE };
-        let size = if x[k] == 0.0 { share } else { share * x[k].abs() };
+        // a pressure that is small against the others is changed as they are
+        let alike = self.pressures.iter().filter(|_| self.pressures.contains(&k)).map(|&p| x[p].abs());
+        let size = share * Some(alike.fold(x[k].abs(), f64::max)).filter(|size| *size > 0.0).unwrap_or(1.0);
         for change in [size, -size] {
             let mut beside = x.to_vec();
             beside[k] += change;
@@ -350,7 +339,7 @@ impl<'a> Recorded<'a> {
             kept.paths.iter().flat_map(|path| times().map(|t| of(path, t))).collect()
         };
         Some(match &self.sought[k] {
-            Sought::Key(key) if self.scales_the_force(key) => force.iter().map(|f| f / x[k]).collect(),
+            Sought::Key(_) if self.pressures == [k] => force.iter().map(|f| f / x[k]).collect(),
             Sought::Key(_) => return None,
             Sought::Contact => each(&|path, t| -factor * path.stiffness(t - clock, shift)),
             Sought::Clock => each(&|path, t| -factor * path.rate(t - clock, shift)),
@@ -358,14 +347,6 @@ impl<'a> Recorded<'a> {
             added => times().map(|t| added.added(t)).chain(vec![0.0; force.len() - self.fitted.len()]).collect(),
         })
     }
-}
-
-/// The wanted key that another one goes with.
-fn tied(task: &Task) -> Option<usize> {
-    let one = |key| task.scene.get(key);
-    let same = one(TIED.0).is_some() && one(TIED.0) == one(TIED.1);
-    let alone = task.wanted.iter().all(|w| w.key != TIED.0);
-    task.wanted.iter().position(|w| w.key == TIED.1).filter(|_| same && alone)
 }
 
 impl Problem for Recorded<'_> {
@@ -386,7 +367,19 @@ impl Problem for Recorded<'_> {
         let force: Vec<f64> = self.all_measured(x).iter().zip(r).map(|(m, r)| r + m).collect();
         let whole = force.iter().map(|f| f * f).sum::<f64>().sqrt();
         let mut jacobian = DMatrix::zeros(force.len(), x.len());
-        for k in 0..x.len() {
+        // the force is homogeneous in the pressures: the largest one's derivative follows from the others' (Euler)
+        let largest = self.pressures.iter().copied().max_by(|&a, &b| x[a].abs().total_cmp(&x[b].abs()));
+        let last = largest.filter(|_| self.pressures.len() > 1);
+        for k in (0..x.len()).filter(|k| Some(*k) != last).chain(last) {
+            if Some(k) == last {
+                let others: DVector<f64> = self
+                    .pressures
+                    .iter()
+                    .filter(|&&p| p != k)
+                    .fold(DVector::from_column_slice(&force), |rest, &p| rest - jacobian.column(p) * x[p]);
+                jacobian.set_column(k, &(others / x[k]));
+                continue;
+            }
             let column = match self.derivative(x, k, &force) {
                 Some(column) => column,
                 None => match self.difference(x, k, &force)? {
@@ -395,7 +388,8 @@ impl Problem for Recorded<'_> {
                 },
             };
             let column = DVector::from_vec(column);
-            let doubled = column.norm() * if x[k] == 0.0 { 1.0 } else { x[k].abs() };
+            let size = if self.pressures.contains(&k) { largest.map_or(x[k], |l| x[l]) } else { x[k] };
+            let doubled = column.norm() * if size == 0.0 { 1.0 } else { size.abs() };
             if !matches!(self.sought[k], Sought::Key(_)) || doubled > NO_EFFECT * whole {
                 jacobian.set_column(k, &column);
             }

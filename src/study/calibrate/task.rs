@@ -1,6 +1,6 @@
 //! What is to be found from what.
 
-use super::HoldOut;
+use super::{CurveTable, HoldOut};
 use crate::compare::{ForceSeries, Reading};
 use crate::scene::Scene;
 
@@ -69,4 +69,6 @@ pub struct Task<'a> {
     pub force_error: f64,
     /// Which part of the recording is fitted.
     pub part: HoldOut,
+    /// Where the force is read in place of runs of the twin.
+    pub table: Option<&'a CurveTable>,
 }

@@ -129,6 +129,11 @@ fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_s
     if bounds[0] >= bounds[1] {
         return Err(refuse(format!("the bounds {} to {} hold nothing between them", bounds[0], bounds[1])));
     }
-    let scale = if start == 0.0 { SIZE_AT_ZERO * (bounds[1] - bounds[0]) } else { 0.01 * start.abs() };
+    let scale = match () {
+        () if start != 0.0 => 0.01 * start.abs(),
+        // the bounds of a pressure say nothing of its size
+        () if name.starts_with("material.") && key.unit == "Pa" => 0.01 * scene.material.shear_modulus(),
+        () => SIZE_AT_ZERO * (bounds[1] - bounds[0]),
+    };
     Ok(least_squares::Unknown { start: start.clamp(bounds[0], bounds[1]), bounds, scale, largest_step: LARGEST_STEP })
 }

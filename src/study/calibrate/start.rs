@@ -1,0 +1,66 @@
+//! Where the search of a recording begins: the nearer, the fewer runs.
+
+use super::CalibrateError;
+use super::paths::{answered, paths_of};
+use super::problem::{Kept, Recorded};
+use super::unknown::Sought;
+use crate::compare::{Run, least_squares::Unknown};
+
+/// A size within this of 1, as a logarithm, is no matter of the start.
+const NEAR_SIZE: f64 = 0.2;
+
+impl Recorded<'_> {
+    /// Keeps the first run, of the scene as it is, where the search begins with its values and the contact where that run had it.
+    pub fn keep(&mut self, first: &Run, contact_m: f64) {
+        let at = |sought: &Sought| match sought {
+            Sought::Key(key) => self.task.scene.get(key)?.as_list()?.first().copied(),
+            Sought::Contact => Some(contact_m),
+            _ => Some(0.0),
+        };
+        let x: Option<Vec<f64>> = self.sought.iter().map(at).collect();
+        let paths = paths_of(first, &self.directions);
+        self.kept = x.zip(paths).filter(|_| answered(first, self.task)).map(|(x, paths)| Kept { x, paths });
+    }
+
+    /// Begins the search at that point of the table which, with pressures of the right size, leaves the least: friction and exponents have
+    /// more than one valley.
+    pub fn begin_in_table(&mut self, unknowns: &mut [Unknown]) -> Result<(), CalibrateError> {
+        let Some(table) = self.task.table else { return Ok(()) };
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for scene in table.coarse() {
+            let at = |(k, sought): (usize, &Sought)| match sought {
+                Sought::Key(key) => scene.get(key).and_then(|v| v.as_list()).and_then(|list| list.first().copied()),
+                _ => Some(unknowns[k].start),
+            };
+            let Some(mut x) = self.sought.iter().enumerate().map(at).collect::<Option<Vec<f64>>>() else { continue };
+            let Some(force) = self.predicted(&x)? else { continue };
+            let (mut products, mut squares) = ([0.0; 2], 0.0);
+            for &i in &self.fitted {
+                let measured = self.forces.measured_n[i];
+                products = [products[0] + force[i] * measured, products[1] + force[i] * force[i]];
+                squares += measured * measured;
+            }
+            let left = squares - products[0] * products[0] / products[1];
+            let size = products[0] / products[1];
+            if size > 0.0 && best.as_ref().is_none_or(|(least, _)| left < *least) {
+                self.pressures.iter().for_each(|&k| x[k] *= size);
+                best = Some((left, x));
+            }
+        }
+        for (unknown, x) in unknowns.iter_mut().zip(best.into_iter().flat_map(|(_, x)| x)) {
+            unknown.start = x.clamp(unknown.bounds[0], unknown.bounds[1]);
+        }
+        Ok(())
+    }
+
+    /// Begins the search with pressures of the size that the first run's force lacks; near it they stay.
+    pub fn begin_at_size(&self, size: f64, unknowns: &mut [Unknown]) {
+        if !size.is_finite() || size <= 0.0 || size.ln().abs() < NEAR_SIZE {
+            return;
+        }
+        for &k in &self.pressures {
+            let Unknown { start, bounds: [low, high], .. } = unknowns[k];
+            unknowns[k].start = (start * size).clamp(low, high);
+        }
+    }
+}
