@@ -238,14 +238,16 @@ fn steady(path: &ForcePath, rows: &Rows, found: Alignment) -> Alignment {
     let Some(Found { value, error: Some(early_error) }) = early.map(|early| early.contact_depth_m) else {
         return found;
     };
+    // a zero that no reading before the contact tells stands for a contact
+    let idle = rows.depth_m.iter().filter(|d| **d < whole.min(value)).count();
+    if rows.known < 2 && idle < LEAST_READINGS {
+        return with(Found { value: whole, error: None });
+    }
     let apart = (value - whole).abs();
     if apart > (SIGNIFICANT * early_error).max(TOLERANCE[0]) {
         return with(Found { value, error: Some(early_error.max(apart)) });
     }
-    // a zero that no reading before the contact tells can stand for a contact
-    let idle = rows.depth_m.iter().filter(|d| **d < whole.min(value)).count();
-    let zero_is_seen = rows.known >= 2 || idle >= LEAST_READINGS;
-    with(Found { value: whole, error: Some(if zero_is_seen { error } else { error.hypot(apart) }) })
+    found
 }
 
 /// Gauss and Newton's steps, halved where they lead up; the clock's only if it is `timed`.
