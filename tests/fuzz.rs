@@ -8,6 +8,8 @@
 mod cdr;
 #[path = "fuzz/command_line.rs"]
 mod command_line;
+#[path = "fuzz/manifest.rs"]
+mod manifest;
 #[path = "fuzz/mcap.rs"]
 mod mcap;
 #[path = "fuzz/mesh.rs"]
@@ -18,6 +20,10 @@ mod mutate;
 mod parameter_file;
 #[path = "fuzz/scene.rs"]
 mod scene;
+#[path = "fuzz/selection.rs"]
+mod selection;
+#[path = "fuzz/table.rs"]
+mod table;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,7 +34,7 @@ use std::time::{Duration, Instant};
 
 type Exercise = fn(&[u8]);
 
-const TARGETS: [(&str, Exercise); 7] = [
+const TARGETS: [(&str, Exercise); 9] = [
     ("scene", scene::exercise),
     ("parameter_file", parameter_file::exercise),
     ("command_line", command_line::exercise),
@@ -36,6 +42,8 @@ const TARGETS: [(&str, Exercise); 7] = [
     ("vtu", |data| mesh::exercise("fuzz.vtu", data)),
     ("mcap", mcap::exercise),
     ("cdr", cdr::exercise),
+    ("table", table::exercise),
+    ("manifest", manifest::exercise),
 ];
 /// Memory that one input may take beyond what was taken before: so much, and so much per byte of it.
 const MOST_BYTES: usize = 64 << 20;

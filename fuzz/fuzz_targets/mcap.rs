@@ -5,5 +5,7 @@ use libfuzzer_sys::fuzz_target;
 
 #[path = "../../tests/fuzz/mcap.rs"]
 mod mcap;
+#[path = "../../tests/fuzz/selection.rs"]
+mod selection;
 
 fuzz_target!(|data: &[u8]| mcap::exercise(data));

@@ -304,10 +304,10 @@ impl Recording {
             markers: (markers, _),
         } = stamped;
         let late_ns = (late_s * 1e9).round() as i64;
-        forces.iter_mut().for_each(|(time, _)| *time -= late_ns);
+        forces.iter_mut().for_each(|(time, _)| *time = time.saturating_sub(late_ns));
         let firsts = [depths.first().map(|s| s.0), poses.first().map(|s| s.0), forces.first().map(|s| s.0)];
         let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
-        let seconds = |ns: i64| (ns - origin_ns) as f64 * 1e-9;
+        let seconds = |ns: i64| ns.saturating_sub(origin_ns) as f64 * 1e-9;
         let count = markers.last().map_or(0, |m| m.1.len());
         let whole = markers.into_iter().filter(|m| m.1.len() == count);
         let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();

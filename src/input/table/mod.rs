@@ -131,6 +131,19 @@ impl Table {
     pub fn read(path: &Path, said: &Selection, file_number: usize) -> Result<Self, TableError> {
         refuse_foreign(path)?;
         let bytes = fs::read(path).map_err(|source| TableError::Open { path: path.to_owned(), source })?;
+        Self::from_bytes(path, bytes, said, file_number)
+    }
+
+    /// As [`Table::read`], from what the file holds.
+    ///
+    /// # Errors
+    /// [`TableError`].
+    pub fn from_bytes(
+        path: &Path,
+        bytes: Vec<u8>,
+        said: &Selection,
+        file_number: usize,
+    ) -> Result<Self, TableError> {
         let text = text(bytes);
         let text = text.trim_start_matches('\u{feff}');
         let layout = Layout::of(text, &said.layout).ok_or_else(|| TableError::NoTable { path: path.to_owned() })?;

@@ -145,10 +145,19 @@ impl Manifest {
     /// # Errors
     /// [`ManifestError`].
     pub fn read(path: &Path, root: Option<&Path>) -> Result<Self, ManifestError> {
+        let text = fs::read_to_string(path)
+            .map_err(|e| ManifestError { path: path.to_owned(), reason: format!("can't be read: {e}") })?;
+        Self::from_text(path, &text, root)
+    }
+
+    /// As [`Manifest::read`], from what the file holds.
+    ///
+    /// # Errors
+    /// [`ManifestError`].
+    pub fn from_text(path: &Path, text: &str, root: Option<&Path>) -> Result<Self, ManifestError> {
         let error = |reason: String| ManifestError { path: path.to_owned(), reason };
-        let text = fs::read_to_string(path).map_err(|e| error(format!("can't be read: {e}")))?;
         let table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-        let written = if table { from_csv(&text) } else { toml::from_str(&text).map_err(|e| e.to_string()) };
+        let written = if table { from_csv(text) } else { toml::from_str(text).map_err(|e| e.to_string()) };
         let written = written.map_err(error)?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
         let root = root.map_or_else(|| folder.clone(), Path::to_path_buf);
@@ -197,6 +206,7 @@ fn from_csv(text: &str) -> Result<Written, String> {
 fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, String> {
     let entry = entry.or(defaults);
     let Some(pattern) = entry.file.as_deref() else { return Err("a recording has no file = \"...\"".to_owned()) };
+    entry.check().map_err(|reason| format!("{pattern}: {reason}"))?;
     let files = if pattern.contains('*') { found(root, pattern) } else { vec![root.join(pattern)] };
     if files.is_empty() {
         return Err(format!("no file is called {pattern} in {}; name the folder with --root", root.display()));
@@ -220,22 +230,36 @@ fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, 
     Ok(files.iter().map(one).collect())
 }
 
-/// `{name}`, `{folder}` and `{name:N}` filled in.
+/// `{name}`, `{folder}` and `{name:N}` filled in, in one pass: what a file's name holds is not filled in again.
 fn filled(text: &str, name: &str, folder: &str) -> String {
-    let mut text = text.replace("{name}", name).replace("{folder}", folder);
-    while let Some((before, rest)) = text.split_once("{name:") {
-        let Some((count, after)) = rest.split_once('}') else { break };
-        let letters: String = match count.parse::<i64>() {
-            // a negative number leaves so many off at the end
-            Ok(n) if n < 0 => {
-                name.chars().take(name.chars().count().saturating_sub(n.unsigned_abs() as usize)).collect()
-            }
-            Ok(n) => name.chars().take(n.unsigned_abs() as usize).collect(),
-            Err(_) => break,
-        };
-        text = format!("{before}{letters}{after}");
+    let (mut out, mut rest) = (String::new(), text);
+    while let Some((before, behind)) = rest.split_once('{') {
+        out.push_str(before);
+        let field = behind.split_once('}').and_then(|(key, after)| Some((value(key, name, folder)?, after)));
+        if let Some((value, after)) = field {
+            out.push_str(&value);
+            rest = after;
+        } else {
+            out.push('{');
+            rest = behind;
+        }
     }
-    text
+    out + rest
+}
+
+/// What stands for `{key}`; `None` if it is no field.
+fn value(key: &str, name: &str, folder: &str) -> Option<String> {
+    let letters = |count: i64| {
+        let count_or = |n: i64| usize::try_from(n.unsigned_abs()).unwrap_or(usize::MAX);
+        // a negative number leaves so many off at the end
+        let end = if count < 0 { name.chars().count().saturating_sub(count_or(count)) } else { count_or(count) };
+        name.chars().take(end).collect()
+    };
+    match key {
+        "name" => Some(name.to_owned()),
+        "folder" => Some(folder.to_owned()),
+        _ => key.strip_prefix("name:")?.parse().ok().map(letters),
+    }
 }
 
 /// Files below a folder whose path fits a pattern, in the order of their names.
@@ -259,14 +283,13 @@ fn found(root: &Path, pattern: &str) -> Vec<PathBuf> {
     paths
 }
 
-/// Whether a name fits a pattern with `*`.
+/// Whether a name fits a pattern with `*`: each part in its first place behind the one before, the last one at the end.
 fn fits(name: &str, pattern: &str) -> bool {
-    match pattern.split_once('*') {
-        None => name == pattern,
-        Some((start, rest)) => name
-            .strip_prefix(start)
-            .is_some_and(|name| (0..=name.len()).any(|at| name.is_char_boundary(at) && fits(&name[at..], rest))),
-    }
+    let Some((start, rest)) = pattern.split_once('*') else { return name == pattern };
+    let (inner, end) = rest.rsplit_once('*').unwrap_or(("", rest));
+    let Some(name) = name.strip_prefix(start).and_then(|name| name.strip_suffix(end)) else { return false };
+    let behind = |name: &str, part: &str| name.find(part).map(|at| at + part.len());
+    inner.split('*').try_fold(name, |name, part| behind(name, part).map(|at| &name[at..])).is_some()
 }
 
 macro_rules! first_of {
@@ -276,6 +299,20 @@ macro_rules! first_of {
 }
 
 impl Entry {
+    /// Refuses numbers that no recording can have, as the command line does.
+    fn check(&self) -> Result<(), String> {
+        let positive = [("rate_hz", self.rate_hz), ("gauge_length_m", self.gauge_length_m)];
+        for (key, value) in positive {
+            if value.is_some_and(|x| !(x.is_finite() && x > 0.0)) {
+                return Err(format!("{key} = {}: a positive number is needed", value.unwrap_or_default()));
+            }
+        }
+        match self.time_offset_s {
+            Some(x) if !x.is_finite() => Err(format!("time_offset_s = {x}: a finite number is needed")),
+            _ => Ok(()),
+        }
+    }
+
     /// What is said here, and else in another.
     fn or(&self, other: &Self) -> Self {
         first_of!(
@@ -353,12 +390,32 @@ impl Entry {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
     #[test]
     fn patterns_and_names() {
         assert!(fits("EF10_0T_A1.csv", "*.csv") && fits("a", "*") && !fits("a.txt", "*.csv") && fits("xayb", "x*y*"));
+        assert!(!fits("ab", "ab*b") && fits("aabb", "a*ab*b") && !fits("a", "*b*") && fits("", "**"));
         assert_eq!(filled("{folder}/{name:3}-{name:-1}", "EF10", "x"), "x/EF1-EF1");
+        assert_eq!(filled("{name:x} {} {name:-9}{name", "EF10", "x"), "{name:x} {} {name");
+    }
+
+    /// A file's own name is no field, and a pattern of many stars is not tried in every way.
+    #[test]
+    fn names_and_patterns_end() {
+        assert_eq!(filled("{name:99}/{name}", "{name:99}{folder}", "x"), "{name:99}{folder}/{name:99}{folder}");
+        assert!(!fits(&"a".repeat(250), &("*a".repeat(120) + "b")));
+    }
+
+    #[test]
+    fn numbers_that_mean_nothing_are_refused() {
+        let read = |text: &str| Manifest::from_text(Path::new("m.toml"), text, Some(Path::new("none")));
+        for (key, bad) in [("rate_hz", "0.0"), ("rate_hz", "nan"), ("gauge_length_m", "-1.0"), ("time_offset_s", "inf")] {
+            let error = read(&format!("[[recordings]]\nfile = \"a.csv\"\n{key} = {bad}\n")).unwrap_err().to_string();
+            assert!(error.contains(key) && error.contains("a.csv"), "{error}");
+        }
+        assert!(read("[[recordings]]\nfile = \"a.csv\"\nrate_hz = 10.0\ntime_offset_s = -1.0\n").is_ok());
     }
 }
