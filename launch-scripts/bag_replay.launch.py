@@ -10,9 +10,13 @@ from launch_ros.substitutions import FindPackageShare
 def generate_launch_description():
     share = FindPackageShare("needle_twin")
     return LaunchDescription([
-        DeclareLaunchArgument("bag", default_value=PathJoinSubstitution([share, "bags", "needle_insertion"])),
-        DeclareLaunchArgument("rate", default_value="1.0"),
-        DeclareLaunchArgument("respawn", default_value="false"),
+        DeclareLaunchArgument(
+            "bag",
+            default_value=PathJoinSubstitution([share, "bags", "needle_insertion"]),
+            description="Recording to play: rosbag2 folder or .mcap",
+        ),
+        DeclareLaunchArgument("rate", default_value="1.0", description="Seconds of the recording per second"),
+        DeclareLaunchArgument("respawn", default_value="false", description="Start the twin again if it dies"),
         Node(
             package="needle_twin",
             executable="twin_node",

@@ -10,11 +10,13 @@ from launch_ros.substitutions import FindPackageShare
 def generate_launch_description():
     share = FindPackageShare("needle_twin")
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value=""),
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes and of their clock"),
         DeclareLaunchArgument(
-            "params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
+            "params_file",
+            default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"]),
+            description="Parameter file of the twin",
         ),
-        DeclareLaunchArgument("respawn", default_value="false"),
+        DeclareLaunchArgument("respawn", default_value="false", description="Start the twin again if it dies"),
         Node(
             package="needle_twin",
             executable="twin_node",

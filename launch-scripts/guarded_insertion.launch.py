@@ -11,14 +11,18 @@ def generate_launch_description():
     share = FindPackageShare("needle_twin")
     namespace = LaunchConfiguration("namespace")
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value=""),
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes and of their clock"),
         DeclareLaunchArgument(
-            "twin_params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
+            "twin_params_file",
+            default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"]),
+            description="Parameter file of the twin",
         ),
         DeclareLaunchArgument(
-            "guard_params_file", default_value=PathJoinSubstitution([share, "parameters", "guard.yaml"])
+            "guard_params_file",
+            default_value=PathJoinSubstitution([share, "parameters", "guard.yaml"]),
+            description="Parameter file of the guarded insertion",
         ),
-        DeclareLaunchArgument("respawn", default_value="false"),
+        DeclareLaunchArgument("respawn", default_value="false", description="Start the twin again if it dies"),
         Node(
             package="needle_twin",
             executable="twin_node",

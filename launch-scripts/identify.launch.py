@@ -11,13 +11,19 @@ def generate_launch_description():
     share = FindPackageShare("needle_twin")
     names = ("namespace", "bag", "rate", "params_file", "respawn")
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value=""),
-        DeclareLaunchArgument("bag", default_value=PathJoinSubstitution([share, "bags", "needle_insertion"])),
-        DeclareLaunchArgument("rate", default_value="1.0"),
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes and of their clock"),
         DeclareLaunchArgument(
-            "params_file", default_value=PathJoinSubstitution([share, "parameters", "identify.yaml"])
+            "bag",
+            default_value=PathJoinSubstitution([share, "bags", "needle_insertion"]),
+            description="Recording to play: rosbag2 folder or .mcap",
         ),
-        DeclareLaunchArgument("respawn", default_value="false"),
+        DeclareLaunchArgument("rate", default_value="1.0", description="Seconds of the recording per second"),
+        DeclareLaunchArgument(
+            "params_file",
+            default_value=PathJoinSubstitution([share, "parameters", "identify.yaml"]),
+            description="Parameter file of the twin",
+        ),
+        DeclareLaunchArgument("respawn", default_value="false", description="Start the twin again if it dies"),
         IncludeLaunchDescription(
             PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "rig_and_twin.launch.py"])),
             launch_arguments=[(name, LaunchConfiguration(name)) for name in names],

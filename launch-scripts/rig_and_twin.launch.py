@@ -12,14 +12,20 @@ def generate_launch_description():
     # Several systems run side by side, each in a namespace and with a clock of its own.
     own = {"namespace": LaunchConfiguration("namespace"), "remappings": [("/clock", "clock")], "output": "screen"}
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value=""),
-        DeclareLaunchArgument("bag", default_value=PathJoinSubstitution([share, "bags", "needle_insertion"])),
-        DeclareLaunchArgument("rate", default_value="1.0"),
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes and of their clock"),
         DeclareLaunchArgument(
-            "params_file", default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"])
+            "bag",
+            default_value=PathJoinSubstitution([share, "bags", "needle_insertion"]),
+            description="Recording to play: rosbag2 folder or .mcap",
         ),
-        DeclareLaunchArgument("log_level", default_value="info"),
-        DeclareLaunchArgument("respawn", default_value="false"),
+        DeclareLaunchArgument("rate", default_value="1.0", description="Seconds of the recording per second"),
+        DeclareLaunchArgument(
+            "params_file",
+            default_value=PathJoinSubstitution([share, "parameters", "twin.yaml"]),
+            description="Parameter file of the twin",
+        ),
+        DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
+        DeclareLaunchArgument("respawn", default_value="false", description="Start the twin again if it dies"),
         Node(
             package="needle_twin",
             executable="twin_node",

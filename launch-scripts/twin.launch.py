@@ -11,11 +11,11 @@ def generate_launch_description():
     share = FindPackageShare("needle_twin")
     default = PathJoinSubstitution([share, "parameters", "twin.yaml"])
     return LaunchDescription([
-        DeclareLaunchArgument("namespace", default_value=""),
-        DeclareLaunchArgument("params_file", default_value=default),
-        DeclareLaunchArgument("use_sim_time", default_value="false"),
-        DeclareLaunchArgument("log_level", default_value="info"),
-        DeclareLaunchArgument("respawn", default_value="false"),
+        DeclareLaunchArgument("namespace", default_value="", description="Namespace of the nodes and of their clock"),
+        DeclareLaunchArgument("params_file", default_value=default, description="Parameter file of the twin"),
+        DeclareLaunchArgument("use_sim_time", default_value="false", description="Take the time from /clock"),
+        DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
+        DeclareLaunchArgument("respawn", default_value="false", description="Start the twin again if it dies"),
         Node(
             package="needle_twin",
             executable="twin_node",

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
 
@@ -251,6 +253,10 @@ impl Watch for Stop<'_> {
 
     fn stop(&self) -> bool {
         self.0.stop()
+    }
+
+    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
+        self.0.stop_flag()
     }
 }
 

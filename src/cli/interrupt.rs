@@ -39,6 +39,11 @@ impl Interrupt {
         interrupt
     }
 
+    /// The flag itself, for what can't ask.
+    pub(super) fn flag(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.0)
+    }
+
     /// Whether a signal came.
     pub(super) fn pressed(&self) -> bool {
         self.0.load(Ordering::Relaxed)

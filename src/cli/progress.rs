@@ -1,7 +1,7 @@
 //! Progress of a run on stderr: curves and a bar where that is a terminal, now and then a line where it isn't.
 
 use std::io::Write as _;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -173,6 +173,10 @@ impl Watch for Progress {
 
     fn stop(&self) -> bool {
         self.interrupt.pressed()
+    }
+
+    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
+        Some(self.interrupt.flag())
     }
 }
 

@@ -1,5 +1,7 @@
 //! Drives a twin with a stream of poses, one at a time, as fast as the machine allows, and keeps what comes out.
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::{Answer, Collector, ForceSeries, Keep, Run};
@@ -31,6 +33,11 @@ pub trait Watch {
 
     /// Whether to end here.
     fn stop(&self) -> bool;
+
+    /// A flag that is set when the run is to end, to be seen inside a pose.
+    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
+        None
+    }
 }
 
 /// Builds the twin of a scene; the second value is the wall time that it took, s.
@@ -55,6 +62,9 @@ pub fn drive(
     watch: &mut dyn Watch,
 ) -> Run {
     collector.on_one_clock(measured.is_some_and(ForceSeries::one_clock));
+    if let Some(flag) = watch.stop_flag() {
+        twin.stop_on(flag);
+    }
     let mut readings = readings.into_iter().peekable();
     let mut done = 0;
     while let Some(reading) = readings.next() {
@@ -83,6 +93,10 @@ pub fn drive(
             Err(Halt::Pose { reason }) => {
                 collector.refused(&format!("at {} s: {reason}", reading.time_s));
                 watch.progress(done, None);
+            }
+            Err(Halt::Interrupted) => {
+                collector.lost(format!("interrupted after {} poses", done - 1));
+                break;
             }
             Err(halt) => {
                 collector.diverged(halt.to_string());

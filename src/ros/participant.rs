@@ -118,6 +118,7 @@ impl Participant {
             memory_bytes: mebibytes(MIDDLEWARE_MEMORY_MIB.default()),
             verbosity: verbosity(arguments),
             hears: false,
+            predecessor: None,
             endpoints: Vec::new(),
         };
         let (link, woken) = Link::new().map_err(|e| refuse(fully_qualified)(e.to_string()))?;

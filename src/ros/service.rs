@@ -63,9 +63,15 @@ pub struct Caller {
     header: Vec<u8>,
 }
 
-/// Longest call and answer, bytes: what goes into one UDP packet. The fragments of longer ones are malformed for other
-/// implementations of DDS.
+/// Longest call, bytes.
 const LONGEST_CALL: usize = 60_000;
+/// Longest answer to a caller whose identity stands in front of it, bytes.
+const LONGEST_ANSWER: usize = 1_000_000;
+/// Longest answer to others, bytes: what goes into one UDP packet. What is cut into fragments is malformed for other implementations of
+/// DDS, since RustDDS writes a byte too many in front of the identity beside it.
+const LONGEST_WHOLE: usize = 60_000;
+/// The same where the caller announces a network card: an Ethernet packet less the headers.
+const LONGEST_ON_A_CARD: usize = 1368;
 
 /// A service server.
 pub struct Service<Q, R> {
@@ -130,20 +136,34 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
 
     /// Answers a request.
     pub fn send(&self, caller: Caller, response: &R) {
-        let sent = self.link.send(Head::of(Kind::Response, self.endpoint, caller.id), false, |bytes| {
+        let (in_payload, mut bytes_sent) = (!caller.header.is_empty(), 0);
+        let head = Head { flag: u8::from(in_payload), ..Head::of(Kind::Response, self.endpoint, caller.id) };
+        let longest = if in_payload { LONGEST_ANSWER } else { LONGEST_WHOLE };
+        let sent = self.link.send(head, false, |bytes| {
             bytes.extend(&caller.header);
             // The header's 16 bytes keep the alignment of what follows.
             let before = bytes.len();
             cdr(bytes, response)?;
-            match bytes.len() - before {
-                length if length > LONGEST_CALL => {
-                    Err(format!("it has {length} bytes, and {LONGEST_CALL} are sent: ask for less at once"))
-                }
-                _ => Ok(()),
+            bytes_sent = bytes.len() - before;
+            if bytes_sent <= longest {
+                return Ok(());
             }
+            Err(format!("it has {bytes_sent} bytes, and {longest} are sent: ask for less at once"))
         });
         if let Err(reason) = sent {
             tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);
+        } else if !in_payload && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_ON_A_CARD {
+            self.warn_of_fragments(bytes_sent);
+        }
+    }
+
+    fn warn_of_fragments(&self, bytes: usize) {
+        if self.complaints.borrow_mut().pass().is_some() {
+            tracing::warn!(
+                "an answer of `{}` has {bytes} bytes: a caller on rmw_fastrtps_cpp does not get it unless it keeps to the loopback \
+                 (ROS_LOCALHOST_ONLY=1, or the profile share/needle_twin/fast_dds.xml); rmw_cyclonedds_cpp does",
+                self.name
+            );
         }
     }
 

@@ -45,7 +45,7 @@ impl Twin {
         let mut finer = steps.max(SAVE);
         let mut left = self.progress.pace.limit.saturating_mul(MOST_POSES).clamp(2 * finer, MOST_STEPS.max(4 * finer));
         let mut tries = 0;
-        while tries < TRIES && left > finer {
+        while tries < TRIES && left > finer && !self.solver.is_stopped() {
             if self.trouble(&balance).is_none() {
                 self.keep(tip, phase, time_s);
                 return Ok(balance);
@@ -57,8 +57,8 @@ impl Twin {
             self.solver.restore(2.0);
             self.solver.relax_again(time_s);
             self.solver.refresh_step();
-            self.solver.advance(&Advance { steps: finer, travel: [0.0; 3] });
-            self.progress.steps += u64::from(finer);
+            let taken = self.solver.advance(&Advance { steps: finer, travel: [0.0; 3] });
+            self.progress.steps += u64::from(taken);
             balance = self.solver.balance();
         }
         match self.trouble(&balance) {
@@ -66,6 +66,7 @@ impl Twin {
                 self.keep(tip, phase, time_s);
                 Ok(balance)
             }
+            Some(_) if self.solver.is_stopped() => Err(Halt::Interrupted),
             Some(trouble) => Err(Halt::Diverged { trouble, tries, step: self.progress.steps, depth_m: tip.depth }),
         }
     }
@@ -161,5 +162,25 @@ mod tests {
             assert!(matches!(lost, Err(Halt::Diverged { tries: t, .. }) if t == tries), "{limit}: {lost:?}");
             twin.reset();
         }
+    }
+
+    /// An interrupt is heard within a few steps, in the pose itself and in its tries, and leaves the last good state.
+    #[test]
+    fn an_interrupt_is_heard_inside_a_pose() {
+        let mut twin = Twin::new(&Scene::preset("compression").unwrap()).unwrap();
+        let at = |twin: &Twin, depth_m| crate::twin::StampedPose { time_s: 0.0, pose: twin.pose_at_depth(depth_m) };
+        let force = twin.step(at(&twin, 1e-4)).unwrap().force_n[2];
+        let flag = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
+        twin.stop_on(std::sync::Arc::clone(&flag));
+        assert!(twin.solver.advance(&Advance { steps: 100_000, travel: [0.0; 3] }) <= 24);
+        let before = twin.progress.steps;
+        let tip = Tip { offset: [0.0, 0.0, -1e-3], depth: 1e-3, slope: [0.0; 2] };
+        (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, [f64::NAN; 3]));
+        let lost = twin.advance_safely(2000, [0.0, 0.0, 1e-3], &tip, Phase::Indentation, 0.0);
+        assert_eq!((lost, twin.progress.steps - before), (Err(Halt::Interrupted), 0), "no try is made");
+        assert_eq!(twin.step(at(&twin, 2e-3)), Err(Halt::Interrupted));
+        flag.store(false, std::sync::atomic::Ordering::Relaxed);
+        let again = (0..50).map(|_| twin.step(at(&twin, 1e-4)).unwrap().force_n[2]).last().unwrap();
+        assert!((again / force - 1.0).abs() < 0.2, "{again} N, {force} N before");
     }
 }

@@ -101,6 +101,9 @@ pub enum Halt {
         /// What is wrong with it.
         reason: String,
     },
+    /// The flag of [`Twin::stop_on`] was set. The twin is back in its last saved state.
+    #[error("interrupted")]
+    Interrupted,
     /// The solution diverged. The twin is back in its last saved state and tries the next poses from there: a few of any depth,
     /// then those that are no deeper, at the latest when the instrument is out of the tissue. Those that it doesn't try get this.
     #[error(

@@ -1,5 +1,8 @@
 //! A pose in, a prediction out.
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use crate::instrument::Tip;
 use crate::instrument::reading::not_a_place;
 use crate::scene::Dimension;
@@ -26,7 +29,7 @@ impl Twin {
     /// threads.
     ///
     /// # Errors
-    /// [`Halt::Pose`] if the pose can't be used (state untouched), [`Halt::Diverged`] if the solution is lost.
+    /// [`Halt::Pose`] if the pose can't be used (state untouched), [`Halt::Diverged`] if the solution is lost, [`Halt::Interrupted`].
     pub fn step(&mut self, pose: StampedPose) -> Result<Prediction, Halt> {
         let tip = self.admit(&pose)?;
         self.try_again(&tip)?;
@@ -129,6 +132,11 @@ impl Twin {
     /// than fall behind. Offline only the scene's `stepping.max_steps_per_pose` applies.
     pub fn limit_steps(&mut self, most_per_pose: u32) {
         self.progress.pace.limit = most_per_pose;
+    }
+
+    /// Watches a flag: once it is set, a pose that is being computed ends within a few steps with [`Halt::Interrupted`].
+    pub fn stop_on(&mut self, flag: Arc<AtomicBool>) {
+        self.solver.stop_on(flag);
     }
 
     /// Angular frequency of the fundamental mode, rad per step.

@@ -15,6 +15,10 @@ pub mod python;
 /// Loopback only and no multicast, so that nothing leaks to a real network.
 pub const CYCLONE: &str = r#"<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface address="127.0.0.1" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>20</MaxAutoParticipantIndex><Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"#;
 
+/// As rmw_cyclonedds_cpp of Jazzy configures it: no interface is named, so a network card is announced and datagrams are those of a
+/// card, 1.4 kB.
+pub const CYCLONE_AS_ROS: &str = r#"<CycloneDDS><Domain Id="any"><General><AllowMulticast>spdp</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers><Peer Address="localhost"/></Peers></Discovery></Domain></CycloneDDS>"#;
+
 /// The twin as a program.
 pub const TWIN: &str = env!("CARGO_BIN_EXE_twin_node");
 

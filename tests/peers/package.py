@@ -37,6 +37,12 @@ for path in (root / "msg").glob("*.msg"):
         finding(package in depends, f"{path.name} uses {package}, which package.xml does not name")
         finding(f"find_package({package} REQUIRED)" in cmake, f"{package} is not found in CMakeLists.txt")
 
+# What others take: the profile of Fast DDS is XML, and nothing installs an empty folder.
+profile = xml.parse(scripts / "fast_dds.xml").getroot()
+finding(any(e.tag.endswith("receiveBufferSize") and int(e.text) >= 1 << 22 for e in profile.iter()), "fast_dds.xml: receiveBufferSize")
+finding("fast_dds.xml" in cmake, "fast_dds.xml is not installed")
+finding("FILES_MATCHING" not in cmake, "a folder is installed without what does not match in it")
+
 # Services: both halves parsed as messages, listed in CMake.
 for path in (root / "srv").glob("*.srv"):
     halves = path.read_text().split("\n---\n")
@@ -63,6 +69,9 @@ for stem in ("twin", "rig_and_twin"):
     ):
         finding(arguments == python, f"{stem}: arguments of {name} {arguments} and of py {python} differ")
         finding(found == python_nodes, f"{stem}: nodes of {name} {found} and of py {python_nodes} differ")
+    silent = [e.get("name") for e in markup if e.tag == "arg" and not e.get("description")]
+    silent += [e["arg"]["name"] for e in text if "arg" in e and not e["arg"].get("description")]
+    finding(not silent, f"{stem}: no description of {silent} for --show-args")
     again = [(e.get("respawn"), e.get("respawn_delay")) for e in markup if e.tag == "node"]
     finding(again == [("$(var respawn)", "1.0")] + (len(again) - 1) * [(None, None)], f"{stem}.launch.xml: respawn {again}")
     again = [(e["node"].get("respawn"), e["node"].get("respawn_delay")) for e in text if "node" in e]
@@ -73,6 +82,9 @@ for path in scripts.glob("*.launch.py"):
     calls = [c for c in ast.walk(ast.parse(path.read_text())) if isinstance(c, ast.Call)]
     named = lambda function: [c for c in calls if getattr(c.func, "id", "") == function]
     declared = {c.args[0].value: c.keywords[0].value for c in named("DeclareLaunchArgument")}
+    for call in named("DeclareLaunchArgument"):
+        said = any(k.arg == "description" and k.value.value for k in call.keywords)
+        finding(said, f"{path.name}: {call.args[0].value} has no description for --show-args")
     default = declared.get("respawn")
     finding(isinstance(default, ast.Constant) and default.value == "false", f"{path.name}: respawn is not offered, or not off")
     for node in named("Node"):

@@ -147,8 +147,8 @@ impl Graph {
                         "`{}`: a {} of type {} is on this topic; this node speaks {}. Remap one of them (-r {0}:=/other)",
                         record.topic,
                         side.word(),
-                        remote.type_name,
-                        record.dds_type,
+                        ros_type(&remote.type_name),
+                        ros_type(&record.dds_type),
                     ));
                 }
             } else if side == Side::Publisher
@@ -168,6 +168,12 @@ impl Graph {
     fn warn(&self, text: &str) {
         self.uplink.log(log::Level::Warn, text);
     }
+}
+
+/// `std_msgs::msg::dds_::String_` as ROS calls it: `std_msgs/msg/String`; what is none of ROS stays.
+fn ros_type(dds_type: &str) -> String {
+    let parts = dds_type.split_once("::dds_::").and_then(|(package, name)| Some((package, name.strip_suffix('_')?)));
+    parts.map_or_else(|| dds_type.to_owned(), |(package, name)| format!("{}/{name}", package.replace("::", "/")))
 }
 
 fn qos_remedy(side: Side, topic: &str, ours: &QosProfile, theirs: &QosProfile) -> String {
@@ -196,6 +202,12 @@ fn qos_remedy(side: Side, topic: &str, ours: &QosProfile, theirs: &QosProfile) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn types_are_called_as_ros_calls_them() {
+        assert_eq!(ros_type("std_msgs::msg::dds_::String_"), "std_msgs/msg/String");
+        assert_eq!(ros_type("Module::Type"), "Module::Type");
+    }
 
     #[test]
     fn the_warning_holds_the_remedy() {

@@ -182,17 +182,16 @@ impl Keeper {
 
     /// Hands on what the process says until it ends or falls silent, or the node leaves.
     fn attend(&mut self, pid: u32, socket: &UnixStream, frames: &mut Frames, first: &mut First) -> io::Result<End> {
-        let (mut ready, mut silent) = (false, 0);
+        let (mut ready, mut silence) = (false, Silence::new(Instant::now()));
         loop {
             let more = self.link.flush();
             let interest = if more { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
-            let sockets = [(socket, interest), (&self.woken, PollFlags::IN)];
-            // Looks are counted and not time: a node that was stopped itself must not take its own sleep for silence.
-            silent = if poll(sockets, LOOK) { 0 } else { silent + 1 };
+            poll([(socket, interest), (&self.woken, PollFlags::IN)], silence.left(Instant::now()));
             let patience = match (ready, first.is_some()) {
                 (true, _) => SILENT_LOOKS,
                 (false, first) => STARTING_LOOKS[usize::from(!first)],
             };
+            let silent = silence.looks;
             if silent >= STOPPED_LOOKS && is_stopped(pid) {
                 return Ok(End::Lost("is stopped (SIGSTOP, or a debugger)".to_owned()));
             }
@@ -204,7 +203,9 @@ impl Keeper {
                 self.flush_all(socket);
                 return Ok(End::Left);
             }
-            match frames.read(socket) {
+            let read = frames.read(socket);
+            silence.look(read.is_ok(), Instant::now());
+            match read {
                 Ok(0) => return Ok(End::Lost("has ended".to_owned())),
                 Ok(_) => {}
                 Err(e) if [io::ErrorKind::WouldBlock, io::ErrorKind::Interrupted].contains(&e.kind()) => continue,
@@ -220,6 +221,7 @@ impl Keeper {
                     }
                     Kind::Ready => {
                         ready = true;
+                        self.plan.predecessor = head.stamp.first_chunk().copied();
                         self.link.connect(socket.try_clone()?);
                         self.back(first);
                     }
@@ -271,6 +273,39 @@ impl Keeper {
     fn drain_nudges(&mut self) {
         let mut nudges = [0; 64];
         while io::Read::read(&mut self.woken, &mut nudges).is_ok_and(|n| n == nudges.len()) {}
+    }
+}
+
+/// Looks in a row between which a process has said nothing. What the node does meanwhile is no sign of the process's life.
+///
+/// Looks are counted and not time: a node that was stopped itself must not take its own sleep for silence.
+struct Silence {
+    /// How many.
+    looks: u32,
+    heard: bool,
+    due: Instant,
+}
+
+impl Silence {
+    fn new(now: Instant) -> Self {
+        Self { looks: 0, heard: false, due: now + LOOK }
+    }
+
+    /// Time until the next look.
+    fn left(&self, now: Instant) -> Duration {
+        self.due.saturating_duration_since(now)
+    }
+
+    /// The process has said something, or not.
+    fn look(&mut self, heard: bool, now: Instant) {
+        self.heard |= heard;
+        if self.heard {
+            self.looks = 0;
+        }
+        if now >= self.due {
+            self.looks += u32::from(!self.heard);
+            (self.heard, self.due) = (false, now + LOOK);
+        }
     }
 }
 
@@ -376,4 +411,25 @@ fn poll<const N: usize>(sockets: [(&UnixStream, PollFlags); N], patience: Durati
     let mut entries = sockets.map(|(socket, interest)| PollFd::new(socket, interest));
     // an interrupted wait does not count as silence
     !matches!(rustix::event::poll(&mut entries, Timespec::try_from(patience).ok().as_ref()), Ok(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_node_does_is_no_sign_of_life() {
+        let begun = Instant::now();
+        let mut silence = Silence::new(begun);
+        // a large message every millisecond: the node wakes for each, and the process says nothing
+        let at = |ms: u64| begun + Duration::from_millis(ms);
+        (1..=3000).for_each(|ms| silence.look(false, at(ms)));
+        assert_eq!(silence.looks, 10);
+        silence.look(true, at(3001));
+        assert_eq!(silence.looks, 0);
+        // the node itself has slept for an hour: that is one look
+        silence.look(false, at(3_600_000));
+        silence.look(false, at(3_600_001));
+        assert!(silence.looks <= 1);
+    }
 }

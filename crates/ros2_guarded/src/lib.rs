@@ -21,6 +21,7 @@ mod health;
 mod keeper;
 mod link;
 mod loopback;
+mod obituary;
 mod process;
 pub mod qos;
 mod raw;

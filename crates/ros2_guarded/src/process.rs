@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crossbeam_channel::Receiver;
-use ros2_client::dds::rustdds::DomainParticipantBuilder;
+use ros2_client::dds::rustdds::{DomainParticipantBuilder, RTPSEntity as _};
 use ros2_client::{
     Client, Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
     ServiceMapping, ServiceTypeName, Subscription,
@@ -24,10 +24,11 @@ use ros2_client::{
 use super::ARGUMENT;
 use super::graph::{EndpointRecord, Graph};
 use super::loopback;
-use super::services::{ORDERS, Order, ReplyReaders, Served, be_answered, be_asked, obey, reply_topic};
+use super::obituary;
+use super::services::{ORDERS, Order, ReplyReaders, Served, be_answered, be_asked, obey};
 use super::uplink::Uplink;
 use super::watch::{Finding, LOOK, Voice, Watch, threads};
-use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, times, wall_nanos};
+use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, times, wall_nanos};
 use crate::GuardError;
 use crate::qos::Side;
 use crate::raw::RawCdr;
@@ -66,6 +67,8 @@ fn run() -> Result<(), String> {
     limit(plan.memory_bytes).map_err(|e| e.to_string())?;
     let (voice, lines) = Voice::listen(plan.verbosity);
     let uplink = Arc::new(Uplink::new(socket.try_clone().map_err(|e| e.to_string())?));
+    // Without it peers list the dead one until its lease ends, which is not worth an error.
+    let _ = plan.predecessor.map(|prefix| obituary::announce(prefix, plan.domain, plan.localhost));
     match Domain::join(&plan, &uplink) {
         Ok(domain) => domain.serve(frames, socket, &uplink, voice, &lines),
         Err(reason) => {
@@ -172,12 +175,8 @@ impl Domain {
                 self.graph.add(EndpointRecord::new(number, side, guid, &endpoint.name, &dds_type, profile));
             }
             Role::Server => {
-                let type_name = ServiceTypeName::new(&endpoint.package, &endpoint.type_name);
-                // Enhanced adds nothing to the bytes; the node reads each caller's manner from them.
-                let server = node
-                    .create_server(ServiceMapping::Enhanced, &name, &type_name, profile.clone(), profile)
-                    .map_err(|e| say(&e))?;
-                self.servers.push(Served { number, replies: reply_topic(&endpoint.name), server });
+                let names = [&endpoint.name, &endpoint.package, &endpoint.type_name].map(String::as_str);
+                self.servers.push(Served::new(number, &self.context, node, names, &profile)?);
             }
             Role::Client { cyclone } => {
                 let type_name = ServiceTypeName::new(&endpoint.package, &endpoint.type_name);
@@ -204,7 +203,8 @@ impl Domain {
         let (stop, stopped) = smol::channel::bounded::<()>(1);
         // No thread of ours yet: those that are here are the DDS's, and they are for ever.
         let watch = Watch::new(hears, threads());
-        uplink.send(Head::new(Kind::Ready), &[]);
+        let own = caller(context.domain_participant().guid().to_bytes(), 0);
+        uplink.send(Head::of(Kind::Ready, 0, own), &[]);
         let ticks = ticks().map_err(|e| e.to_string())?;
         let publishing = {
             let uplink = Arc::clone(uplink);

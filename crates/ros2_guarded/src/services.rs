@@ -4,8 +4,10 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
-use ros2_client::dds::rustdds::GUID;
-use ros2_client::{Client, RmwRequestId, Server};
+use ros2_client::dds::rustdds::no_key::DataWriterCdr;
+use ros2_client::dds::rustdds::rpc::SampleIdentity;
+use ros2_client::dds::rustdds::{GUID, QosPolicies, SequenceNumber, Timestamp, TopicKind, WriteOptionsBuilder};
+use ros2_client::{Client, Context, MessageInfo, Node, QosProfile, RmwRequestId, Subscription};
 use smol::channel::{Receiver, Sender};
 
 use super::uplink::Uplink;
@@ -28,11 +30,60 @@ pub(super) struct Order {
     pub body: Vec<u8>,
 }
 
-/// A server, and the DDS topic of its answers.
+/// A server: calls come by a subscription and answers go by a writer, as ros2-client's `Server` has them.
+///
+/// That one puts the caller's identity beside every answer (inline QoS), and RustDDS 0.15.1 writes one byte too many in front of it
+/// where an answer is cut into fragments, which makes it malformed for others. rmw_cyclonedds has the identity in the payload and
+/// needs none beside it; without it its fragments are sound.
 pub(super) struct Served {
     pub number: u16,
+    /// DDS topic of the answers.
     pub replies: String,
-    pub server: Server<RawCdr, RawCdr>,
+    calls: Subscription<RawCdr>,
+    answers: DataWriterCdr<RawCdr>,
+}
+
+impl Served {
+    /// Makes the server of `PACKAGE/srv/TYPE` called `service`.
+    ///
+    /// # Errors
+    /// What could not be made.
+    pub fn new(
+        number: u16,
+        context: &Context,
+        node: &mut Node,
+        [service, package, type_name]: [&str; 3],
+        profile: &QosProfile,
+    ) -> Result<Self, String> {
+        let participant = context.domain_participant();
+        let quality = QosPolicies::from(profile.clone());
+        let topic = |name: String, part: &str| {
+            let of_type = format!("{package}::srv::dds_::{type_name}_{part}_");
+            participant.create_topic(name, of_type, &quality, TopicKind::NoKey).map_err(|e| e.to_string())
+        };
+        let (replies, calls) = (reply_topic(service), format!("rq{service}Request"));
+        let calls = node.create_subscription(&topic(calls, "Request")?, None).map_err(|e| e.to_string())?;
+        let publisher = participant.create_publisher(&quality).map_err(|e| e.to_string())?;
+        let answers = topic(replies.clone(), "Response")?;
+        let answers = publisher.create_datawriter_no_key_cdr(&answers, None).map_err(|e| e.to_string())?;
+        Ok(Self { number, replies, calls, answers })
+    }
+
+    /// Sends an answer; its caller's identity goes beside it unless the payload has it.
+    fn answer(&self, id: RmwRequestId, in_payload: bool, answer: RawCdr) -> bool {
+        let beside = (!in_payload).then(|| SampleIdentity::from(id));
+        let options = WriteOptionsBuilder::new().source_timestamp(Timestamp::now()).related_sample_identity_opt(beside);
+        self.answers.write_with_options(answer, options.build()).is_ok()
+    }
+}
+
+/// Who calls: as the caller says beside its call (rmw_fastrtps), and else its writer and the number of its message.
+fn who(info: &MessageInfo) -> RmwRequestId {
+    let own = RmwRequestId { writer_gid: info.publisher_gid(), sequence_number: info.sequence_number() };
+    let said = info.related_request_id().unwrap_or(own);
+    // Fast DDS leaves the number out.
+    let number_said = said.sequence_number != i64::from(SequenceNumber::UNKNOWN);
+    if number_said { said } else { RmwRequestId { sequence_number: own.sequence_number, ..said } }
 }
 
 /// The DDS topic of a service's answers.
@@ -91,8 +142,9 @@ impl ReplyReaders {
 /// Takes the calls of a service to the node.
 pub(super) async fn be_asked(served: &Served, uplink: &Uplink) {
     loop {
-        match served.server.async_receive_request().await {
-            Ok((id, raw)) => {
+        match served.calls.async_take().await {
+            Ok((raw, info)) => {
+                let id = who(&info);
                 let stamp = caller(id.writer_gid.to_bytes16(), id.sequence_number);
                 let head = Head::of(Kind::Request, served.number, stamp);
                 uplink.send(Head { flag: u8::from(raw.is_big_endian()), ..head }, raw.as_slice());
@@ -163,7 +215,7 @@ fn send(order: &mut Order, servers: &[Served], clients: &[(u16, Client<RawCdr, R
     if head.kind == Kind::Response {
         let (guid, sequence_number) = caller_of(&head.stamp);
         let id = RmwRequestId { writer_gid: GUID::from_bytes(guid).into(), sequence_number };
-        servers.iter().find(|s| s.number == head.endpoint).is_some_and(|s| s.server.send_response(id, raw).is_ok())
+        servers.iter().find(|s| s.number == head.endpoint).is_some_and(|s| s.answer(id, head.flag != 0, raw))
     } else {
         clients.iter().find(|c| c.0 == head.endpoint).is_some_and(|c| c.1.send_request(raw).is_ok())
     }

@@ -29,9 +29,9 @@ pub enum Kind {
     Message,
     /// Both ways: a call; the stamp is its caller.
     Request,
-    /// Both ways: an answer; the stamp is its caller.
+    /// Both ways: an answer; the stamp is its caller. The node's flag is whether the body has the caller's identity.
     Response,
-    /// Process to node: every endpoint is made.
+    /// Process to node: every endpoint is made; the stamp has the participant's GUID.
     Ready,
     /// Process to node: something could not be made; the body says what and why, in two lines.
     Refused,
@@ -241,6 +241,8 @@ pub struct Plan {
     pub verbosity: u8,
     /// One process has heard itself, so the next one must.
     pub hears: bool,
+    /// First bytes of the GUID of the process before, which may have been killed.
+    pub predecessor: Option<[u8; 12]>,
     /// What it makes.
     pub endpoints: Vec<Endpoint>,
 }

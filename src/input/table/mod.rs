@@ -95,7 +95,9 @@ pub struct Table {
 pub(super) fn reader(bytes: &[u8], separator: char) -> csv::Reader<&[u8]> {
     let mut builder = csv::ReaderBuilder::new();
     let separator = u8::try_from(separator).unwrap_or(b',');
-    builder.has_headers(false).flexible(true).delimiter(separator).buffer_capacity(1 << 16).from_reader(bytes)
+    // a line is read by a reader of its own
+    builder.buffer_capacity(bytes.len().clamp(64, 1 << 16));
+    builder.has_headers(false).flexible(true).delimiter(separator).from_reader(bytes)
 }
 
 /// UTF-8, UTF-16 with its mark, or else Latin-1: the units µm and °C stand in old files.
@@ -138,12 +140,7 @@ impl Table {
     ///
     /// # Errors
     /// [`TableError`].
-    pub fn from_bytes(
-        path: &Path,
-        bytes: Vec<u8>,
-        said: &Selection,
-        file_number: usize,
-    ) -> Result<Self, TableError> {
+    pub fn from_bytes(path: &Path, bytes: Vec<u8>, said: &Selection, file_number: usize) -> Result<Self, TableError> {
         let text = text(bytes);
         let text = text.trim_start_matches('\u{feff}');
         let layout = Layout::of(text, &said.layout).ok_or_else(|| TableError::NoTable { path: path.to_owned() })?;

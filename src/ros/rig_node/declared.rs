@@ -35,7 +35,7 @@ parameters! {
         "rosbag2 folder or .mcap to play (also the one positional argument).",
     )
     .fixed();
-    RATE: f64 = Parameter::real("rate", 1.0, [1e-3, 1e3], "Bag seconds per wall second.").fixed();
+    RATE: f64 = Parameter::real("rate", 1.0, [1e-3, 1e3], "Bag seconds per wall second.");
     LOOP: bool = Parameter::new("loop", false, "Start again at the end.").fixed();
     START_OFFSET: f64 = Parameter::real(
         "start_offset",

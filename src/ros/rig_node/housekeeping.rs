@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, Sender};
 
+use super::declared;
 use super::playback::Command;
 use crate::rig::Stretch;
 use crate::ros::clock::NodeClock;
@@ -17,6 +18,7 @@ use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Participant, ParticipantError};
 use crate::ros::rosout::Rosout;
 use crate::ros::service::Service;
+use ros2_client::ParameterValue;
 use ros2_guarded::Bell;
 
 /// Longest time between two looks at anything that rings no bell.
@@ -56,7 +58,7 @@ impl PlayerServices {
         })
     }
 
-    fn serve(&self, commands: &Sender<Command>) {
+    fn serve(&self, commands: &Sender<Command>, parameters: &Parameters) {
         let tell = |command| {
             // Fails only when the playback has ended.
             let _ = commands.send(command);
@@ -68,7 +70,14 @@ impl PlayerServices {
         self.stop.answer(|_| tell(Command::Stop));
         self.is_paused.answer(|_| IsPausedResponse { paused: ask(commands, Command::State).is_none_or(|s| s.0) });
         self.get_rate.answer(|_| GetRateResponse { rate: ask(commands, Command::State).map_or(0.0, |s| s.1) });
-        self.set_rate.answer(|q| success(ask(commands, |reply| Command::SetRate(q.rate, reply))));
+        self.set_rate.answer(|q| {
+            let done = ask(commands, |reply| Command::SetRate(q.rate, reply));
+            if done == Some(true) {
+                // what the service takes is in the parameter's range, or the parameter stays
+                let _ = parameters.set(&[(declared::RATE.name().to_owned(), ParameterValue::Double(q.rate))]);
+            }
+            success(done)
+        });
         self.seek.answer(|q| success(ask(commands, |reply| Command::Seek(q.time.nanos(), reply))));
         self.play_next.answer(|_| success(ask(commands, Command::PlayNext)));
         self.play.answer(|q| {
@@ -120,17 +129,27 @@ impl Housekeeping {
         })
     }
 
+    fn change_rate(&self, commands: &Sender<Command>, value: &ParameterValue) {
+        let ParameterValue::Double(rate) = *value else { return };
+        if self.player.is_none() || ask(commands, |reply| Command::SetRate(rate, reply)) != Some(true) {
+            tracing::warn!("rate has no effect: no bag is played");
+        }
+    }
+
     pub fn run(self, clock: &NodeClock, commands: &Sender<Command>, rosout: &Rosout, stop: &Receiver<()>) {
         loop {
             self.parameter_services.poll(&self.parameters, clock, &mut |name, value| {
                 tracing::info!("parameter {name} is now {}", crate::ros::parameters::show(value));
+                if name == declared::RATE.name() {
+                    self.change_rate(commands, value);
+                }
                 if name == "use_sim_time" {
                     clock.set_simulated(false);
                     tracing::warn!("use_sim_time has no effect on the rig, which makes the time: leave it out");
                 }
             });
             if let Some(player) = &self.player {
-                player.serve(commands);
+                player.serve(commands, &self.parameters);
             }
             rosout.publish();
             if !self.bell.wait(stop, Instant::now() + TICK) {

@@ -37,6 +37,8 @@ use ros2_guarded::Health;
 const TICK: Duration = Duration::from_millis(100);
 /// Time between two lines about what the node waits for.
 const WAITING: Duration = Duration::from_secs(5);
+/// The same where nothing has changed.
+const LONGEST_WAITING: Duration = Duration::from_secs(640);
 
 type Trigger = Service<TriggerRequest, TriggerResponse>;
 
@@ -112,6 +114,7 @@ impl Housekeeping {
         let begun = Instant::now();
         let (mut status_due, mut diagnostics_due, mut waiting_due) = (begun, begun, begun + WAITING);
         let mut model: Option<Arc<Model>> = None;
+        let (mut pause, mut said) = (WAITING, None);
         if self.parameters.get(declared::AUTOSTART) {
             self.manage(context, Some("configure"));
         }
@@ -137,11 +140,14 @@ impl Housekeeping {
                 self.publish_diagnostics(context, model.as_deref());
             }
             if now >= waiting_due {
-                waiting_due = now + WAITING;
                 let line = status::waiting(&self.shared.lock(), &self.shared, &self.wishes, begun, context.reach);
-                if let Some(line) = line {
+                // the same again is said ever more seldom
+                pause = if line.is_some() && line == said { (2 * pause).min(LONGEST_WAITING) } else { WAITING };
+                waiting_due = now + pause;
+                if let Some(line) = &line {
                     tracing::info!("{line}");
                 }
+                said = line;
             }
             let next = status_due.min(diagnostics_due).min(Instant::now() + TICK);
             if !context.bell.wait(stop, next) {
@@ -262,6 +268,7 @@ impl Housekeeping {
             self.shared.clock.set_simulated(self.parameters.get(USE_SIM_TIME));
         }
         self.reset.answer(|_| {
+            self.shared.lock().expect_reset();
             context.inbox.reset("~/reset");
             TriggerResponse { success: true, message: "the twin starts anew from the undeformed state".to_owned() }
         });

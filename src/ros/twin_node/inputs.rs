@@ -275,6 +275,7 @@ impl<'a> Intake<'a> {
     fn jump_back(&mut self, seconds: f64) {
         tracing::info!("time went back by {seconds:.3} s: the twin starts anew from the undeformed state");
         self.last_stamp = None;
+        self.shared.lock().expect_reset();
         self.inbox.reset("time went back");
     }
 

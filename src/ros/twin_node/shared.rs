@@ -110,6 +110,8 @@ pub(super) struct Live {
     pub rejects: BTreeMap<Reject, u64>,
     pub coalesced: u64,
     pub missed: u64,
+    /// `received`, `coalesced` and `missed` when the reset that is on its way was asked for.
+    pub before_reset: Option<[u64; 3]>,
     pub withheld: u64,
     pub not_finite: u64,
     pub steps: u64,
@@ -239,9 +241,20 @@ impl Live {
         });
     }
 
+    /// A reset has been asked for: what comes from now on belongs to the run after it.
+    pub fn expect_reset(&mut self) {
+        self.before_reset = Some([self.received, self.coalesced, self.missed]);
+    }
+
     /// Everything from zero, but for what belongs to the node and not to the run.
     pub fn reset(&mut self) {
+        let now = [self.received, self.coalesced, self.missed];
+        let before = self.before_reset.unwrap_or(now);
+        let [received, coalesced, missed] = [0, 1, 2].map(|k| now[k].saturating_sub(before[k]));
         *self = Self {
+            received,
+            coalesced,
+            missed,
             last_pose: self.last_pose,
             last_clock: self.last_clock,
             load_cell: self.load_cell,

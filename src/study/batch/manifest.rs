@@ -412,7 +412,8 @@ mod tests {
     #[test]
     fn numbers_that_mean_nothing_are_refused() {
         let read = |text: &str| Manifest::from_text(Path::new("m.toml"), text, Some(Path::new("none")));
-        for (key, bad) in [("rate_hz", "0.0"), ("rate_hz", "nan"), ("gauge_length_m", "-1.0"), ("time_offset_s", "inf")] {
+        for (key, bad) in [("rate_hz", "0.0"), ("rate_hz", "nan"), ("gauge_length_m", "-1.0"), ("time_offset_s", "inf")]
+        {
             let error = read(&format!("[[recordings]]\nfile = \"a.csv\"\n{key} = {bad}\n")).unwrap_err().to_string();
             assert!(error.contains(key) && error.contains("a.csv"), "{error}");
         }

@@ -1,6 +1,7 @@
 //! A model with one state of it and the memory to step it.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use crate::approximation::ShapeTable;
 
@@ -121,8 +122,19 @@ impl Solver {
     }
 
     /// [`Model::advance`].
-    pub fn advance(&mut self, advance: &Advance) {
-        self.model.advance(&mut self.state, &mut self.work, advance);
+    pub fn advance(&mut self, advance: &Advance) -> u32 {
+        self.model.advance(&mut self.state, &mut self.work, advance)
+    }
+
+    /// [`Workspace::stop_on`].
+    pub fn stop_on(&mut self, flag: Arc<AtomicBool>) {
+        self.work.stop_on(flag);
+    }
+
+    /// [`Workspace::is_stopped`].
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.work.is_stopped()
     }
 
     /// [`Model::balance`].

@@ -5,6 +5,9 @@
 //! largest eigenvalue of M^-1 K is (2 f)^2, f being the step factor (Joldes, Wittek, Miller 2012). Every point gets
 //! mass in proportion to its own bound, so fine and coarse, crushed and relaxed regions share one critical step.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 
@@ -90,6 +93,8 @@ pub struct Workspace {
     pub(super) scratch: Precise<Scratch<f32>, Scratch<f64>>,
     /// A displacement field beside the state's own, m, and then the force there, N.
     pub(super) image: Vec<[f64; 3]>,
+    /// Set from outside to end an advance before its last step.
+    pub(super) stop: Arc<AtomicBool>,
 }
 
 impl Workspace {
@@ -101,7 +106,18 @@ impl Workspace {
             Precise::F32(k) => Precise::F32(k.scratch(pool.threads())),
             Precise::F64(k) => Precise::F64(k.scratch(pool.threads())),
         };
-        Self { pool, scratch, image: vec![[0.0; 3]; model.rest.moving.u.len()] }
+        Self { pool, scratch, image: vec![[0.0; 3]; model.rest.moving.u.len()], stop: Arc::default() }
+    }
+
+    /// Watches a flag: once it is set, an advance ends within 24 steps.
+    pub fn stop_on(&mut self, flag: Arc<AtomicBool>) {
+        self.stop = flag;
+    }
+
+    /// Whether that flag is set.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// Threads that a step uses.

@@ -65,7 +65,10 @@ pub struct Balance {
 impl Model {
     /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every `REFRESH` steps masses
     /// and step follow the deformation.
-    pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) {
+    ///
+    /// How many steps were taken: fewer than asked for once there are no numbers left, or [`Workspace::stop_on`] ends it. Then the
+    /// balance is not finite, and the state is good for nothing but a return to an earlier one.
+    pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) -> u32 {
         let travel = advance.travel.map(|d| d / f64::from(advance.steps));
         self.note_motion(state, advance.travel);
         let control = &mut state.control;
@@ -94,7 +97,7 @@ impl Model {
             state.control.steps_since_refresh += last + 1 - first;
             first = last + 1;
             let strain = with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) });
-            if first <= advance.steps && !strain.is_finite() {
+            if first <= advance.steps && (!strain.is_finite() || work.is_stopped()) {
                 // no further step brings numbers back: the balance says so
                 state.control.sums.fill(Sums::LOST);
                 break;
@@ -107,6 +110,7 @@ impl Model {
         for (path, _) in path.iter_mut().zip(role).filter(|(_, role)| matches!(role, Role::Instrument | Role::Guided)) {
             path.start = path.end;
         }
+        first - 1
     }
 
     /// Takes the steps from `rule.first` to `rule.last`.
@@ -229,7 +233,7 @@ impl Model {
     /// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
     pub(super) fn probe(&self, state: &mut State, work: &mut Workspace) {
         let State { moving: Moving { u, f, memory, .. }, constraints, control, points } = state;
-        let Workspace { pool, scratch, image } = work;
+        let Workspace { pool, scratch, image, .. } = work;
         let largest = control.probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
         if !(largest > 0.0 && largest.is_finite()) {
             return;
