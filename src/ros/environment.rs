@@ -2,18 +2,19 @@
 //!
 //! By default the programs use the loopback only, since DDS has no authentication. `ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` opens the network.
 
+use std::path::PathBuf;
+
 use ros2_client::ServiceMapping;
 
 const OWN_DDS: &str = "the programs bring their own DDS";
 
 /// Variables that mean something to other ROS 2 programs, and why not to these.
-const WITHOUT_EFFECT: [(&str, &str); 7] = [
+const WITHOUT_EFFECT: [(&str, &str); 6] = [
     ("ROS_STATIC_PEERS", "peers are found by multicast, and on this machine"),
     ("ROS_DISCOVERY_SERVER", OWN_DDS),
     ("CYCLONEDDS_URI", OWN_DDS),
     ("FASTRTPS_DEFAULT_PROFILES_FILE", OWN_DDS),
     ("FASTDDS_DEFAULT_PROFILES_FILE", OWN_DDS),
-    ("ROS_LOG_DIR", "the log goes to the console and to /rosout, not into a file"),
     ("RCUTILS_LOGGING_BUFFERED_STREAM", "every line of the log is written at once"),
 ];
 
@@ -47,6 +48,8 @@ pub struct Environment {
     pub reach: Reach,
     /// How services are mapped to DDS, from `RMW_IMPLEMENTATION` (the middleware of the peers).
     pub mapping: ServiceMapping,
+    /// `ROS_LOG_DIR`: folder of a file with the log.
+    pub log_folder: Option<PathBuf>,
     /// What can't be honoured or is doubtful; to be printed once.
     pub warnings: Vec<String>,
 }
@@ -86,7 +89,8 @@ impl Environment {
                 warnings.push(format!("{variable}={value} is neither 0 nor 1: taken as not set"));
             }
         }
-        Ok(Self { domain, reach, mapping, warnings })
+        let log_folder = lookup("ROS_LOG_DIR").map(PathBuf::from);
+        Ok(Self { domain, reach, mapping, log_folder, warnings })
     }
 }
 

@@ -4,9 +4,11 @@
 //! thread that publishes `/rosout` over a bounded channel, so that no log line can hold up a step.
 
 use std::fmt::Write as _;
+use std::fs::File;
 use std::io::{IsTerminal, Write as _};
-use std::sync::OnceLock;
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError, RwLock};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crossbeam_channel::{Receiver, Sender};
@@ -92,7 +94,34 @@ struct RosLayer {
     level: Severity,
     loggers: Vec<(String, Severity)>,
     console: Option<Console>,
+    file: Option<Mutex<File>>,
     rosout: Option<Sender<Record>>,
+}
+
+/// Levels that were set while the node runs; they prevail over those of the command line.
+static LEVELS: RwLock<Vec<(String, Severity)>> = RwLock::new(Vec::new());
+
+/// Sets the level of a logger.
+pub fn set_level(logger: &str, level: Severity) {
+    let mut levels = LEVELS.write().unwrap_or_else(PoisonError::into_inner);
+    levels.retain(|(name, _)| name != logger);
+    levels.push((logger.to_owned(), level));
+    drop(levels);
+    tracing::callsite::rebuild_interest_cache();
+}
+
+/// The level that was set for a logger.
+#[must_use]
+pub fn level(logger: &str) -> Option<Severity> {
+    let levels = LEVELS.read().unwrap_or_else(PoisonError::into_inner);
+    levels.iter().find(|(name, _)| name == logger).map(|(_, level)| *level)
+}
+
+/// `NAME_PROCESS_MILLISECONDS.log`, as the programs of ROS 2 name theirs.
+fn open(folder: &Path, name: &str) -> std::io::Result<File> {
+    std::fs::create_dir_all(folder)?;
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
+    File::create(folder.join(format!("{name}_{}_{since}.log", std::process::id())))
 }
 
 struct Console {
@@ -102,14 +131,19 @@ struct Console {
 }
 
 /// Installs the process's log for a node and returns the lines meant for `/rosout`. Only the first call of a process
-/// has an effect on the console.
+/// has an effect on the console. With a folder every line goes into a file there too.
 #[must_use]
-pub fn install(node: &str, arguments: &LogArguments) -> Receiver<Record> {
+pub fn install(node: &str, arguments: &LogArguments, folder: Option<&Path>) -> Receiver<Record> {
     static INSTALLED: OnceLock<()> = OnceLock::new();
     let (sender, receiver) = crossbeam_channel::bounded(256);
     if INSTALLED.set(()).is_ok() {
+        let name = logger_name(node);
+        let file =
+            folder.map(|folder| open(folder, &name).map_err(|e| format!("{}: {e}", folder.display()))).transpose();
+        let unwritten = file.as_ref().err().cloned();
         let layer = RosLayer {
-            name: logger_name(node),
+            name,
+            file: file.ok().flatten().map(Mutex::new),
             level: arguments.level.unwrap_or(Severity::Info),
             loggers: arguments.loggers.clone(),
             console: arguments.stdout.unwrap_or(true).then(Console::from_environment),
@@ -117,6 +151,9 @@ pub fn install(node: &str, arguments: &LogArguments) -> Receiver<Record> {
         };
         // Fails only if somebody else installed a subscriber first: then his stands.
         let _ = tracing_subscriber::registry().with(layer).try_init();
+        if let Some(reason) = unwritten {
+            tracing::warn!("no log file can be written in ROS_LOG_DIR, {reason}");
+        }
     }
     receiver
 }
@@ -201,10 +238,11 @@ impl RosLayer {
     /// Lowest severity that a target may speak with.
     fn threshold(&self, target: &str) -> Severity {
         // A logger's level holds for what is below it: `or1` for `or1.twin`.
+        let set = LEVELS.read().unwrap_or_else(PoisonError::into_inner);
         let own = |l: &str| self.name.strip_prefix(l).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
         let is_own = is_own(target);
         let fits = |l: &str| target.starts_with(l) || (is_own && own(l));
-        if let Some((_, level)) = self.loggers.iter().rev().find(|(l, _)| fits(l)) {
+        if let Some((_, level)) = set.iter().rev().chain(self.loggers.iter().rev()).find(|(l, _)| fits(l)) {
             return *level;
         }
         if is_own {
@@ -253,6 +291,13 @@ impl<S: Subscriber> Layer<S> for RosLayer {
         if let Some(console) = &self.console {
             console.print(&self.name, &record);
         }
+        if let Some(file) = &self.file {
+            let Record { severity, wall_nanos: t, message, .. } = &record;
+            let (word, s, ns) = (severity.word(), t / 1_000_000_000, t % 1_000_000_000);
+            let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+            // A full disk must not end a node.
+            let _ = writeln!(file, "[{word}] [{s}.{ns:09}] [{}]: {message}", self.name);
+        }
         // Only own lines: publishing makes the middleware log, which would publish again.
         if is_own(metadata.target()) && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err()) {
             ROSOUT_DROPPED.fetch_add(1, Ordering::Relaxed);
@@ -292,6 +337,7 @@ mod tests {
             level: Severity::Info,
             loggers: loggers.iter().map(|(l, s)| ((*l).to_owned(), *s)).collect(),
             console: None,
+            file: None,
             rosout: None,
         };
         let own = concat!(env!("CARGO_CRATE_NAME"), "::ros::twin_node");
@@ -302,5 +348,11 @@ mod tests {
         assert_eq!(layer(&[("or1", Severity::Debug)]).threshold("rustdds::dds::participant"), Severity::Error);
         assert_eq!(layer(&[("rustdds", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Debug);
         assert_eq!(layer(&[]).threshold("rustdds::rtps"), Severity::Fatal);
+        // set while the node runs: the last word
+        set_level("or1.twin", Severity::Error);
+        assert_eq!((level("or1.twin"), level("or1")), (Some(Severity::Error), None));
+        assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Error);
+        set_level("or1.twin", Severity::Info);
+        assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Info);
     }
 }

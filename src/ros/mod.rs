@@ -10,6 +10,7 @@ pub mod environment;
 pub mod guard_node;
 pub mod lifecycle;
 mod lifecycle_services;
+mod logger_services;
 pub mod logging;
 pub mod names;
 pub mod observer;

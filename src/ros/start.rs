@@ -95,7 +95,8 @@ pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) 
     let environment = Environment::read()?;
     let names = Names::new(default_name, &ros)?;
     let node = names.fully_qualified();
-    let rosout = Rosout::new(logging::install(&node, &ros.log), logging::logger_name(&node));
+    let rosout =
+        Rosout::new(logging::install(&node, &ros.log, environment.log_folder.as_deref()), logging::logger_name(&node));
     for warning in &environment.warnings {
         tracing::warn!("{warning}");
     }
@@ -142,6 +143,13 @@ parameters! {
 
     /// Which clock.
     USE_SIM_TIME: bool = Parameter::new("use_sim_time", false, "Take the time from /clock instead of the wall clock.");
+    /// Whether levels of loggers can be read and set.
+    LOGGER_SERVICE: bool = Parameter::new(
+        "logger_service",
+        false,
+        "Offer ~/get_logger_levels and ~/set_logger_levels, as nodes of rclcpp with enable_logger_service do.",
+    )
+    .fixed();
     /// Which services.
     SERVICE_MAPPING: String = Parameter::new(
         "service_mapping",

@@ -105,6 +105,11 @@ impl Pace {
         self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
     }
 
+    /// Makes the next pose take steps even if the instrument rests: the forces of the present state are not known.
+    pub fn unsettle(&mut self) {
+        self.unsettled = 1.0;
+    }
+
     pub fn reset(&mut self) {
         self.peak = 0.0;
         self.imbalance = 0.0;

@@ -101,6 +101,7 @@ impl Twin {
         }
         self.solver.refresh_step();
         self.progress.pace.reset();
+        self.progress.pace.unsettle();
         let p = &mut self.progress;
         (p.tip, p.shaft, p.phase) = (self.saved.tip, self.saved.shaft, self.saved.phase);
         self.progress.steps_since_save = 0;

@@ -9,7 +9,8 @@ import os
 import sys
 import time
 
-from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+from cyclonedds.builtin import (BuiltinDataReader, BuiltinTopicDcpsParticipant, BuiltinTopicDcpsPublication,
+                                BuiltinTopicDcpsSubscription)
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import make_idl_struct
@@ -240,6 +241,19 @@ class Peer:
                               "reliable": isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable),
                               "latched": sample.qos[Policy.Durability] == Policy.Durability.TransientLocal})
         return {"endpoints": found}
+
+    def participants(self, wanted, timeout=20.0):
+        """How many others there are in the domain, once they are as many as wanted or time is up."""
+        reader = BuiltinDataReader(self.participant, BuiltinTopicDcpsParticipant)
+        end, alive = time.monotonic() + timeout, set()
+        while time.monotonic() < end:
+            for sample in reader.take(N=1000):
+                gone = int(sample.sample_info.instance_state) != 16  # DDS_ALIVE_INSTANCE_STATE
+                (alive.discard if gone else alive.add)(str(sample.key))
+            if len(alive) - 1 == wanted:
+                break
+            time.sleep(0.05)
+        return {"others": len(alive) - 1}
 
     def last(self, topic, seconds=1.0):
         """The newest message after listening for so long."""

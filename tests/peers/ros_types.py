@@ -76,6 +76,8 @@ TEXTS = {
     "lifecycle_msgs/TransitionDescription": "Transition transition\nState start_state\nState goal_state",
     "lifecycle_msgs/TransitionEvent":
         "uint64 timestamp\nTransition transition\nState start_state\nState goal_state",
+    "rcl_interfaces/LoggerLevel": "string name\nuint32 level",
+    "rcl_interfaces/SetLoggerLevelsResult": "bool successful\nstring reason",
     "rcl_interfaces/ListParametersResult": "string[] names\nstring[] prefixes",
 }
 
@@ -105,6 +107,8 @@ SERVICES = {
     "lifecycle_msgs/GetAvailableStates": (EMPTY, "State[] available_states"),
     "lifecycle_msgs/GetAvailableTransitions": (EMPTY, "TransitionDescription[] available_transitions"),
     "rcl_interfaces/SetParametersAtomically": ("Parameter[] parameters", "SetParametersResult result"),
+    "rcl_interfaces/GetLoggerLevels": ("string[] names", "LoggerLevel[] levels"),
+    "rcl_interfaces/SetLoggerLevels": ("LoggerLevel[] levels", "SetLoggerLevelsResult[] results"),
     "rosbag2_interfaces/Burst": ("uint64 num_messages", "uint64 actually_burst"),
 }
 

@@ -176,6 +176,52 @@ fn what_stops_or_kills_the_dds_costs_the_twin_a_moment_and_no_memory() {
     assert!(log.contains("is stopped (SIGSTOP") && log.contains("a new middleware process is ready"), "{log}");
 }
 
+/// The participant of a process that was killed is taken off the list by the next one, and not by its lease of 50 s.
+#[test]
+fn a_killed_process_leaves_no_second_node_on_the_list() {
+    let domain = free_domain();
+    let node = coarse_twin(domain, &[], &[]);
+    let mut peer = Peer::start(domain);
+    let mut others =
+        |wanted: u32| peer.ask(json!({"op": "participants", "wanted": wanted, "timeout": 25.0}))["others"].clone();
+    assert_eq!(others(1), 1);
+    for _ in 0..2 {
+        let process = middleware_of(node.id()).unwrap();
+        signal(process, "KILL");
+        let begun = Instant::now();
+        while middleware_of(node.id()).is_none_or(|p| p == process) && begun.elapsed() < Duration::from_secs(20) {
+            sleep(Duration::from_millis(20));
+        }
+        // the next one is there when the old one has gone
+        sleep(Duration::from_secs(1));
+        assert_eq!(others(1), 1);
+    }
+    drop(node);
+}
+
+/// What the node sends to a process that is stopped is no sign of the process's life.
+#[test]
+fn a_process_that_is_stopped_under_large_messages_is_replaced() {
+    let domain = free_domain();
+    let folder = tempfile::tempdir().unwrap();
+    let bag = format!("record:={}", folder.path().join("bag").display());
+    let fine = ["discretisation.spacing_m:=0.0015", "tissue_rate_hz:=100.0", &bag];
+    let more: Vec<&str> = fine.iter().flat_map(|p| ["-p", p]).chain(["-p", "max_pose_age_s:=0"]).collect();
+    let (node, mut peer) = crate::ros::connected_twin(domain, &more);
+    peer.ask(json!({"op": "subscribe", "topic": "/tissue_state", "type": "needle_twin/msg/TissueState", "qos": "best_effort"}));
+    let process = middleware_of(node.id()).unwrap();
+    let seen = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            sleep(Duration::from_secs(1));
+            signal(process, "STOP");
+        });
+        stream(&mut peer, 8.0)
+    });
+    assert_ne!(middleware_of(node.id()), Some(process), "{seen}");
+    let (code, log, _) = node.stop("INT");
+    assert!(code == Some(0) && log.contains("is stopped (SIGSTOP"), "{log}");
+}
+
 #[test]
 fn a_flood_of_lies_costs_neither_memory_nor_state_and_the_exchange_comes_back() {
     let domain = free_domain();

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use ros2_client::QosProfile;
 use ros2_client::dds::rustdds::dds::statusevents::{
@@ -17,6 +18,8 @@ use super::uplink::Uplink;
 use super::wire::{Head, Kind};
 use crate::qos::{self, Side};
 
+/// RTPS's number for Fast DDS, with which the GUIDs of its participants begin.
+const VENDOR_FAST_DDS: [u8; 2] = [0x01, 0x0f];
 /// Topics that every node publishes.
 const SHARED: [&str; 3] = ["/diagnostics", "/rosout", "/parameter_events"];
 
@@ -30,6 +33,8 @@ pub(super) struct EndpointRecord {
     dds_type: String,
     profile: QosProfile,
     remotes: BTreeSet<GUID>,
+    /// Whether a reader on Fast DDS has been matched.
+    fast_dds: Arc<AtomicBool>,
 }
 
 impl EndpointRecord {
@@ -43,7 +48,13 @@ impl EndpointRecord {
             dds_type: dds_type.to_owned(),
             profile,
             remotes: BTreeSet::new(),
+            fast_dds: Arc::default(),
         }
+    }
+
+    /// Tells whether a reader on Fast DDS has been matched.
+    pub fn fast_dds(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.fast_dds)
     }
 
     fn update(&mut self, uplink: &Uplink, change: impl FnOnce(&mut BTreeSet<GUID>)) {
@@ -92,6 +103,9 @@ impl Graph {
             {
                 self.readers.matched(remote);
                 if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
+                    if remote.prefix.as_ref().starts_with(&VENDOR_FAST_DDS) {
+                        record.fast_dds.store(true, Ordering::Relaxed);
+                    }
                     record.update(uplink, |remotes| {
                         remotes.insert(remote);
                     });

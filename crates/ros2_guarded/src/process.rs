@@ -12,6 +12,7 @@ use std::pin::Pin;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crossbeam_channel::Receiver;
@@ -34,6 +35,9 @@ use crate::qos::Side;
 use crate::raw::RawCdr;
 use crate::signals::Signals;
 use crate::threads::{join, spawn};
+
+/// Messages of so many bytes come as bursts of datagrams that a receive buffer of 208 kB, Linux' default, may not hold.
+const BURST: usize = 60_000;
 
 /// Makes the process a middleware process if that is what its arguments ask for, and gives its exit code. Every program
 /// whose nodes come from this library calls it first of all in `main`: a node starts its own program a second time.
@@ -97,9 +101,18 @@ fn limit(_bytes: u64) -> io::Result<()> {
     Ok(())
 }
 
+/// A publisher of the plan.
+struct Writer {
+    number: u16,
+    name: String,
+    publisher: Publisher<RawCdr>,
+    /// Whether a reader on Fast DDS is matched that has not been spoken of.
+    fast_dds: Arc<AtomicBool>,
+}
+
 /// Everything on the network.
 struct Domain {
-    publishers: Vec<(u16, Publisher<RawCdr>)>,
+    publishers: Vec<Writer>,
     subscriptions: Vec<(u16, Subscription<RawCdr>)>,
     servers: Vec<Served>,
     clients: Vec<(u16, Client<RawCdr, RawCdr>)>,
@@ -161,18 +174,19 @@ impl Domain {
                 let type_name = MessageTypeName::new(&endpoint.package, &endpoint.type_name);
                 let dds_type = type_name.dds_msg_type();
                 let topic = node.create_topic(&name, type_name, &profile).map_err(|e| say(&e))?;
-                let (side, guid) = if endpoint.role == Role::Publisher {
+                if endpoint.role == Role::Publisher {
                     let publisher = node.create_publisher(&topic, None).map_err(|e| say(&e))?;
-                    let guid = publisher.guid();
-                    self.publishers.push((number, publisher));
-                    (Side::Publisher, guid)
+                    let (side, guid, name) = (Side::Publisher, publisher.guid(), endpoint.name.clone());
+                    let record = EndpointRecord::new(number, side, guid, &name, &dds_type, profile);
+                    self.publishers.push(Writer { number, name, publisher, fast_dds: record.fast_dds() });
+                    self.graph.add(record);
                 } else {
                     let subscription = node.create_subscription(&topic, None).map_err(|e| say(&e))?;
                     let guid = subscription.guid();
                     self.subscriptions.push((number, subscription));
-                    (Side::Subscription, guid)
-                };
-                self.graph.add(EndpointRecord::new(number, side, guid, &endpoint.name, &dds_type, profile));
+                    let side = Side::Subscription;
+                    self.graph.add(EndpointRecord::new(number, side, guid, &endpoint.name, &dds_type, profile));
+                }
             }
             Role::Server => {
                 let names = [&endpoint.name, &endpoint.package, &endpoint.type_name].map(String::as_str);
@@ -268,7 +282,7 @@ fn ear(domain: u16, participant: u16) -> SocketAddr {
 }
 
 fn publish_all(
-    publishers: &[(u16, Publisher<RawCdr>)],
+    writers: &[Writer],
     mut frames: Frames,
     socket: &UnixStream,
     uplink: &Uplink,
@@ -278,8 +292,12 @@ fn publish_all(
         loop {
             match frames.next() {
                 Ok(Some((head, body))) if head.kind == Kind::Message => {
-                    let Ok(at) = publishers.binary_search_by_key(&head.endpoint, |p| p.0) else { continue };
-                    if publishers[at].1.publish(RawCdr::new(body.to_vec())).is_err() {
+                    let Ok(at) = writers.binary_search_by_key(&head.endpoint, |w| w.number) else { continue };
+                    let writer = &writers[at];
+                    if body.len() > BURST && writer.fast_dds.swap(false, Ordering::Relaxed) {
+                        uplink.log(log::Level::Info, &advice(&writer.name, body.len()));
+                    }
+                    if writer.publisher.publish(RawCdr::new(body.to_vec())).is_err() {
                         uplink.send(Head::of(Kind::Failed, head.endpoint, [0; 24]), &[]);
                     }
                 }
@@ -298,6 +316,13 @@ fn publish_all(
             _ => {}
         }
     }
+}
+
+fn advice(topic: &str, bytes: usize) -> String {
+    format!(
+        "`{topic}`: a reader on Fast DDS, whose default receive buffer loses most messages of {bytes} bytes; if it misses some, start it with \
+         FASTDDS_DEFAULT_PROFILES_FILE naming share/needle_twin/fast_dds.xml (launch-scripts/fast_dds.xml)"
+    )
 }
 
 fn stamps(info: &MessageInfo) -> [i64; 2] {

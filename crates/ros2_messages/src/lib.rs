@@ -20,6 +20,7 @@ mod cdr;
 pub mod diagnostic_msgs;
 pub mod geometry_msgs;
 pub mod lifecycle_msgs;
+pub mod logger_levels;
 pub mod needle_twin;
 pub mod rosbag2_interfaces;
 pub mod rosgraph_msgs;

@@ -124,6 +124,7 @@ impl<'a> Stage<'a> {
             domain: self.domain,
             reach: Reach::Localhost,
             mapping: ServiceMapping::Enhanced,
+            log_folder: None,
             warnings: Vec::new(),
         };
         let writer = BagWriter::create(

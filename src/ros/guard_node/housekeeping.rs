@@ -9,6 +9,7 @@ use crossbeam_channel::Receiver;
 use super::control::{Report, Shared};
 use crate::guard::Phase;
 use crate::ros::clock::NodeClock;
+use crate::ros::logger_services::LoggerServices;
 use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use crate::ros::messages::std_msgs::Header;
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
@@ -29,6 +30,7 @@ const DIAGNOSTICS: Duration = Duration::from_millis(200);
 pub(super) struct Housekeeping {
     parameters: Arc<Parameters>,
     parameter_services: ParameterServices,
+    logger_services: Option<LoggerServices>,
     bell: Bell,
     resume: Service<TriggerRequest, TriggerResponse>,
     diagnostics: Output<DiagnosticArray>,
@@ -40,6 +42,7 @@ impl Housekeeping {
         Ok(Self {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
+            logger_services: LoggerServices::offer(participant, parameters)?,
             bell: participant.bell(),
             resume: participant.server("~/resume", "std_srvs", "Trigger")?,
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
@@ -52,6 +55,7 @@ impl Housekeeping {
         let node = self.node.trim_start_matches('/');
         let mut due = Instant::now();
         loop {
+            self.logger_services.iter().for_each(LoggerServices::poll);
             self.parameter_services.poll(&self.parameters, &clock, &mut |_, _| {});
             self.resume.answer(|_| resume(shared));
             rosout.publish();

@@ -9,6 +9,7 @@ use super::declared;
 use super::playback::Command;
 use crate::rig::Stretch;
 use crate::ros::clock::NodeClock;
+use crate::ros::logger_services::LoggerServices;
 use crate::ros::messages::rosbag2_interfaces::{
     BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
     Success,
@@ -111,6 +112,7 @@ fn ask<T>(commands: &Sender<Command>, command: impl FnOnce(Sender<T>) -> Command
 pub(super) struct Housekeeping {
     parameters: Arc<Parameters>,
     parameter_services: ParameterServices,
+    logger_services: Option<LoggerServices>,
     bell: Bell,
     player: Option<PlayerServices>,
 }
@@ -124,6 +126,7 @@ impl Housekeeping {
         Ok(Self {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
+            logger_services: LoggerServices::offer(participant, parameters)?,
             bell: participant.bell(),
             player: if plays { Some(PlayerServices::new(participant)?) } else { None },
         })
@@ -148,6 +151,7 @@ impl Housekeeping {
                     tracing::warn!("use_sim_time has no effect on the rig, which makes the time: leave it out");
                 }
             });
+            self.logger_services.iter().for_each(LoggerServices::poll);
             if let Some(player) = &self.player {
                 player.serve(commands, &self.parameters);
             }

@@ -20,6 +20,7 @@ use super::warnings::Watch;
 use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
+use crate::ros::logger_services::LoggerServices;
 use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
 use crate::ros::messages::needle_twin::{TissueModel, TwinStatus};
 use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
@@ -46,6 +47,7 @@ type Trigger = Service<TriggerRequest, TriggerResponse>;
 pub(super) struct Housekeeping {
     parameters: Arc<Parameters>,
     parameter_services: ParameterServices,
+    logger_services: Option<LoggerServices>,
     reset: Trigger,
     tare: Trigger,
     status: Output<TwinStatus>,
@@ -91,6 +93,7 @@ impl Housekeeping {
         Ok(Self {
             parameters: Arc::clone(parameters),
             parameter_services: ParameterServices::new(participant)?,
+            logger_services: LoggerServices::offer(participant, parameters)?,
             reset: participant.server("~/reset", "std_srvs", "Trigger")?,
             tare: participant.server("~/tare", "std_srvs", "Trigger")?,
             status: participant.publisher("status", qos::reliable(10))?,
@@ -119,6 +122,7 @@ impl Housekeeping {
             self.manage(context, Some("configure"));
         }
         loop {
+            self.logger_services.iter().for_each(LoggerServices::poll);
             self.serve(context);
             context.rosout.publish();
             if let Ok(built) = context.models.try_recv() {

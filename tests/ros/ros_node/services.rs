@@ -117,6 +117,33 @@ fn a_change_is_announced_on_parameter_events_and_rosout() {
     drop(node);
 }
 
+/// Levels of loggers as rclcpp's nodes have them, and the file in ROS_LOG_DIR.
+#[test]
+fn levels_of_loggers_are_set_and_the_log_is_in_a_file() {
+    let domain = free_domain();
+    let folder = tempfile::tempdir().unwrap();
+    let logs = folder.path().join("log").display().to_string();
+    let node = coarse_twin(domain, &["-p", "logger_service:=true"], &[("ROS_LOG_DIR", &logs)]);
+    let mut peer = Peer::start(domain);
+    let mut call = |service: &str, request: Value| {
+        let kind = format!("rcl_interfaces/srv/{service}");
+        let name = if service.starts_with('G') { "/twin/get_logger_levels" } else { "/twin/set_logger_levels" };
+        peer.ask(json!({"op": "call", "service": name, "type": kind, "request": request, "timeout": 20.0}))["response"]
+            .clone()
+    };
+    let level = |level: u32| json!({"levels": [{"name": "twin", "level": level}]});
+    let set = call("SetLoggerLevels", level(40));
+    assert_eq!(set["results"][0]["successful"], true, "{set}");
+    assert_eq!(call("GetLoggerLevels", json!({"names": ["twin"]}))["levels"][0]["level"], 40);
+    let refused = call("SetLoggerLevels", level(7))["results"][0].clone();
+    assert!(refused["successful"] == false && refused["reason"].as_str().unwrap().contains("20 info"), "{refused}");
+    let (code, log, _) = node.stop("INT");
+    assert!(code == Some(0) && log.contains("heard by") && !log.contains("stopping"), "from ERROR on: {log}");
+    let files: Vec<_> = std::fs::read_dir(&logs).unwrap().flatten().collect();
+    assert!(files.len() == 1 && files[0].file_name().to_string_lossy().starts_with("twin_"), "{files:?}");
+    assert!(std::fs::read_to_string(files[0].path()).unwrap().contains("heard by"));
+}
+
 /// `ros2 param list`, `param dump` and `lifecycle list -a` ask for answers that don't go into one datagram of a network card.
 #[test]
 fn long_answers_reach_a_peer_that_announces_its_network_card() {
