@@ -98,6 +98,16 @@ fn a_recording_comes_out_complete_in_order_and_steerable() {
     assert_eq!(call(&mut peer, "set_rate", "SetRate", json!({"rate": -1.0}))["success"], false);
     assert_eq!(call(&mut peer, "set_rate", "SetRate", json!({"rate": 2.0}))["success"], true);
     assert_eq!(call(&mut peer, "get_rate", "GetRate", json!({}))["rate"], 2.0);
+    // the same by parameter, which follows the service
+    let parameters = |service: &str, kind: &str, request: Value| json!({"op": "call", "service": format!("/rig/{service}"), "type": format!("rcl_interfaces/srv/{kind}"), "request": request});
+    let rate = |value: f64| json!({"parameters": [{"name": "rate", "value": {"type": 3, "double_value": value}}]});
+    let known = peer.ask(parameters("get_parameters", "GetParameters", json!({"names": ["rate"]})));
+    assert_eq!(known["response"]["values"][0]["double_value"], 2.0, "{known}");
+    for value in [4.0, 2.0] {
+        let set = peer.ask(parameters("set_parameters", "SetParameters", rate(value)));
+        assert_eq!(set["response"]["results"][0]["successful"], true, "{set}");
+        assert_eq!(call(&mut peer, "get_rate", "GetRate", json!({}))["rate"], value);
+    }
     call(&mut peer, "resume", "Resume", json!({}));
     let begun = std::time::Instant::now();
     let depths =
