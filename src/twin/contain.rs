@@ -178,6 +178,7 @@ mod tests {
         (0..twin.solver.roles().len()).for_each(|n| twin.solver.prescribe(n, [f64::NAN; 3]));
         let lost = twin.advance_safely(2000, [0.0, 0.0, 1e-3], &tip, Phase::Indentation, 0.0);
         assert_eq!((lost, twin.progress.steps - before), (Err(Halt::Interrupted), 0), "no try is made");
+        twin.fall_back(&Halt::Interrupted, 1e-3);
         assert_eq!(twin.step(at(&twin, 2e-3)), Err(Halt::Interrupted));
         flag.store(false, std::sync::atomic::Ordering::Relaxed);
         // the instrument may rest where the saved state was left: forces are those of steps, not of the pose that was lost

@@ -215,7 +215,9 @@ fn a_process_that_is_stopped_under_large_messages_is_replaced() {
             sleep(Duration::from_secs(1));
             signal(process, "STOP");
         });
-        stream(&mut peer, 8.0)
+        let poses = json!({"op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 400, "rate_hz": 50.0,
+            "depth_m": 0.0005, "answers": "/predicted_cf"});
+        peer.ask(poses)
     });
     assert_ne!(middleware_of(node.id()), Some(process), "{seen}");
     let (code, log, _) = node.stop("INT");

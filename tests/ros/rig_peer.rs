@@ -122,7 +122,8 @@ fn a_recording_comes_out_complete_in_order_and_steerable() {
         assert_eq!(message["name"], json!(["insertion"]));
     }
     let forces = peer.ask(json!({"op": "take", "topic": "/cell", "count": 200, "timeout": 2.0}))["messages"].clone();
-    assert!(forces.as_array().unwrap().len() >= 200, "remapped, and complete on a loopback");
+    let count = forces.as_array().unwrap().len();
+    assert!(count >= 200, "remapped, and complete on a loopback: {count}");
 
     // A late joiner gets what is latched, and Ctrl-C ends cleanly.
     peer.ask(
