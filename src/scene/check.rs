@@ -100,6 +100,13 @@ impl Check<'_> {
                         format!("less than the needle's radius of {} m (instrument.diameter_m / 2)", 0.5 * diameter),
                     );
                 }
+                if needle.capture_window.get() > 2.0 * radius {
+                    let most = 2.0 * radius;
+                    return self.refuse(
+                        "instrument.capture_window_m",
+                        format!("more than twice the capture radius, {most} m: tissue that it holds in part makes the force too small"),
+                    );
+                }
                 self.within_top_face("instrument.capture_radius_m", &instrument, radius)?;
                 self.path(&instrument, radius)
             }
