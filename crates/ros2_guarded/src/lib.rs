@@ -27,6 +27,7 @@ pub mod qos;
 mod raw;
 mod services;
 pub mod signals;
+mod silence;
 pub mod threads;
 mod throttle;
 mod uplink;
