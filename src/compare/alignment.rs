@@ -223,8 +223,7 @@ fn beginning(rows: &Rows, zero_n: f64) -> Option<Rows> {
 
 /// The contact held against that of the force's beginning; see the module.
 fn steady(path: &ForcePath, rows: &Rows, found: Alignment) -> Alignment {
-    let Found { value: whole, error } = found.contact_depth_m;
-    let Some(error) = error else { return found };
+    let Found { value: whole, error: Some(_) } = found.contact_depth_m else { return found };
     let with = |contact: Found| Alignment { contact_depth_m: contact, ..found };
     if whole.abs() >= most_m(rows.deepest_m()) {
         return with(Found { value: whole, error: None });
