@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // A rig would send these poses over a topic; here they come from the scene's own motion, 1000 per second at 1 mm/s.
     for (time_s, depth_m) in motion.poses() {
         let answer = twin.step(StampedPose { time_s, pose: twin.pose_at_depth(depth_m) })?;
-        if let Some(Event::Puncture { depth_m }) = answer.event {
+        if let Some(Event::Puncture { depth_m, .. }) = answer.event {
             println!("punctured at {:.3} mm", 1e3 * depth_m);
         }
         if 1e3 * depth_m >= printed_mm + 1.0 - 1e-9 {

@@ -78,6 +78,14 @@ const HALF_PLANE: [(&str, &str); 3] = [
     ("instrument.puncture_strain", "0.1"),
 ];
 
+const FRICTIONAL: [(&str, &str); 5] = [
+    ("discretisation.dimension", "axisymmetric"),
+    ("instrument.interaction", "frictional"),
+    ("instrument.friction_n_per_m", "3"),
+    ("instrument.cutting_force_n", "0.003"),
+    ("instrument.puncture_force_n", "0.006"),
+];
+
 /// What a state has: 20 vectors, what surfaces do, and a few numbers per node; per point a deformation gradient in single precision, and
 /// with a Prony series of two terms H, Pi and two h_i, all of them twice, since a good state is kept to come back to.
 fn state_bytes(twin: &Twin, relaxing: bool) -> u64 {
@@ -97,6 +105,7 @@ fn a_step_allocates_nothing() {
         ("indentation", &[]),
         ("indentation", &GEL),
         ("needle_insertion", &HALF_PLANE),
+        ("needle_insertion", &FRICTIONAL),
     ] {
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
             let mut twin = Twin::new(&scene(preset, changes)).unwrap();

@@ -33,7 +33,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
     if let Some(radius_m) = run.effective_radius_m {
         lines.push(("needle", format!("effective radius {:.3} mm", 1e3 * radius_m)));
     }
-    if let Some(depth_m) = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| depth_m)) {
+    if let Some(depth_m) = run.answers.iter().find_map(|a| a.event.and_then(Event::puncture_depth)) {
         lines.push(("puncture", format!("at {:.3} mm", 1e3 * depth_m)));
     }
     lines.extend(targets(run).map(|moved| ("targets", moved)));

@@ -1,6 +1,7 @@
 //! Plate, indenter and needle: from a pose to prescribed displacements.
 
 mod capture;
+mod frictional;
 mod needle;
 mod phase;
 mod press;
@@ -8,6 +9,7 @@ mod puncture;
 pub mod reading;
 pub mod surface;
 
+pub use frictional::{Frictional, Resistance, Shaft, start_depth};
 pub use needle::{Insertion, NeedlePath};
 pub use phase::{Event, Phase};
 pub use press::Press;
@@ -23,6 +25,8 @@ pub enum Contact {
     Press(Press),
     /// Kinematic needle.
     Needle(Box<NeedlePath>),
+    /// Needle with friction, cutting and puncture.
+    Frictional(Box<Frictional>),
 }
 
 /// Where the tip is relative to the scene's entry point on the undeformed top face, m.
@@ -68,21 +72,26 @@ impl Contact {
         match self {
             Self::Press(p) => (p.impose(tip, solver), None),
             Self::Needle(n) => n.impose(tip, solver),
+            Self::Frictional(n) => n.impose(tip, solver),
         }
     }
 
     /// Takes over the state of another instrument of the same model.
     pub fn take_over(&mut self, other: &Self) {
-        if let (Self::Needle(own), Self::Needle(other)) = (self, other) {
-            own.take_over(other);
+        match (self, other) {
+            (Self::Needle(own), Self::Needle(other)) => own.take_over(other),
+            (Self::Frictional(own), Self::Frictional(other)) => own.take_over(other),
+            _ => {}
         }
     }
 
     /// Goes back to an earlier state of the same contact, and the solver's roles with it. The solver's own state is to have gone
     /// back already.
     pub fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
-        if let (Self::Needle(own), Self::Needle(earlier)) = (self, earlier) {
-            own.return_to(earlier, solver);
+        match (self, earlier) {
+            (Self::Needle(own), Self::Needle(earlier)) => own.return_to(earlier, solver),
+            (Self::Frictional(own), Self::Frictional(earlier)) => own.return_to(earlier, solver),
+            _ => {}
         }
     }
 
@@ -91,6 +100,7 @@ impl Contact {
         match self {
             Self::Press(p) => p.reset(solver),
             Self::Needle(n) => n.reset(solver),
+            Self::Frictional(n) => n.reset(solver),
         }
     }
 }

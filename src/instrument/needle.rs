@@ -198,7 +198,7 @@ impl NeedlePath {
             let depth_m = self.progress.strained.passed(self.needle.puncture_strain);
             self.progress.state = Insertion { punctured: true, deepest: depth };
             self.penetrate(tip, solver);
-            return (Phase::Penetration, Some(Event::Puncture { depth_m }));
+            return (Phase::Penetration, Some(Event::Puncture { depth_m, region: 0 }));
         }
         self.progress.state.deepest = self.progress.state.deepest.max(depth);
         self.progress.withdrawn = is_withdrawn(self.progress.withdrawn, self.progress.state.deepest - depth);

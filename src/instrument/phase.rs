@@ -29,9 +29,29 @@ impl Phase {
 /// Something that happened between two poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// The surface was punctured at this depth, m.
+    /// The surface, or a membrane within, was punctured at this depth, m.
     Puncture {
         /// Tip depth at puncture, m.
         depth_m: f64,
+        /// What the tip came into: 0 for what lies in no region, otherwise one more than the region's place in the scene.
+        region: u8,
     },
+    /// A frictional needle came into a region that no membrane closes.
+    Entered {
+        /// Tip depth, m.
+        depth_m: f64,
+        /// As of a puncture.
+        region: u8,
+    },
+}
+
+impl Event {
+    /// Depth of a puncture, m.
+    #[must_use]
+    pub const fn puncture_depth(self) -> Option<f64> {
+        match self {
+            Self::Puncture { depth_m, .. } => Some(depth_m),
+            Self::Entered { .. } => None,
+        }
+    }
 }

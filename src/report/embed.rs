@@ -113,7 +113,7 @@ fn hold(run: &Run) -> Option<Value> {
 
 fn events(run: &Run) -> Value {
     let event = |a: &Answer| match a.event {
-        Some(Event::Puncture { depth_m }) if a.time_s.is_finite() && depth_m.is_finite() => {
+        Some(Event::Puncture { depth_m, .. }) if a.time_s.is_finite() && depth_m.is_finite() => {
             Some(json!({ "word": "puncture", "time": a.time_s, "depth": depth_m }))
         }
         _ => None,

@@ -147,7 +147,7 @@ fn tint(phase: &str) -> Colour {
 /// Marks each puncture by a line and by a dot on the predicted curve.
 fn punctures(picture: &mut Picture, panel: &Panel, run: &Run, factor: f64) {
     for a in &run.answers {
-        let Some(Event::Puncture { depth_m }) = a.event else { continue };
+        let Some(Event::Puncture { depth_m, .. }) = a.event else { continue };
         if depth_m.is_finite() && a.predicted_n.is_finite() {
             let depth = 1e3 * depth_m;
             panel.event(picture, depth, &format!("puncture at {depth:.3} mm"), End::Upper);

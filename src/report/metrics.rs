@@ -124,7 +124,7 @@ impl Nulls<'_> {
     }
 
     fn puncture_depth(&mut self) -> Value {
-        let depth = self.run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| depth_m));
+        let depth = self.run.answers.iter().find_map(|a| a.event.and_then(Event::puncture_depth));
         self.number("puncture_depth_m", depth, "the surface was not punctured")
     }
 }
@@ -141,10 +141,17 @@ fn region(run: &Run, depth_m: f64) -> &str {
 fn events(run: &Run) -> Value {
     let force = |i: Option<usize>| i.and_then(|i| run.answers.get(i)).map(|a| a.predicted_n).filter(|f| f.is_finite());
     let event = |(i, a): (usize, &Answer)| {
-        let Event::Puncture { depth_m } = a.event?;
+        let (kind, depth_m, number) = match a.event? {
+            Event::Puncture { depth_m, region } => ("puncture", depth_m, region),
+            Event::Entered { depth_m, region } => ("layer", depth_m, region),
+        };
+        // a needle with friction pushes a boundary ahead of it: it knows what it has come into
+        let known = run.instrument.is_some_and(|i| i.is_frictional());
+        let named = run.along.names().get(usize::from(number)).filter(|_| known);
+        let region = named.map_or_else(|| region(run, depth_m), String::as_str);
         Some(json!({
-            "kind": "puncture",
-            "region": region(run, depth_m),
+            "kind": kind,
+            "region": region,
             "depth_m": Some(depth_m).filter(|d| d.is_finite()),
             "force_before_n": force(i.checked_sub(1)),
             "force_after_n": force(Some(i)),

@@ -96,7 +96,8 @@ pub(super) fn cards(html: &mut String, run: &Run) {
         let below = "radius that the cloud gives the needle".to_owned();
         card(html, "Effective radius", Some(significant(1e3 * radius_m, 3)), "mm", Some(below));
     }
-    let puncture = run.answers.iter().find_map(|a| a.event.map(|Event::Puncture { depth_m }| (depth_m, a.time_s)));
+    let puncture =
+        run.answers.iter().find_map(|a| a.event.and_then(Event::puncture_depth).map(|depth_m| (depth_m, a.time_s)));
     if let Some((depth_m, time_s)) = puncture.filter(|(depth_m, _)| depth_m.is_finite()) {
         let at_once = if depth_m < FIRST_CONTACT_M { "deep, at first contact, " } else { "deep, " };
         let when = format!("{at_once}{} s after the first pose", significant(time_s, 3));

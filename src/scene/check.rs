@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::size::MEMORY_LIMIT;
 use super::values::Values;
-use super::{Dimension, Instrument, InstrumentKind, Scene, SceneError, Shape, Value};
+use super::{Dimension, Instrument, InstrumentKind, Motion, Scene, SceneError, Shape, Value};
 
 /// Most poses that a scene's own motion may have.
 const MOST_POSES: f64 = 1e7;
@@ -191,6 +191,7 @@ impl Check<'_> {
         {
             return self.refuse("motion.depth_m", format!("must be less than sample.height_m = {}", height.get()));
         }
+        self.start(motion)?;
         if motion.pose_count() > MOST_POSES {
             return self.refuse(
                 "motion.speed_m_per_s",
@@ -199,6 +200,24 @@ impl Check<'_> {
                     motion.pose_count()
                 ),
             );
+        }
+        Ok(())
+    }
+
+    /// Only a frictional needle can be in place before the first pose.
+    fn start(&self, motion: &Motion) -> Result<(), SceneError> {
+        const KEY: &str = "motion.start_depth_m";
+        if motion.start_depth.get() == 0.0 {
+            return Ok(());
+        }
+        if !self.scene.instrument.is_some_and(|i| i.is_frictional()) {
+            return self.refuse(
+                KEY,
+                "only a needle with instrument.interaction = \"frictional\" can be in place at first".to_owned(),
+            );
+        }
+        if motion.start_depth > motion.depth {
+            return self.refuse(KEY, format!("must be at most motion.depth_m = {}", motion.depth.get()));
         }
         Ok(())
     }

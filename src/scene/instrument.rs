@@ -25,6 +25,8 @@ pub struct Instrument {
     pub contact: ContactLaw,
     /// Way from the tip up along the axis to the load cell's origin, about which torques are taken.
     pub load_cell_height: Metres,
+    /// How the tissue goes with a needle; kinematic for others.
+    pub interaction: Interaction,
 }
 
 choice! {
@@ -96,6 +98,33 @@ choice! {
     }
 }
 
+choice! {
+    /// How the tissue goes with a needle (`instrument.interaction`).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub enum Interaction = Key::word("instrument.interaction", Interaction::WORDS)
+        .described("How tissue goes with a needle: by the source paper's rule, or held by friction and cut by the tip.")
+        .or("kinematic")
+        .only("instrument.kind", &["needle"])
+    => {
+        /// By the deformation coefficient: the source paper's rule.
+        "kinematic" => Kinematic,
+        /// Friction along the shaft, cutting at the tip, puncture.
+        "frictional" => Frictional {
+            /// Largest friction per length of shaft in what lies in no region; a material has its own.
+            friction: f64 = Key::real("instrument.friction_n_per_m", PER_LENGTH, "N/m").or("0.0"),
+            /// Force of the tip at which it advances through what lies in no region; a material has its own.
+            cutting_force: f64 = Key::real("instrument.cutting_force_n", FORCE, "N").or("0.0"),
+            /// Force of the tip at which it enters what lies in no region; 0: no membrane.
+            puncture_force: f64 = Key::real("instrument.puncture_force_n", FORCE, "N").or("0.0"),
+        },
+    }
+}
+
+/// Friction per length of shaft.
+pub(super) const PER_LENGTH: Range = Range::closed(0.0, 1e6);
+/// Forces of a needle's tip.
+pub(super) const FORCE: Range = Range::closed(0.0, 1e4);
+
 section! {
     /// Entry point of whatever doesn't cover the whole face.
     struct Entry when |values| values.word("instrument.kind").is_some_and(|kind| WITH_ENTRY.contains(&kind.as_str())) => {
@@ -121,7 +150,7 @@ fn entry(path: &'static str) -> Key {
 
 impl Section for Instrument {
     fn keys() -> Vec<Key> {
-        [InstrumentKind::keys(), ContactLaw::keys(), Entry::keys(), LoadCell::keys()].concat()
+        [InstrumentKind::keys(), ContactLaw::keys(), Interaction::keys(), Entry::keys(), LoadCell::keys()].concat()
     }
 
     fn applies(values: &Values) -> bool {
@@ -134,13 +163,18 @@ impl Section for Instrument {
         let pressing = PRESSING.contains(&kind.as_str());
         let contact = if pressing { ContactLaw::read(values, scope)? } else { ContactLaw::Bonded };
         let entry = entry.map_or([Metres(0.0); 2], |Entry { x, y }| [x, y]);
-        Ok(Self { kind, entry, contact, load_cell_height: LoadCell::read(values, scope)?.height })
+        let needle = matches!(kind, InstrumentKind::Needle(_));
+        let interaction = if needle { Interaction::read(values, scope)? } else { Interaction::Kinematic };
+        Ok(Self { kind, entry, contact, interaction, load_cell_height: LoadCell::read(values, scope)?.height })
     }
 
     fn write(&self, values: &mut Values, scope: Scope<'_>) {
         self.kind.write(values, scope);
         if PRESSING.contains(&self.kind.as_str()) {
             self.contact.write(values, scope);
+        }
+        if matches!(self.kind, InstrumentKind::Needle(_)) {
+            self.interaction.write(values, scope);
         }
         if WITH_ENTRY.contains(&self.kind.as_str()) {
             let [x, y] = self.entry;
@@ -161,6 +195,12 @@ impl Needle {
 }
 
 impl Instrument {
+    /// Whether it is a needle with friction, cutting and puncture.
+    #[must_use]
+    pub fn is_frictional(&self) -> bool {
+        matches!(self.interaction, Interaction::Frictional { .. })
+    }
+
     /// Lateral way (x, y) of the tip per metre of depth: zero for all but an oblique needle.
     #[must_use]
     pub fn slope(&self) -> [f64; 2] {

@@ -1,6 +1,7 @@
 //! `[materials.NAME]`: further materials, for regions.
 
-use super::section::{Scope, Section, read, write};
+use super::instrument::{FORCE, PER_LENGTH};
+use super::section::{Scope, Section, read, section, write};
 use super::values::Values;
 use super::{Key, Material, SceneError};
 
@@ -13,6 +14,23 @@ pub struct NamedMaterial {
     pub material: Material,
     /// Whether it is rigid and stands still, as bone: no constant matters then.
     pub rigid: bool,
+    /// What it does to a needle.
+    pub pierced: Pierced,
+}
+
+section! {
+    /// What a material does to a frictional needle.
+    #[derive(Clone, Copy, Debug, PartialEq, Default)]
+    pub struct Pierced => {
+        /// Largest friction per length of a frictional needle's shaft in the material.
+        friction: f64 = Key::real("materials.friction_n_per_m", PER_LENGTH, "N/m").or("0.0"),
+        /// Force of a frictional needle's tip at which it advances through the material.
+        cutting_force: f64 = Key::real("materials.cutting_force_n", FORCE, "N").or("0.0"),
+        /// Force of a frictional needle's tip at which it enters the material; 0: no membrane.
+        puncture_force: f64 = Key::real("materials.puncture_force_n", FORCE, "N").or("0.0"),
+        /// Fracture toughness: where no cutting force is given, it is the toughness times the needle's diameter.
+        fracture_toughness: f64 = Key::real("materials.fracture_toughness_j_per_m2", FORCE, "J/m2").or("0.0"),
+    }
 }
 
 const RIGID: Key = Key::boolean("materials.rigid")
@@ -29,22 +47,23 @@ impl Section for Vec<NamedMaterial> {
             live: false,
             ..key
         };
-        Material::keys().into_iter().map(named).chain([RIGID]).collect()
+        Material::keys().into_iter().map(named).chain([RIGID]).chain(Pierced::keys()).collect()
     }
 
     fn read(values: &Values, _: Scope<'_>) -> Result<Self, SceneError> {
         let of = |name: &str| {
             let scope = Scope::Named(name);
             let (material, rigid) = (Material::read(values, scope)?, read(values, scope, &RIGID)?);
-            Ok(NamedMaterial { name: name.to_owned(), material, rigid })
+            Ok(NamedMaterial { name: name.to_owned(), material, rigid, pierced: Pierced::read(values, scope)? })
         };
         values.names("materials").map(of).collect()
     }
 
     fn write(&self, values: &mut Values, _: Scope<'_>) {
-        for NamedMaterial { name, material, rigid } in self {
+        for NamedMaterial { name, material, rigid, pierced } in self {
             material.write(values, Scope::Named(name));
             write(values, Scope::Named(name), &RIGID, rigid);
+            pierced.write(values, Scope::Named(name));
         }
     }
 }

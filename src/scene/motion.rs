@@ -13,9 +13,11 @@ section! {
         speed: MetresPerSecond = Key::real("motion.speed_m_per_s", Range::above(0.0, 100.0), "m/s").or("1e-3"),
         /// Rate of the pose stream.
         pose_rate: Hertz = Key::real("motion.pose_hz", Range::above(0.0, 1e6), "Hz").or("1000.0"),
+        /// Depth at which a frictional needle is in place before the first pose, with the tissue at rest.
+        start_depth: Metres = Key::real("motion.start_depth_m", Range::closed(0.0, 10.0), "m").or("0.0"),
         /// Time to stay at depth.
         hold: Seconds = Key::real("motion.hold_s", Range::closed(0.0, 1e6), "s").or("0.0"),
-        /// Whether the instrument then goes back to depth 0.
+        /// Whether the instrument then goes back to where it started.
         retract: bool = Key::boolean("motion.retract").or("false"),
     }
 }
@@ -26,30 +28,30 @@ impl Motion {
     fn intervals(&self) -> [f64; 3] {
         let rate = self.pose_rate.get();
         // A hair less, so that 0.01 m / 0.001 m/s * 1000 Hz is 10,000 intervals and not 10,001.
-        let insertion = (self.depth.get() / self.speed.get() * rate * (1.0 - 1e-12)).ceil();
+        let insertion = ((self.depth.get() - self.start_depth.get()) / self.speed.get() * rate * (1.0 - 1e-12)).ceil();
         [insertion, (self.hold.get() * rate).round(), if self.retract { insertion } else { 0.0 }]
     }
 
-    /// Number of poses, the one at depth 0 and time 0 included. A float, since nonsense can exceed every integer.
+    /// Number of poses, the one at the start and time 0 included. A float, since nonsense can exceed every integer.
     #[must_use]
     pub fn pose_count(&self) -> f64 {
         self.intervals().iter().sum::<f64>() + 1.0
     }
 
-    /// Time in s and depth in m of every pose: from 0 to depth at speed, hold, and back if it retracts.
+    /// Time in s and depth in m of every pose: from the start to depth at speed, hold, and back if it retracts.
     pub fn poses(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
         let motion = *self;
         let [insertion, hold, _] = self.intervals();
-        let (rate, depth) = (self.pose_rate.get(), self.depth.get());
+        let (rate, start, depth) = (self.pose_rate.get(), self.start_depth.get(), self.depth.get());
         (0..self.pose_count() as u64).map(move |k| {
             let k = k as f64;
-            let down = |intervals: f64| (motion.speed.get() * intervals / rate).min(depth);
+            let down = |intervals: f64| (start + motion.speed.get() * intervals / rate).min(depth);
             let at = if k < insertion {
                 down(k)
             } else if k <= insertion + hold {
                 depth
             } else {
-                // The mirror image of the insertion, so that the last pose is at depth 0 exactly.
+                // The mirror image of the insertion, so that the last pose is at the first one's depth exactly.
                 down(2.0 * insertion + hold - k)
             };
             (k / rate, at)

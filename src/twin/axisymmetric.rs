@@ -3,14 +3,14 @@
 
 use crate::instrument::{Contact, NeedlePath};
 use crate::mesh::Volumes;
-use crate::scene::{Instrument, InstrumentKind, Scene, Shape};
+use crate::scene::{Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::approximation::ShapeTable;
 use mtled::approximation::axisymmetric::AxisymmetricApproximation;
 use mtled::cloud::{self, Domain, Meridian, Revolved, revolve};
 use mtled::solver::Role;
 
 use super::body::Layout;
-use super::build::{Built, interpolating, press, roles, settings, solver, surfaces};
+use super::build::{Built, frictional, interpolating, press, roles, settings, solver, surfaces};
 use super::tissue::{Cells, Fields, Tissue};
 use super::{BuildError, regions};
 
@@ -43,11 +43,12 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| in_half_plane(t.position)).collect();
     let table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
     let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
-    let contact = scene.instrument.as_ref().map(|i| contact(i, &plane, height.get(), &held, &layout, &table));
+    let contact = |i| contact(scene, i, &plane, &held, &layout, &table);
+    let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
     regions::hold_rigid(scene, &plane.triangles, &material, &mut roles);
     let surfaces = surfaces(scene, &plane.points, &plane.faces, [0.0, height.get()]);
     Ok(Built {
-        solver: solver(scene, &cells, &plane.points, roles, &table, surfaces),
+        solver: solver(scene, &cells, &plane.points, roles, &table, surfaces, &mut contact),
         contact,
         top: height.get(),
         height: height.get(),
@@ -86,16 +87,17 @@ fn approximation(scene: &Scene, plane: &Meridian, held: &[u32], roles: &[Role]) 
 }
 
 fn contact(
+    scene: &Scene,
     instrument: &Instrument,
     plane: &Meridian,
-    top: f64,
     held: &[u32],
     layout: &Layout,
     table: &ShapeTable,
-) -> Contact {
+) -> Result<Contact, BuildError> {
     let InstrumentKind::Needle(needle) = &instrument.kind else {
-        return press(instrument, held);
+        return Ok(press(instrument, held));
     };
+    let top = scene.sample.shape.height().map_or(0.0, Metres::get);
     let triangle = |p: usize| plane.triangles[table.cell[p] as usize];
     let near = |p: &u32| {
         let corners = triangle(*p as usize).map(|n| plane.points[n as usize]);
@@ -103,13 +105,16 @@ fn contact(
         centre[0].hypot(centre[1] - top) < 2.0 * needle.capture_radius.get()
     };
     let watched = (0..table.cell.len() as u32).filter(near).collect();
-    let nodes = held.iter().map(|&n| (n, top - plane.points[n as usize][2])).collect();
     let corners = (0..table.cell.len()).map(|p| {
         let [a, b, c] = triangle(p);
         ([a, b, c, c], table.volume[p])
     });
+    if instrument.is_frictional() {
+        return frictional(scene, needle, &plane.points, held, [top, layout.layer(), layout.reach], corners);
+    }
+    let nodes = held.iter().map(|&n| (n, top - plane.points[n as usize][2])).collect();
     let path = NeedlePath::new(nodes, plane.points.len(), *needle, layout.reach, layout.layer(), watched, corners);
-    Contact::Needle(Box::new(path.revolved()))
+    Ok(Contact::Needle(Box::new(path.revolved())))
 }
 
 fn tissue(

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::instrument::{Contact, NeedlePath, Press, surface};
-use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Scene};
+use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_depth, surface};
+use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
-use mtled::cloud::{BASE, Cloud, TOP};
+use mtled::cloud::{Axis, BASE, Cloud, TOP};
 use mtled::solver::{Model, Role, Solver, SolverSettings, Surface};
 
 use super::pace::Pace;
@@ -49,14 +49,16 @@ impl Twin {
         let scene = scene.clone();
         let along = Along::of(&scene, &tissue, top);
         let fixed = Fixed { scene, along, dimension, tissue, top, height, reach, warnings, repaired_supports };
-        Ok(Self {
+        let mut twin = Self {
             fixed: Arc::new(fixed),
             solver,
             saved: Saved::new(contact.clone()),
             contact,
             progress: Progress::new(pace),
             counters: Counters::default(),
-        })
+        };
+        twin.begin();
+        Ok(twin)
     }
 }
 
@@ -65,9 +67,13 @@ const THINNER: f64 = 0.15;
 
 /// What to say of a needle that the cloud makes thinner or thicker than was asked for.
 fn thinner(scene: &Scene, contact: &Contact) -> Option<String> {
-    let Contact::Needle(path) = contact else { return None };
+    let made = match contact {
+        Contact::Needle(path) => path.effective_radius(),
+        Contact::Frictional(needle) => needle.effective_radius(),
+        Contact::Press(_) => return None,
+    };
     let InstrumentKind::Needle(needle) = &scene.instrument.as_ref()?.kind else { return None };
-    let (asked, made) = (needle.capture_radius.get(), path.effective_radius());
+    let asked = needle.capture_radius.get();
     ((made / asked - 1.0).abs() > THINNER).then(|| {
         format!(
             "the cloud gives the needle an effective radius of {:.3} mm, and instrument.capture_radius_m asks for {:.3} mm: the force \
@@ -92,10 +98,11 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     }
     let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
     let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
-    let contact = scene.instrument.as_ref().map(|i| make_contact(i, &body, &table, scene.material.shear_modulus()));
+    let contact = |i| make_contact(scene, i, &body, &table);
+    let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
     let surfaces = surfaces(scene, &cloud.points, &cloud.faces, [body.top - body.height, body.top]);
-    let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table, surfaces);
+    let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table, surfaces, &mut contact);
     let (of_point, volume) = cells_and_volumes(table);
     let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
     let model = Cells { nodes: cloud.points.len(), triangles: None, of_point, volume };
@@ -144,10 +151,20 @@ pub(super) fn settings(scene: &Scene) -> Settings {
     }
 }
 
-fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable, shear_modulus: f64) -> Contact {
+fn make_contact(
+    scene: &Scene,
+    instrument: &Instrument,
+    body: &Body,
+    table: &ShapeTable,
+) -> Result<Contact, BuildError> {
     let Body { cloud, held, top, reach, layer, .. } = body;
     match &instrument.kind {
-        InstrumentKind::Plate | InstrumentKind::Indenter { .. } => press(instrument, held),
+        InstrumentKind::Plate | InstrumentKind::Indenter { .. } => Ok(press(instrument, held)),
+        InstrumentKind::Needle(needle) if instrument.is_frictional() => {
+            let corners = table.cell.iter().map(|&c| cloud.cells[c as usize]);
+            let cells = corners.zip(table.volume.iter().copied());
+            frictional(scene, needle, &cloud.points, held, [*top, *layer, *reach], cells)
+        }
         InstrumentKind::Needle(needle) => {
             let [x, y] = instrument.entry.map(|m| m.get());
             let corners = table.cell.iter().map(|&c| cloud.cells[c as usize]);
@@ -164,9 +181,42 @@ fn make_contact(instrument: &Instrument, body: &Body, table: &ShapeTable, shear_
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
             let cells = corners.zip(table.volume.iter().copied());
             let path = NeedlePath::new(nodes, cloud.points.len(), *needle, *reach, *layer, watched, cells);
-            Contact::Needle(Box::new(path.in_tissue(shear_modulus)))
+            Ok(Contact::Needle(Box::new(path.in_tissue(scene.material.shear_modulus()))))
         }
     }
+}
+
+/// A needle with friction through the layers of its path; `[top, layer, reach]`: z of the top face, distance between layers, length of
+/// the path, m; `cells`: corners and volume of each integration point's cell.
+pub(super) fn frictional(
+    scene: &Scene,
+    needle: &Needle,
+    points: &[[f64; 3]],
+    held: &[u32],
+    [top, layer, reach]: [f64; 3],
+    cells: impl Iterator<Item = ([u32; 4], f64)>,
+) -> Result<Contact, BuildError> {
+    const KEY: &str = "instrument.interaction";
+    let instrument = scene.instrument.as_ref();
+    let axis = Axis { entry: instrument.map_or([0.0; 2], |i| i.entry.map(|m| m.get())), slope: needle.slope() };
+    if axis.slope != [0.0; 2] {
+        return Err(BuildError::Unsupported {
+            key: KEY,
+            reason: "a frictional needle goes straight down; use kinematic for an oblique one",
+        });
+    }
+    let place = |&n: &u32| (n, top - points[n as usize][2], axis.distance(top, points[n as usize]));
+    let nodes = held.iter().map(place).filter(|(_, z, _)| *z <= reach * (1.0 + 1e-9)).collect();
+    let radius = needle.capture_radius.get();
+    let Some(shaft) = Shaft::new(nodes, layer, radius) else {
+        return Err(BuildError::Unsupported {
+            key: KEY,
+            reason: "a frictional needle needs layers of nodes along its path, which a cylinder or a box has and a mesh has not; use \
+                     kinematic with a mesh",
+        });
+    };
+    let shaft = shaft.through(scene, needle.diameter.get(), &axis, top, |p| regions::at(scene, top, p));
+    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_depth(scene), reach, cells))))
 }
 
 /// What holds each node from the start.
@@ -215,6 +265,7 @@ pub(super) fn solver(
     role: Vec<Role>,
     table: &ShapeTable,
     [instrument, base]: [Option<Surface>; 2],
+    contact: &mut Option<Contact>,
 ) -> Solver {
     let d = &scene.discretisation;
     let settings = SolverSettings {
@@ -226,5 +277,9 @@ pub(super) fn solver(
     };
     let laws = regions::laws(scene, table);
     let model = Model::of_materials(table, cells, points, role, &laws, &settings).with_surfaces(instrument, base);
-    Solver::of(Arc::new(model), settings.threads)
+    let Some(Contact::Frictional(needle)) = contact else { return Solver::of(Arc::new(model), settings.threads) };
+    let mut solver = Solver::of(Arc::new(needle.rod(model)), settings.threads);
+    needle.place(&mut solver);
+    solver.settle();
+    solver
 }

@@ -9,6 +9,7 @@ mod look_ahead;
 mod mesh;
 mod observe;
 mod pace;
+mod pierce;
 mod recover;
 mod regions;
 mod step;

@@ -49,6 +49,7 @@ impl Twin {
     pub fn effective_radius(&self) -> Option<f64> {
         match &self.contact {
             Some(Contact::Needle(path)) => Some(path.effective_radius()),
+            Some(Contact::Frictional(needle)) => Some(needle.effective_radius()),
             _ => None,
         }
     }
@@ -76,6 +77,7 @@ impl Twin {
     pub fn deepest(&self) -> Option<f64> {
         match &self.contact {
             Some(Contact::Needle(n)) if n.insertion().punctured => Some(n.insertion().deepest * self.path().secant()),
+            Some(Contact::Frictional(n)) => n.deepest(),
             _ => None,
         }
     }

@@ -27,6 +27,8 @@ const FADE: f64 = 0.7;
 const LARGEST_BOOST: f64 = 16.0;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
+/// The same where tissue slips along a needle: how far it lags decides about what slips.
+const LAG_OF_SLIP: f64 = 1.5;
 /// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.
 const SETTLING: u32 = 4;
 
@@ -46,6 +48,8 @@ pub(super) struct Pace {
     unsettled: f64,
     /// Factor on the steps that the tolerance asks for, 1 or more.
     boost: f64,
+    /// [`LAG`] of the scene.
+    lag: f64,
     /// Most steps that there is time for.
     pub limit: u32,
     /// Relative stress relaxation since the last step.
@@ -64,6 +68,7 @@ impl Pace {
             gap: 0.0,
             unsettled: 0.0,
             boost: LARGEST_BOOST,
+            lag: if scene.instrument.is_some_and(|i| i.is_frictional()) { LAG_OF_SLIP } else { LAG },
             limit: u32::MAX,
             pending: 0.0,
         }
@@ -98,7 +103,7 @@ impl Pace {
         self.peak = self.peak.max(force);
         let unbalanced = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
         self.imbalance = if self.peak > 0.0 { unbalanced / self.peak } else { 0.0 };
-        let gap = if moving { balance.gap / LAG } else { balance.gap };
+        let gap = if moving { balance.gap / self.lag } else { balance.gap };
         let error = balance.error_estimate.max(gap);
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
         self.unsettled = self.gap.max(FADE * self.unsettled);

@@ -81,9 +81,20 @@ impl Twin {
         self.progress.pace.reset();
         self.progress.steps_since_save = 0;
         self.progress.constraint_error_m = 0.0;
+        self.begin();
+    }
+
+    /// The instrument is where it is before the first pose.
+    pub(super) fn begin(&mut self) {
+        let depth = match &self.contact {
+            Some(Contact::Frictional(needle)) => needle.start(),
+            _ => 0.0,
+        };
+        let phase = if depth > 0.0 { Phase::Penetration } else { Phase::Approach };
         let p = &mut self.progress;
-        (p.tip, p.shaft, p.phase) = ([0.0; 3], [0.0; 2], Phase::Approach);
-        self.keep_place([0.0; 3], [0.0; 2], 0.0, Phase::Approach);
+        (p.tip, p.shaft, p.phase) = ([0.0, 0.0, 0.0 - depth], [0.0; 2], phase);
+        let tip = p.tip;
+        self.keep_place(tip, [0.0; 2], depth, phase);
     }
 
     /// Goes back to the saved state after a pose at a depth was lost.

@@ -22,6 +22,12 @@ pub(super) fn solid(shape: &RegionShape, top: f64) -> Option<Solid> {
     }
 }
 
+/// Region of a point of a generated body, as [`of_cells`].
+pub(super) fn at(scene: &Scene, top: f64, point: [f64; 3]) -> u8 {
+    let holds = |i: &usize| solid(&scene.regions[*i].shape, top).is_some_and(|solid| solid.signed(point) <= 0.0);
+    (0..scene.regions.len()).find(holds).map_or(0, |i| i as u8 + 1)
+}
+
 /// Region of each cell: 0, or one more than the place in the scene's list. `volumes` are the groups of a mesh's cells.
 pub(super) fn of_cells<const K: usize>(
     scene: &Scene,

@@ -90,6 +90,11 @@ impl Twin {
                 self.progress.pace.judge(&balance, distance > 0.0);
                 advanced = Some(balance);
                 taken = steps;
+                if let Some((balance, further, seen)) = self.spring_back(&balance, &tip, phase, pose.time_s)? {
+                    advanced = Some(balance);
+                    taken += further;
+                    event = event.or(seen);
+                }
             } else {
                 self.solver.rest(pose.time_s);
             }
@@ -156,6 +161,7 @@ impl Twin {
     pub fn reset(&mut self) {
         self.undeform();
         self.progress = Progress::new(self.progress.pace.clone());
+        self.begin();
     }
 
     fn health(&self, balance: &Balance) -> Health {

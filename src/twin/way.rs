@@ -4,10 +4,10 @@
 //! half of the jumps of 1.0 mm. Only the part below the surface counts. A motion that was above the surface is assumed to enter
 //! at the present axis, or to leave at the former one, so that the sample bounds the strides.
 
-use crate::instrument::Tip;
 use crate::instrument::reading::SPEED_M_PER_S;
+use crate::instrument::{Contact, Tip};
 
-use super::Twin;
+use super::{Twin, pierce};
 
 /// Length of a stride over the height of the body; a jump of less than two strides is made at once.
 const STRIDE: f64 = 0.0125;
@@ -54,9 +54,17 @@ impl Twin {
         let end = if leaves { [self.progress.shaft[0], self.progress.shaft[1], 0.0] } else { to.offset };
         let length = (0..3).map(|k| (end[k] - from[k]).powi(2)).sum::<f64>().sqrt();
         let length = if above && leaves { 0.0 } else { length };
-        let stride = self.care() * STRIDE * self.fixed.height;
+        let stride = self.care() * self.stride();
         let strides = if length > 2.0 * stride { (length / stride).ceil() as u32 } else { 0 };
         Way { ends: [from, end], enters: above, to: *to, length, strides }
+    }
+
+    /// Length of a stride, m.
+    fn stride(&self) -> f64 {
+        match &self.contact {
+            Some(Contact::Frictional(n)) => pierce::STRIDE * n.layer(),
+            _ => STRIDE * self.fixed.height,
+        }
     }
 
     /// Why an instrument cannot have moved to a place by then, if it cannot.

@@ -33,7 +33,7 @@ fn broken() -> Run {
             _ => {}
         }
     }
-    run.answers[20].event = Some(Event::Puncture { depth_m: f64::NAN });
+    run.answers[20].event = Some(Event::Puncture { depth_m: f64::NAN, region: 0 });
     run.targets[3].positions[1][2] = f64::NAN;
     run.targets[4].time_s = f64::NAN;
     run.snapshots[5].displacement[9][1] = f64::NAN;

@@ -54,6 +54,7 @@ pub fn needle(pose_hz: f64) -> Run {
         },
         snapshots,
         instrument: Some(Instrument {
+            interaction: needle_twin::scene::Interaction::Kinematic,
             kind: InstrumentKind::Needle(needle_shape()),
             entry: [metres(0.0); 2],
             contact: needle_twin::scene::ContactLaw::Bonded,
@@ -138,7 +139,7 @@ fn answer(i: usize, pose_hz: f64) -> Answer {
             () if depth_m <= PUNCTURE_M => Phase::Indentation,
             () => Phase::Penetration,
         },
-        event: punctured.then_some(Event::Puncture { depth_m: PUNCTURE_M }),
+        event: punctured.then_some(Event::Puncture { depth_m: PUNCTURE_M, region: 0 }),
         steps: if time_s < 0.3 { 0 } else { 8 + (12.0 * (-(time_s - 0.3)).exp()) as u32 },
         latency_s: 3e-4 + 1e-4 * hash(7 * i as u64 + 1) + if i % 997 == 996 { 1.3e-3 } else { 0.0 },
     }

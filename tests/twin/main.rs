@@ -16,6 +16,7 @@ mod invariance;
 mod least_work;
 mod mesh_import;
 mod needle_capture;
+mod needle_friction;
 mod needle_motion;
 mod needle_sideways;
 mod regions;

@@ -83,7 +83,7 @@ fn the_surface_is_punctured_once() {
     answers.extend(travel(&mut twin, 1e-3, 3e-3, 20));
     let events: Vec<_> = answers.iter().enumerate().filter_map(|(i, a)| a.event.map(|e| (i, e))).collect();
     assert_eq!(events.len(), 1, "{events:?}");
-    let (at, Event::Puncture { depth_m }) = events[0];
+    let (at, depth_m) = (events[0].0, events[0].1.puncture_depth().unwrap());
     println!("punctured at {:.3} mm", 1e3 * depth_m);
     assert!(
         answers[at - 2].depth_m <= depth_m && depth_m <= answers[at - 1].depth_m,
@@ -111,7 +111,7 @@ fn the_depth_of_a_puncture_does_not_depend_on_how_often_one_looks() {
             .unwrap();
             // at 1 mm/s, from a place above the sample that is on nobody's grid
             let depth = |k: u32| -0.000_137 + 0.001 * f64::from(k) / pose_hz;
-            (0..).find_map(|k| at_depth(&mut twin, depth(k)).event).map(|Event::Puncture { depth_m }| depth_m).unwrap()
+            (0..).find_map(|k| at_depth(&mut twin, depth(k)).event).and_then(Event::puncture_depth).unwrap()
         };
         let seen = alone(|| [10.0, 100.0, 1000.0, 10_000.0].map(of));
         println!("strain {strain}: {seen:?}");

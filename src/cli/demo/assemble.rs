@@ -73,7 +73,7 @@ fn answers(heard: &Observations, origin_ns: i64) -> Vec<Answer> {
             }
             let event = present.filter(|s| s.punctured && !puncture_said).map(|s| {
                 puncture_said = true;
-                Event::Puncture { depth_m: s.puncture_depth_m }
+                Event::Puncture { depth_m: s.puncture_depth_m, region: 0 }
             });
             Some(Answer {
                 time_s: seconds(force.stamp_ns),

@@ -214,7 +214,7 @@ impl Live {
     pub fn answer(&mut self, answer: &Answer) {
         self.answered += 1;
         self.steps += u64::from(answer.prediction.steps);
-        if let Some(Event::Puncture { depth_m }) = answer.prediction.event {
+        if let Some(Event::Puncture { depth_m, .. }) = answer.prediction.event {
             self.puncture_depth_m = Some(depth_m);
         }
         self.queue.record(answer.begun - answer.received);

@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use crate::approximation::ShapeTable;
 
 use super::contact::Touch;
+use super::drag::{End, Slip, Wall};
 use super::model::{Model, Workspace, with_kernel};
 use super::settings::SolverSettings;
 use super::state::{Moving, Role, State};
@@ -102,6 +103,48 @@ impl Solver {
     /// [`State::move_surface`].
     pub fn move_surface(&mut self, displacement: [f64; 3]) {
         self.state.move_surface(displacement);
+    }
+
+    /// [`State::grip`].
+    pub fn grip(&mut self, layer: usize, wall: Wall) {
+        self.state.grip(layer, wall);
+    }
+
+    /// [`State::set_end`].
+    pub fn set_end(&mut self, end: End) {
+        self.state.set_end(end);
+    }
+
+    /// [`State::place_end`].
+    pub fn place_end(&mut self, depth: f64) {
+        self.state.place_end(depth);
+    }
+
+    /// [`State::mend`].
+    pub fn mend(&mut self) {
+        self.state.mend();
+    }
+
+    /// [`State::drag_to`].
+    pub fn drag_to(&mut self, way: f64) {
+        self.state.drag_to(way);
+    }
+
+    /// [`State::drag_from`].
+    pub fn drag_from(&mut self, way: f64) {
+        self.state.drag_from(way);
+    }
+
+    /// [`State::slip`].
+    #[must_use]
+    pub fn slip(&self) -> &Slip {
+        self.state.slip()
+    }
+
+    /// [`State::of_layer`].
+    #[must_use]
+    pub fn of_layer(&self, layer: usize) -> f64 {
+        self.state.of_layer(layer)
     }
 
     /// [`State::touches`].

@@ -114,14 +114,24 @@ impl Model {
         if travel == [0.0; 3] {
             return;
         }
-        let Constraints { role, path, instrument, way, .. } = &state.constraints;
-        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        let Constraints { role, path, instrument, way, drag, .. } = &state.constraints;
+        let (mut sum, mut count) = ([0.0; 3], 0.0_f64);
         for (path, _) in path.iter().zip(role).filter(|(_, role)| **role == Role::Instrument) {
             (0..3).for_each(|k| sum[k] += path.end[k] - path.start[k]);
             count += 1.0;
         }
         if count == 0.0 && instrument.is_some() {
             (sum, count) = (std::array::from_fn(|k| way.end[k] - way.start[k]), 1.0);
+        }
+        if count == 0.0 && !drag.nodes.is_empty() {
+            let rigid =
+                path.iter().zip(role).filter(|(path, role)| **role == Role::Dragged && path.spring == f64::INFINITY);
+            for (path, _) in rigid {
+                (0..2).for_each(|k| sum[k] += path.end[k] - path.start[k]);
+                count += 1.0;
+            }
+            count = count.max(1.0);
+            (0..3).for_each(|k| sum[k] += count * drag.axis[k] * (drag.way[1] - drag.way[0]));
         }
         if self.form == Form::Axisymmetric {
             // round a ring radial motions cancel, as their forces do

@@ -6,6 +6,7 @@ mod contact;
 mod dilatation;
 #[allow(unsafe_code)] // parts of a slice for several threads
 mod disjoint;
+mod drag;
 mod explicit;
 #[allow(unsafe_code)] // what the owner of a phase tells its helpers
 mod gate;
@@ -31,6 +32,7 @@ mod vertices;
 mod work;
 
 pub use contact::{By, Surface, Touch};
+pub use drag::{End, Grip, Slip, Wall};
 pub use explicit::Solver;
 pub use kernel::{InternalForce, Kernel};
 pub use model::{Model, Workspace};

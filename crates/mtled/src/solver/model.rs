@@ -12,6 +12,7 @@ use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 
 use super::contact::{Surface, Touch};
+use super::drag::Drag;
 use super::inertia::{Motion, Sums};
 use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
 use super::mass::FundamentalMode;
@@ -185,6 +186,15 @@ impl Model {
         self
     }
 
+    /// With a rod through layers of nodes (see [`Role::Dragged`]): `nodes` by layer and ring, the number of nodes in each ring of a
+    /// layer, and the rings' shares of the area of the rod's end. `axis`: unit vector into the body.
+    #[must_use]
+    pub fn with_rod(mut self, axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[usize], areas: Vec<f64>) -> Self {
+        let drag = Drag::new(axis, nodes, ring_sizes, areas);
+        (self.rest.moving.slip, self.rest.constraints.drag) = (drag.slip(), drag);
+        self
+    }
+
     /// Finds the masses' scale, the largest eigenvalue at rest, and its eigenvector.
     fn scale_masses(&mut self) {
         let (mut state, mut work) = (self.rest.clone(), Workspace::new(self, self.threads));
@@ -258,6 +268,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
         Precise::F32(k) => Precise::<Points<f32>, Points<f64>>::F32(k.points()),
         Precise::F64(k) => Precise::F64(k.points()),
     };
+    let nothing = Drag::new([0.0, 0.0, -1.0], Vec::new(), &[], Vec::new());
     State {
         moving: Moving {
             u: zero.clone(),
@@ -269,6 +280,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
             memory: with_kernel!((kernel) => (k) { k.memory() }),
             touch: vec![Touch::default(); nodes],
             offset: [0.0; 3],
+            slip: nothing.slip(),
         },
         control: Control {
             mass: vec![0.0; nodes],
@@ -279,6 +291,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
             usual_travel: 0.0,
             motion: Motion::default(),
             sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],
+            dragged: Sums::default(),
         },
         constraints: Constraints {
             role,
@@ -286,6 +299,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
             instrument: None,
             way: Path::default(),
             base: None,
+            drag: nothing,
         },
         points,
     }

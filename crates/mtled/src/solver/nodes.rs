@@ -23,7 +23,7 @@ pub struct Rule {
 impl Rule {
     /// Component k of t d.
     #[inline]
-    fn drift(&self, tangent: &[[f64; 3]; 3], k: usize) -> f64 {
+    pub fn drift(&self, tangent: &[[f64; 3]; 3], k: usize) -> f64 {
         let [x, y, z] = self.travel;
         // mostly an instrument moves along z alone
         if x == 0.0 && y == 0.0 { tangent[2][k] * z } else { tangent[0][k] * x + tangent[1][k] * y + tangent[2][k] * z }
@@ -31,7 +31,7 @@ impl Rule {
 
     /// Component k of the deviation from t d, after t has learnt from it.
     #[inline]
-    fn teach(&self, tangent: &mut [[f64; 3]; 3], k: usize, deviation: f64) -> f64 {
+    pub fn teach(&self, tangent: &mut [[f64; 3]; 3], k: usize, deviation: f64) -> f64 {
         let mut left = deviation;
         for d in (0..3).filter(|&d| self.travel[d] != 0.0) {
             let lesson = self.learn * self.gain[d] * deviation;
@@ -43,7 +43,7 @@ impl Rule {
 
     /// Component k of the tangent motions of a node that is held, and has moved by so much in the step.
     #[inline]
-    fn set(&self, tangent: &mut [[f64; 3]; 3], k: usize, moved: f64) {
+    pub fn set(&self, tangent: &mut [[f64; 3]; 3], k: usize, moved: f64) {
         for d in 0..3 {
             tangent[d][k] = moved * self.gain[d];
         }
@@ -118,10 +118,14 @@ impl<'a> Nodes<'a> {
                     let left = std::array::from_fn(|k| f[k] - force[k]);
                     sums.add_free(held.mass[n] * mass_factor, q, tangent, &left);
                 }
-                Role::Guided => {
+                Role::Dragged if held.path[n].spring == f64::INFINITY => {
+                    sums.add_held(By::Instrument, &place, &[-f[0], -f[1], 0.0]);
+                }
+                Role::Guided | Role::Dragged => {
                     let path = &held.path[n];
                     let pulls: [f64; 2] = std::array::from_fn(|k| path.spring * (path.end[k] - self.u[l][k]));
-                    sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], -f[2]]);
+                    let along = if held.role[n] == Role::Guided { -f[2] } else { 0.0 };
+                    sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], along]);
                     for (k, pull) in pulls.into_iter().enumerate() {
                         sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
                         (0..3).for_each(|d| sums.learnt[d] += tangent[d][k] * (f[k] - pull));
@@ -149,7 +153,15 @@ impl<'a> Nodes<'a> {
                 }
                 *q = [0.0; 3];
             }
-            Role::Guided => {
+            Role::Dragged if held.path[n].spring == f64::INFINITY => {
+                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
+                for k in 0..2 {
+                    let next = path.at(s, k);
+                    rule.set(tangent, k, next - u[k]);
+                    (u[k], q[k]) = (next, 0.0);
+                }
+            }
+            Role::Guided | Role::Dragged => {
                 let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
                 // the spring at the end of the step, so that it is stable however stiff it is
@@ -161,9 +173,11 @@ impl<'a> Nodes<'a> {
                     u[k] += v;
                     q[k] = rule.teach(tangent, k, v - drift);
                 }
-                let next = path.at(s, 2);
-                rule.set(tangent, 2, next - u[2]);
-                (u[2], q[2]) = (next, 0.0);
+                if held.role[n] == Role::Guided {
+                    let next = path.at(s, 2);
+                    rule.set(tangent, 2, next - u[2]);
+                    (u[2], q[2]) = (next, 0.0);
+                }
             }
             Role::Free => {
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);

@@ -2,6 +2,7 @@
 
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
+use super::drag::{Drag, End, Slip, Wall};
 use super::inertia::{Motion, Sums};
 use super::kernel::Points;
 use super::memory::Memory;
@@ -21,13 +22,16 @@ pub enum Role {
     Guided,
     /// Nothing, unless it meets a rigid surface. Its parameter has to be the field's value.
     Surface,
+    /// A rod along its axis, which is z, up to limits of force ([`State::grip`]); in x and y a spring as of a guided node, or a hold
+    /// where its spring is infinite.
+    Dragged,
 }
 
 impl Role {
     /// Whether the component k of the node's displacement is a degree of freedom.
     pub(super) const fn frees(self, k: usize) -> bool {
         match self {
-            Self::Free | Self::Surface => true,
+            Self::Free | Self::Surface | Self::Dragged => true,
             Self::Guided => k < 2,
             Self::Base | Self::Instrument => false,
         }
@@ -90,6 +94,8 @@ cloned_field_by_field! {
         pub touch: Vec<Touch>,
         /// Displacement of the instrument's surface, m.
         pub offset: [f64; 3],
+        /// Slip of what a rod drags.
+        pub slip: Slip,
     }
 }
 
@@ -104,6 +110,8 @@ cloned_field_by_field! {
         pub way: Path,
         /// The surface that the body stands on, if it isn't held there.
         pub base: Option<Surface>,
+        /// The rod that drags nodes.
+        pub drag: Drag,
     }
 }
 
@@ -125,6 +133,8 @@ cloned_field_by_field! {
         pub motion: Motion,
         /// Of each chunk of nodes, after the last advance.
         pub sums: Vec<Sums>,
+        /// Of the dragged nodes, along the rod.
+        pub dragged: Sums,
     }
 }
 
@@ -165,6 +175,55 @@ impl State {
     /// Moves the instrument's surface, if it has one, to a displacement at the end of the next advance, m.
     pub fn move_surface(&mut self, displacement: [f64; 3]) {
         self.constraints.way = Path { start: self.moving.offset, end: displacement, spring: 0.0 };
+    }
+
+    /// Says how the rod's wall goes with a layer of nodes. A wall that begins to act does so without a force.
+    pub fn grip(&mut self, layer: usize, wall: Wall) {
+        let before = &mut self.constraints.drag.walls[layer];
+        let begins = before.limit <= 0.0 && wall.limit > 0.0;
+        *before = wall;
+        if begins {
+            self.moving.slip.wall[layer] = self.moving.slip.at - self.constraints.drag.of_layer(layer, &self.moving.u);
+        }
+    }
+
+    /// Says how the rod's end goes through the material.
+    pub fn set_end(&mut self, end: End) {
+        self.constraints.drag.end = end;
+    }
+
+    /// The rod's end is at a depth of the material, m, and has broken what was there.
+    pub fn place_end(&mut self, depth: f64) {
+        self.moving.slip.end.fill(depth);
+        self.moving.slip.broken = None;
+    }
+
+    /// Another membrane is in the end's way.
+    pub fn mend(&mut self) {
+        self.moving.slip.broken = None;
+    }
+
+    /// Moves the rod along its axis, to a way in m at the end of the next advance.
+    pub fn drag_to(&mut self, way: f64) {
+        self.constraints.drag.way = [self.moving.slip.at, way];
+    }
+
+    /// Puts the rod to a way in m with no motion.
+    pub fn drag_from(&mut self, way: f64) {
+        self.moving.slip.at = way;
+        self.constraints.drag.way = [way; 2];
+    }
+
+    /// What slip has done so far.
+    #[must_use]
+    pub fn slip(&self) -> &Slip {
+        &self.moving.slip
+    }
+
+    /// Mean displacement of a layer of dragged nodes along the rod's axis, m.
+    #[must_use]
+    pub fn of_layer(&self, layer: usize) -> f64 {
+        self.constraints.drag.of_layer(layer, &self.moving.u)
     }
 
     /// What surfaces do to each node.

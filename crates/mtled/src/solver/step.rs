@@ -27,6 +27,8 @@ const LEARNING: f64 = 0.3;
 const FLOOR: f64 = 0.2;
 /// How fast the memory of the usual travel fades, per advance.
 const USUAL_DECAY: f64 = 0.995;
+/// The same where a rod drags tissue: the steps per pose change with what slips, and the travel per step with them.
+const USUAL_DECAY_OF_DRAG: f64 = 0.8;
 /// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
 const REFRESH: u32 = 24;
 /// Share of the present velocities in the probe.
@@ -71,8 +73,9 @@ impl Model {
     pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) -> u32 {
         let travel = advance.travel.map(|d| d / f64::from(advance.steps));
         self.note_motion(state, advance.travel);
+        let decay = if state.constraints.drag.nodes.is_empty() { USUAL_DECAY } else { USUAL_DECAY_OF_DRAG };
         let control = &mut state.control;
-        control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
+        control.usual_travel = dot(&travel, &travel).sqrt().max(decay * control.usual_travel);
         let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
         control.motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
         let mut first = 1;
@@ -104,10 +107,15 @@ impl Model {
             }
         }
         // further steps at the same pose must not travel the path again
-        let Constraints { role, path, way, .. } = &mut state.constraints;
+        let Constraints { role, path, way, drag, .. } = &mut state.constraints;
         way.start = way.end;
+        drag.way[0] = drag.way[1];
         state.moving.offset = way.end;
-        for (path, _) in path.iter_mut().zip(role).filter(|(_, role)| matches!(role, Role::Instrument | Role::Guided)) {
+        for (path, _) in path
+            .iter_mut()
+            .zip(role)
+            .filter(|(_, role)| matches!(role, Role::Instrument | Role::Guided | Role::Dragged))
+        {
             path.start = path.end;
         }
         first - 1
@@ -115,8 +123,8 @@ impl Model {
 
     /// Takes the steps from `rule.first` to `rule.last`.
     fn march(&self, state: &mut State, work: &mut Workspace, rule: &Rule) {
-        let State { moving, constraints, control: Control { mass, sums, .. }, points: shares } = state;
-        let Constraints { role, path, .. } = &*constraints;
+        let State { moving, constraints, control: Control { mass, sums, dragged, .. }, points: shares } = state;
+        let Constraints { role, path, drag, .. } = &*constraints;
         let held = |step| Held {
             mass,
             role,
@@ -131,6 +139,7 @@ impl Model {
             let held = held(rule.first);
             (0..part.u.len()).for_each(|l| part.integrate(l, &held, rule.first, rule));
         });
+        drag.step(moving, mass, rule.first, rule);
         with_kernel!((&self.kernel, shares, &mut work.scratch) => (k, shares, scratch) {
             for step in rule.first..=rule.last {
                 k.force(shares, &moving.memory, scratch, pool, &moving.u);
@@ -148,14 +157,20 @@ impl Model {
                         *sums = part.sums(&held, rule.mass_factor);
                     }
                 });
+                if step < rule.last {
+                    drag.step(moving, mass, step + 1, rule);
+                }
             }
         });
+        if rule.last == rule.steps {
+            *dragged = drag.sums(moving, &self.points, mass, rule.mass_factor);
+        }
     }
 
     /// Forces and energies after the last advance.
     #[must_use]
     pub fn balance(&self, state: &State, work: &Workspace) -> Balance {
-        let sums = state.control.sums.iter().fold(Sums::default(), |all, chunk| all + *chunk);
+        let sums = state.control.sums.iter().fold(state.control.dragged, |all, chunk| all + *chunk);
         let mut b = Balance {
             instrument: sums.instrument,
             base: sums.base,
@@ -211,6 +226,7 @@ impl Model {
             path.start = *u;
         }
         state.constraints.way.start = state.moving.offset;
+        state.constraints.drag.way[0] = state.moving.slip.at;
     }
 
     /// Angular frequency of the fastest mode of the present state, rad per step, by so many power iterations. The

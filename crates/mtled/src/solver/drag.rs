@@ -1,0 +1,372 @@
+//! Nodes that a rod drags along its axis, up to limits of force: friction along its wall, a push under its end.
+//!
+//! ```text
+//! wall    P = K (d - b - w)           |P| <= L       beyond the limit b follows: the wall slips
+//! end     P_i = k_i (d - c_i - w_i)   0 <= P_i <= l_i   beyond the limit c_i follows: the end goes on through the material;
+//!                                     it never pulls, and comes back to where it was
+//! ```
+//!
+//! d: way of the rod along its axis; w: displacement of a layer of nodes along the axis. Behind the end a layer moves as one. The end
+//! stands between two layers, at the share s of the way from the upper to the lower one; w_i = (1 - s) w_upper + s w_lower over
+//! ring i of both, and P_i acts on them in the same shares.
+//!
+//! Springs are those at the end of the step, with the limit as the return mapping of an elastic and perfectly plastic bar (Simo and
+//! Hughes, Computational Inelasticity, 1998, section 1.4): stable however stiff, and each slip dissipates P db >= 0. What sticks moves
+//! with the rod, so its tangent motion is the rod's and the trial force holds no inertia: slip does not depend on the pace.
+
+use super::cloned::cloned_field_by_field;
+use super::contact::By;
+use super::inertia::Sums;
+use super::nodes::Rule;
+use super::state::Moving;
+
+/// Share of its distance from the outermost ring that a tied layer's node loses per step.
+const FLATTEN: f64 = 0.02;
+
+/// How a layer of nodes goes along the axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Grip {
+    /// As free tissue.
+    #[default]
+    Free,
+    /// Each node for itself: beside the rod's end.
+    Apart,
+    /// All as one: behind it.
+    Tied,
+}
+
+/// What the rod's wall does to a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Wall {
+    /// How its nodes go.
+    pub grip: Grip,
+    /// K, N/m.
+    pub spring: f64,
+    /// L, N.
+    pub limit: f64,
+}
+
+/// What the rod's end does.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct End {
+    /// The layer above it; the other is the next one.
+    pub upper: usize,
+    /// s.
+    pub share: f64,
+    /// Sum of the springs k_i, N/m; 0 without an end in the material.
+    pub spring: f64,
+    /// Sum of the limits l_i, N.
+    pub limit: f64,
+    /// Largest c_i, m: a membrane, until the whole push reaches `puncture`.
+    pub stop: f64,
+    /// N.
+    pub puncture: f64,
+    /// Limit once it is broken, N; nothing stops the end then.
+    pub beyond: f64,
+    /// How far a c_i may be behind the mean of all, m.
+    pub lag: f64,
+}
+
+cloned_field_by_field! {
+    /// The rod, and what it does to the layers.
+    #[derive(Debug)]
+    pub(super) struct Drag {
+        /// Unit vector into the body.
+        pub axis: [f64; 3],
+        /// Nodes of each layer, ring by ring from the axis; all layers are alike.
+        pub nodes: Vec<u32>,
+        /// Where each ring begins in a layer, and the number of a layer's nodes.
+        pub rings: Vec<usize>,
+        /// Share of the end's area of each ring.
+        pub areas: Vec<f64>,
+        pub walls: Vec<Wall>,
+        pub end: End,
+        /// d at the start and the end of an advance, m.
+        pub way: [f64; 2],
+    }
+}
+
+cloned_field_by_field! {
+    /// Slip: what a dragged body remembers.
+    #[derive(Debug)]
+    pub struct Slip {
+        /// d, m.
+        pub at: f64,
+        /// b of each layer, m.
+        pub wall: Vec<f64>,
+        /// c_i of each ring, m.
+        pub end: Vec<f64>,
+        /// P of each layer, N, into the body on the tissue.
+        pub pull: Vec<f64>,
+        /// P_i, N.
+        pub push: Vec<f64>,
+        /// d in m and push in N at which the membrane broke.
+        pub broken: Option<[f64; 2]>,
+        /// Work that slip has dissipated, J.
+        pub dissipated: f64,
+        /// Way along the axis of each node in the present step, m.
+        pub step: Vec<f64>,
+        /// Force along the axis on each node, N.
+        pub load: Vec<f64>,
+    }
+}
+
+impl Slip {
+    /// Force of the wall and of the end on the tissue, N, into the body.
+    #[must_use]
+    pub fn forces(&self) -> [f64; 2] {
+        [self.pull.iter().sum(), self.push.iter().sum()]
+    }
+}
+
+impl Drag {
+    /// A rod that holds nothing yet, through layers of nodes with so many nodes in each ring, `areas` being the rings' shares of the end.
+    pub fn new(axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[usize], areas: Vec<f64>) -> Self {
+        let mut rings = vec![0];
+        ring_sizes.iter().for_each(|size| rings.push(rings[rings.len() - 1] + size));
+        let layers = nodes.len() / rings[ring_sizes.len()].max(1);
+        Self { axis, nodes, rings, areas, walls: vec![Wall::default(); layers], end: End::default(), way: [0.0; 2] }
+    }
+
+    /// Nothing slipped.
+    pub fn slip(&self) -> Slip {
+        let (layers, rings) = (self.walls.len(), self.areas.len());
+        Slip {
+            at: 0.0,
+            wall: vec![0.0; layers],
+            end: vec![0.0; rings],
+            pull: vec![0.0; layers],
+            push: vec![0.0; rings],
+            broken: None,
+            dissipated: 0.0,
+            step: vec![0.0; self.nodes.len()],
+            load: vec![0.0; self.nodes.len()],
+        }
+    }
+
+    /// Places in `nodes` of a layer.
+    fn layer(&self, layer: usize) -> std::ops::Range<usize> {
+        let size = self.rings[self.rings.len() - 1];
+        layer * size..(layer + 1) * size
+    }
+
+    /// Places of a ring of a layer.
+    fn ring(&self, layer: usize, ring: usize) -> std::ops::Range<usize> {
+        let first = self.layer(layer).start;
+        first + self.rings[ring]..first + self.rings[ring + 1]
+    }
+
+    /// Places that the wall acts on: all of a tied layer, the outermost ring of another.
+    fn walled(&self, layer: usize) -> std::ops::Range<usize> {
+        match self.walls[layer].grip {
+            Grip::Tied => self.layer(layer),
+            Grip::Apart | Grip::Free => self.ring(layer, self.areas.len() - 1),
+        }
+    }
+
+    fn gripped(&self) -> impl Iterator<Item = usize> {
+        (0..self.walls.len()).filter(|&l| self.walls[l].grip != Grip::Free)
+    }
+
+    /// Displacement of a place's node along the axis, m.
+    fn along(&self, place: usize, u: &[[f64; 3]]) -> f64 {
+        u[self.nodes[place] as usize][2] / self.axis[2]
+    }
+
+    /// Mean displacement of a layer's outermost ring along the axis, m.
+    pub fn of_layer(&self, layer: usize, u: &[[f64; 3]]) -> f64 {
+        let ring = self.ring(layer, self.areas.len() - 1);
+        let count = ring.len() as f64;
+        ring.map(|p| self.along(p, u)).sum::<f64>() / count
+    }
+
+    /// One step of the dragged nodes, from the force at its start.
+    pub fn step(&self, state: &mut Moving, mass: &[f64], step: u32, rule: &Rule) {
+        let share = f64::from(step) / f64::from(rule.steps);
+        let d = self.way[0] + share * (self.way[1] - self.way[0]);
+        state.slip.at = d;
+        self.predict(state, mass, rule);
+        if self.end.spring > 0.0 {
+            self.push(state, mass, rule, d);
+        }
+        for layer in self.gripped() {
+            self.pull(state, mass, rule, d, layer);
+        }
+        self.move_on(state, mass, rule);
+    }
+
+    /// Ways without the rod.
+    fn predict(&self, state: &mut Moving, mass: &[f64], rule: &Rule) {
+        let Moving { q, tangent, f, slip, .. } = state;
+        for layer in self.gripped() {
+            for p in self.layer(layer) {
+                let n = self.nodes[p] as usize;
+                let free = rule.drift(&tangent[n], 2) + rule.keep * q[n][2];
+                slip.step[p] = free / self.axis[2] - force(&f[n], &self.axis) / (mass[n] * rule.mass_factor);
+                slip.load[p] = 0.0;
+            }
+            if self.walls[layer].grip == Grip::Tied {
+                let weights = || self.layer(layer).map(|p| mass[self.nodes[p] as usize]);
+                let sum: f64 = self.layer(layer).zip(weights()).map(|(p, m)| m * slip.step[p]).sum();
+                let mean = sum / weights().sum::<f64>();
+                slip.step[self.layer(layer)].fill(mean);
+            }
+        }
+    }
+
+    /// The end's push, ring by ring.
+    fn push(&self, state: &mut Moving, mass: &[f64], rule: &Rule, d: f64) {
+        let Moving { u, slip, .. } = state;
+        let end = &self.end;
+        let (mut limit, mut stop) = (end.limit, end.stop);
+        if slip.broken.is_some() {
+            (limit, stop) = (end.beyond, f64::INFINITY);
+        }
+        for i in 0..self.areas.len() {
+            let parts = [(self.ring(end.upper, i), 1.0 - end.share), (self.ring(end.upper + 1, i), end.share)];
+            let (mut w, mut compliance) = (0.0, 0.0);
+            for (ring, weight) in &parts {
+                let each = weight / ring.len() as f64;
+                for p in ring.clone().filter(|_| *weight > 0.0) {
+                    w += each * (self.along(p, u) + slip.step[p]);
+                    compliance += each * each / (mass[self.nodes[p] as usize] * rule.mass_factor);
+                }
+            }
+            let (spring, most) = (self.areas[i] * end.spring, self.areas[i] * limit);
+            let held = |c: f64| (spring * (d - c - w) / (1.0 + spring * compliance)).max(0.0);
+            let mut force = held(slip.end[i]);
+            if force > most {
+                // where the end has to be for the force to be at its limit
+                let c = (d - w - most * (1.0 / spring + compliance)).min(stop).max(slip.end[i]);
+                slip.dissipated += most.min(held(c)) * (c - slip.end[i]);
+                slip.end[i] = c;
+                force = held(c);
+            }
+            slip.push[i] = force;
+            for (ring, weight) in parts {
+                let each = force * weight / ring.len() as f64;
+                for p in ring.filter(|_| weight > 0.0) {
+                    slip.step[p] += each / (mass[self.nodes[p] as usize] * rule.mass_factor);
+                    slip.load[p] += each;
+                }
+            }
+        }
+        let behind = self.areas.iter().zip(&slip.end).map(|(a, c)| a * c).sum::<f64>() - end.lag;
+        for (c, force) in slip.end.iter_mut().zip(&slip.push).filter(|(c, _)| **c < behind) {
+            slip.dissipated += force * (behind - *c);
+            *c = behind;
+        }
+        let all: f64 = slip.push.iter().sum();
+        if slip.broken.is_none() && end.puncture.is_finite() && all >= end.puncture {
+            slip.broken = Some([d, all]);
+        }
+    }
+
+    /// The wall's friction on a layer.
+    fn pull(&self, state: &mut Moving, mass: &[f64], rule: &Rule, d: f64, layer: usize) {
+        let Moving { u, slip, .. } = state;
+        let Wall { grip, spring, limit } = self.walls[layer];
+        if limit <= 0.0 {
+            slip.pull[layer] = 0.0;
+            return;
+        }
+        let places = self.walled(layer);
+        let count = places.len() as f64;
+        let heavy: f64 = places.clone().map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor;
+        let w = places.clone().map(|p| slip.step[p]).sum::<f64>() / count + self.of_layer(layer, u);
+        let stiff = 1.0 + spring / heavy;
+        let trial = spring * (d - slip.wall[layer] - w) / stiff;
+        let force = trial.clamp(-limit, limit);
+        if force != trial {
+            // P db, with b where the spring is at its limit after the step
+            let b = d - w - force / heavy - force / spring;
+            slip.dissipated += force * (b - slip.wall[layer]);
+            slip.wall[layer] = b;
+        }
+        slip.pull[layer] = force;
+        let size = places.len() as f64;
+        for p in places {
+            slip.step[p] += force / heavy;
+            // a tied layer is loaded as one
+            let share =
+                if grip == Grip::Tied { mass[self.nodes[p] as usize] * rule.mass_factor / heavy } else { 1.0 / size };
+            slip.load[p] += share * force;
+        }
+    }
+
+    /// Whether a layer's wall sticks.
+    fn sticks(&self, slip: &Slip, layer: usize) -> bool {
+        let Wall { grip, limit, .. } = self.walls[layer];
+        grip == Grip::Tied && limit > 0.0 && slip.pull[layer].abs() < limit
+    }
+
+    /// Whether the end holds a place's node: it sticks to the end that is nearest to its layer.
+    fn is_pushed(&self, slip: &Slip, layer: usize, place: usize) -> bool {
+        let End { upper, share, spring, .. } = self.end;
+        let near = if share < 0.5 { upper } else { upper + 1 };
+        if spring <= 0.0 || layer != near {
+            return false;
+        }
+        let within = place - self.layer(layer).start;
+        let ring = self.rings.partition_point(|first| *first <= within) - 1;
+        let limit = if slip.broken.is_some() { self.end.beyond } else { self.end.limit };
+        slip.push[ring] > 0.0 && slip.push[ring] < self.areas[ring] * limit
+    }
+
+    /// What sticks has the rod's motion for its tangent motion, and its velocity relative to that is damped critically for the spring.
+    fn move_on(&self, state: &mut Moving, mass: &[f64], rule: &Rule) {
+        let way = (self.way[1] - self.way[0]) / f64::from(rule.steps) * self.axis[2];
+        for layer in self.gripped() {
+            let sticks = self.sticks(&state.slip, layer);
+            let heavy = self.layer(layer).map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor;
+            let keep = (1.0 - 2.0 * (self.walls[layer].spring / heavy).sqrt()).max(0.0);
+            let flat = self.of_layer(layer, &state.u);
+            let Moving { u, q, tangent, slip, .. } = &mut *state;
+            for p in self.layer(layer) {
+                let n = self.nodes[p] as usize;
+                let moved = slip.step[p] * self.axis[2];
+                u[n][2] += moved;
+                if self.walls[layer].grip == Grip::Tied {
+                    // what the end has bent becomes flat again
+                    u[n][2] += FLATTEN * (flat - self.along(p, u)) * self.axis[2];
+                }
+                if sticks {
+                    rule.set(&mut tangent[n], 2, way);
+                    q[n][2] = keep * (moved - way);
+                } else if self.is_pushed(slip, layer, p) {
+                    rule.set(&mut tangent[n], 2, way);
+                    q[n][2] = 0.0;
+                } else {
+                    let deviation = moved - rule.drift(&tangent[n], 2);
+                    q[n][2] = rule.teach(&mut tangent[n], 2, deviation);
+                }
+            }
+        }
+    }
+
+    /// What the dragged nodes contribute to the balance along the axis.
+    pub fn sums(&self, state: &Moving, points: &[[f64; 3]], mass: &[f64], mass_factor: f64) -> Sums {
+        let mut sums = Sums::default();
+        if self.nodes.is_empty() {
+            // no rod: not even the sign of a zero is another
+            return sums;
+        }
+        let Moving { u, q, tangent, f, slip, .. } = state;
+        for layer in self.gripped() {
+            for p in self.layer(layer) {
+                let n = self.nodes[p] as usize;
+                let left = [0.0, 0.0, f[n][2] - slip.load[p] * self.axis[2]];
+                let along = tangent[n].map(|t| [0.0, 0.0, t[2]]);
+                let place = std::array::from_fn(|k| points[n][k] + u[n][k]);
+                sums.add_held(By::Instrument, &place, &self.axis.map(|a| -a * slip.load[p]));
+                sums.add_free(mass[n] * mass_factor, &[0.0, 0.0, q[n][2]], &along, &left);
+            }
+        }
+        sums
+    }
+}
+
+/// Component of a force along the axis, of a node that goes along it.
+fn force(f: &[f64; 3], axis: &[f64; 3]) -> f64 {
+    f[2] * axis[2]
+}

@@ -1,0 +1,334 @@
+//! Needle with friction along its shaft, cutting at its tip, and puncture.
+//!
+//! The front is the depth c of the material to which the needle has cut; nothing closes it again. The tip stands at the front and pushes
+//! on it, or within the channel above it, which the shaft alone rubs along.
+//!
+//! ```text
+//! shaft   tissue sticks to it until it would carry more than the friction per length of its region, then slips
+//! tip     pushes until the cutting force of what lies ahead; then the front goes on. Never pulls.
+//! entry   the front stays at a membrane until the tip pushes with the puncture force of the region behind it
+//! ```
+//!
+//! How forces act on nodes is [`mtled::solver`]'s drag. Tissue behind the tip keeps its distance from the axis, as with the kinematic
+//! needle, and cells within the capture radius carry no stress there. The tip is half as long as the shaft's radius: the shaft's full
+//! section, where the tip pushes and from where on the shaft rubs, follows the front at that distance. A needle that is in place from the
+//! start has its full section there; it cuts, or is withdrawn, by the length of the tip before that moves.
+
+mod front;
+mod shaft;
+
+pub use shaft::{Resistance, Shaft, start_depth};
+
+use super::puncture::is_withdrawn;
+use super::{Event, Phase, Tip};
+use mtled::cloned_field_by_field;
+use mtled::solver::{End, Grip, Model, Role, Solver, Wall};
+
+/// Stiffness of sticking over the shear modulus: force per length of shaft and displacement. Forces are 1.8 % below those of a rigid
+/// bond, and slip begins after some micrometres rather than at once.
+const STICKING: f64 = 200.0;
+/// Stiffness of the tip over that of as much sticking shaft as would have its area: it is rigid, its force lags by no step.
+const TIP_STIFFNESS: f64 = 2500.0;
+/// Length of the tip over the radius of the shaft.
+const TIP_LENGTH: f64 = 0.5;
+/// How far a ring of the tip may be behind the mean, in radii.
+const LAG: f64 = 1.0;
+
+/// A needle and what it holds.
+#[derive(Clone, Debug)]
+pub struct Frictional {
+    shaft: Shaft,
+    /// Shares of the rings in the area of the tip.
+    areas: Vec<f64>,
+    /// Integration points in cells of the path, with the deepest layer of their corners.
+    inner: Vec<(u32, usize)>,
+    /// Depth at which the needle is in place at first, m.
+    start: f64,
+    /// sqrt(V / (pi l)) of the cells that the needle fills, m.
+    effective_radius: f64,
+    progress: Progress,
+}
+
+cloned_field_by_field! {
+    /// What an insertion changes.
+    #[derive(Debug)]
+    struct Progress {
+        /// c: depth of the material to which the needle has cut, m.
+        front: f64,
+        /// Deepest layer under which the front has entered; `None`: the surface is whole.
+        entered: Option<usize>,
+        /// Depth of the material at the tip, m.
+        tip: f64,
+        /// Depth of the material to which the shaft's full section reaches, m.
+        shoulder: f64,
+        grip: Vec<Grip>,
+        /// Where the needle's axis was beside a layer's tissue when the tip came to it, m.
+        beside: Vec<[f64; 2]>,
+        /// Share of each of the inner points that the needle fills.
+        filled: Vec<f64>,
+        deepest: f64,
+        withdrawn: bool,
+        /// Force at a puncture from which the tissue springs back, N.
+        released: Option<f64>,
+    }
+}
+
+impl Frictional {
+    /// A needle along a shaft of layers. `cells`: corners and volume of each integration point's cell.
+    #[must_use]
+    pub fn new(shaft: Shaft, start: f64, length: f64, cells: impl Iterator<Item = ([u32; 4], f64)>) -> Self {
+        let size: usize = shaft.rings.iter().sum();
+        let mut layer_of = std::collections::BTreeMap::new();
+        for (i, n) in shaft.nodes.iter().enumerate() {
+            layer_of.insert(*n, i / size);
+        }
+        let (mut inner, mut volume) = (Vec::new(), 0.0);
+        for (point, (corners, v)) in (0u32..).zip(cells) {
+            let layers = corners.map(|n| layer_of.get(&n).copied());
+            if let [Some(a), Some(b), Some(c), Some(d)] = layers {
+                let deepest = a.max(b).max(c).max(d);
+                inner.push((point, deepest));
+                volume += if shaft.depths[deepest] <= length * (1.0 + 1e-9) { v } else { 0.0 };
+            }
+        }
+        let layers = shaft.depths.len();
+        let progress = Progress {
+            front: 0.0,
+            entered: None,
+            tip: 0.0,
+            shoulder: 0.0,
+            grip: vec![Grip::Free; layers],
+            beside: vec![[0.0; 2]; layers],
+            filled: vec![0.0; inner.len()],
+            deepest: 0.0,
+            withdrawn: false,
+            released: None,
+        };
+        let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
+        Self { areas: shaft.areas(), shaft, inner, start, effective_radius, progress }
+    }
+
+    /// As [`super::NeedlePath::effective_radius`].
+    #[must_use]
+    pub fn effective_radius(&self) -> f64 {
+        self.effective_radius
+    }
+
+    /// Deepest point of the insertion, m; `None` before the surface is punctured.
+    #[must_use]
+    pub fn deepest(&self) -> Option<f64> {
+        self.progress.entered.map(|_| self.progress.deepest)
+    }
+
+    /// Depth of the material to which the needle has cut, m.
+    #[must_use]
+    pub fn front(&self) -> f64 {
+        self.progress.front
+    }
+
+    /// Region that the tip is in, as [`Resistance::region`]; `None` before the puncture.
+    #[must_use]
+    pub fn region(&self) -> Option<u8> {
+        self.progress.entered?;
+        let (layer, _) = self.shaft.place(self.progress.tip);
+        Some(self.shaft.under[layer].region)
+    }
+
+    /// Distance between layers of nodes, m.
+    #[must_use]
+    pub fn layer(&self) -> f64 {
+        self.shaft.depths[1] - self.shaft.depths[0]
+    }
+
+    /// The model with this needle's rod.
+    #[must_use]
+    pub fn rod(&self, model: Model) -> Model {
+        let Shaft { nodes, rings, .. } = &self.shaft;
+        model.with_rod([0.0, 0.0, -1.0], nodes.clone(), rings, self.areas.clone())
+    }
+
+    /// Depth at which the needle is in place at first, m.
+    #[must_use]
+    pub fn start(&self) -> f64 {
+        self.start
+    }
+
+    /// Puts a needle that starts in the tissue there, with the tissue at rest.
+    pub fn place(&mut self, solver: &mut Solver) {
+        if self.start <= 0.0 {
+            return;
+        }
+        let p = &mut self.progress;
+        (p.front, p.tip, p.shoulder, p.deepest) = (self.start, self.start, self.start, self.start);
+        p.entered = Some(self.shaft.place(self.start).0);
+        solver.drag_from(self.start);
+        solver.place_end(self.start);
+        self.hold(&Tip { offset: [0.0, 0.0, -self.start], depth: self.start, slope: [0.0; 2] }, solver);
+    }
+
+    pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+        let depth = -tip.offset[2];
+        let event = self.advance_front(solver);
+        self.progress.tip = self.material_at(depth, solver);
+        self.progress.shoulder = self.shoulder(self.progress.tip);
+        if self.progress.tip < 0.0 || depth <= 0.0 {
+            self.release(solver);
+            solver.drag_from(depth);
+            self.progress.deepest = 0.0;
+            return (Phase::Approach, event);
+        }
+        self.progress.deepest = self.progress.deepest.max(depth);
+        self.progress.withdrawn = is_withdrawn(self.progress.withdrawn, self.progress.deepest - depth);
+        let event = event.or_else(|| self.enter_without_membrane(tip.depth));
+        self.hold(tip, solver);
+        solver.drag_to(depth);
+        let phase = match (self.progress.entered, self.progress.withdrawn) {
+            (None, _) => Phase::Indentation,
+            (Some(_), true) => Phase::Retraction,
+            (Some(_), false) => Phase::Penetration,
+        };
+        (phase, event)
+    }
+
+    /// Depth of the material at a depth of the tip: within the channel where z + w(z) is that; at most the front, negative above the
+    /// surface.
+    fn material_at(&self, depth: f64, solver: &Solver) -> f64 {
+        let (front, z) = (self.progress.front, &self.shaft.depths);
+        let mut above = (0.0, solver.of_layer(0));
+        if depth < above.1 {
+            return depth - above.1;
+        }
+        for k in 1..z.len() {
+            let now = (z[k], z[k] + solver.of_layer(k));
+            if now.1 > depth {
+                let share = ((depth - above.1) / (now.1 - above.1)).clamp(0.0, 1.0);
+                return (above.0 + share * (now.0 - above.0)).min(front);
+            }
+            if now.0 >= front {
+                return front;
+            }
+            above = now;
+        }
+        front
+    }
+
+    /// Roles of the nodes, friction of the layers, push of the tip, cells that the needle fills.
+    fn hold(&mut self, tip: &Tip, solver: &mut Solver) {
+        let (front, at) = (self.progress.front, self.progress.shoulder);
+        let (upper, share) = self.shaft.place(self.shoulder(front));
+        let pushes = self.progress.tip > front - self.layer();
+        for layer in 0..self.shaft.depths.len() {
+            let above = layer.checked_sub(1).map_or(0.0, |k| self.shaft.depths[k]);
+            let grip = if pushes && (layer == upper || layer == upper + 1) {
+                Grip::Apart
+            } else if at > above || (layer == 0 && self.progress.entered.is_some()) {
+                Grip::Tied
+            } else {
+                Grip::Free
+            };
+            let mut wall = Wall { grip, spring: 0.0, limit: 0.0 };
+            if grip != Grip::Free {
+                wall.spring = STICKING * self.shaft.share(layer, at, |r| r.shear_modulus);
+                wall.limit = self.shaft.share(layer, at, |r| r.friction);
+            }
+            solver.grip(layer, wall);
+            self.guide(layer, grip, tip, solver);
+        }
+        let end = if pushes { self.end(upper, share) } else { End::default() };
+        solver.set_end(end);
+        self.fill(solver);
+    }
+
+    /// Where the shaft's full section ends when the tip is at a depth of the material, m.
+    fn shoulder(&self, tip: f64) -> f64 {
+        let (way, length) = (tip - self.start, TIP_LENGTH * self.shaft.radius);
+        self.start + (way - way.clamp(-length, length))
+    }
+
+    /// Holds a layer's nodes sideways: by a spring as far as the tip has come from the layer before, then rigidly.
+    fn guide(&mut self, layer: usize, grip: Grip, tip: &Tip, solver: &mut Solver) {
+        let role = if grip == Grip::Free { Role::Free } else { Role::Dragged };
+        let z = self.shaft.depths[layer];
+        let before = self.progress.grip[layer];
+        self.progress.grip[layer] = grip;
+        if grip == Grip::Free && before == Grip::Free {
+            return;
+        }
+        if before == Grip::Free {
+            self.progress.beside[layer] = tip.axis_at(z);
+        }
+        let above = layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
+        let (gap, passed) = (z - above, ((self.progress.shoulder - above) / (z - above)).clamp(0.0, 1.0));
+        let rigid = passed >= 1.0 - 1e-9;
+        let mu = self.shaft.under[layer].shear_modulus;
+        let spring = if rigid { f64::INFINITY } else { 2.0 * mu * gap * passed / (1.0 - passed) };
+        let (axis, beside) = (tip.axis_at(z), self.progress.beside[layer]);
+        let to = [axis[0] - beside[0], axis[1] - beside[1], 0.0];
+        let size: usize = self.shaft.rings.iter().sum();
+        for &n in &self.shaft.nodes[layer * size..(layer + 1) * size] {
+            if (before == Grip::Free) != (grip == Grip::Free) {
+                solver.set_role(n as usize, role);
+            }
+            if grip != Grip::Free {
+                solver.guide(n as usize, to, spring);
+            }
+        }
+    }
+
+    /// The needle takes the place of the tissue in the cells above its tip.
+    fn fill(&mut self, solver: &mut Solver) {
+        let z = &self.shaft.depths;
+        for ((point, layer), filled) in self.inner.iter().zip(&mut self.progress.filled) {
+            let share = match (self.progress.entered, layer.checked_sub(1)) {
+                (Some(_), Some(above)) => {
+                    ((self.progress.shoulder - z[above]) / (z[*layer] - z[above])).clamp(0.0, 1.0)
+                }
+                _ => 0.0,
+            };
+            if share != *filled {
+                *filled = share;
+                solver.set_active(*point as usize, 1.0 - share);
+            }
+        }
+    }
+
+    fn release(&mut self, solver: &mut Solver) {
+        let size: usize = self.shaft.rings.iter().sum();
+        for layer in 0..self.shaft.depths.len() {
+            if self.progress.grip[layer] != Grip::Free {
+                self.progress.grip[layer] = Grip::Free;
+                solver.grip(layer, Wall::default());
+                let nodes = &self.shaft.nodes[layer * size..(layer + 1) * size];
+                nodes.iter().for_each(|&n| solver.set_role(n as usize, Role::Free));
+            }
+        }
+        solver.set_end(End::default());
+        self.fill(solver);
+    }
+
+    pub(super) fn take_over(&mut self, other: &Self) {
+        self.progress.clone_from(&other.progress);
+    }
+
+    pub(super) fn return_to(&mut self, earlier: &Self, solver: &mut Solver) {
+        self.take_over(earlier);
+        let size: usize = self.shaft.rings.iter().sum();
+        for (i, &n) in self.shaft.nodes.iter().enumerate() {
+            let grip = self.progress.grip[i / size];
+            solver.set_role(n as usize, if grip == Grip::Free { Role::Free } else { Role::Dragged });
+        }
+        for ((point, _), filled) in self.inner.iter().zip(&self.progress.filled) {
+            solver.set_active(*point as usize, 1.0 - filled);
+        }
+    }
+
+    pub(super) fn reset(&mut self, solver: &mut Solver) {
+        let p = &mut self.progress;
+        (p.front, p.entered, p.tip, p.shoulder, p.deepest, p.withdrawn) = (0.0, None, 0.0, 0.0, 0.0, false);
+        // a solver that was reset has all cells filled with tissue again
+        p.filled.fill(0.0);
+        p.released = None;
+        self.release(solver);
+        self.place(solver);
+    }
+}

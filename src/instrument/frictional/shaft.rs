@@ -1,0 +1,206 @@
+//! What a needle meets on its way through the material: layers of nodes, and what the tissue between two of them does to it.
+
+use crate::scene::{Interaction, Metres, NamedMaterial, Region, Scene};
+use mtled::cloud::Axis;
+
+/// What tissue does to a needle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resistance {
+    /// 0: in no region; otherwise one more than the region's place in the scene.
+    pub region: u8,
+    /// Largest friction per length, N/m.
+    pub friction: f64,
+    /// N.
+    pub cutting: f64,
+    /// Force to enter it, N; 0: no membrane.
+    pub puncture: f64,
+    /// Pa.
+    pub shear_modulus: f64,
+}
+
+impl Resistance {
+    /// Of the scene's region by number (0: none).
+    #[must_use]
+    pub fn of(scene: &Scene, region: u8, diameter: f64) -> Self {
+        let named = |r: &Region| scene.materials.iter().find(|m| m.name == r.material);
+        match region.checked_sub(1).and_then(|i| scene.regions.get(usize::from(i))).and_then(named) {
+            Some(NamedMaterial { material, pierced, .. }) => Self {
+                region,
+                friction: pierced.friction,
+                // a cut as wide as the needle: the energy of its new surface is that of the force's way
+                cutting: if pierced.cutting_force > 0.0 {
+                    pierced.cutting_force
+                } else {
+                    pierced.fracture_toughness * diameter
+                },
+                puncture: pierced.puncture_force,
+                shear_modulus: material.shear_modulus(),
+            },
+            None => {
+                let (friction, cutting, puncture) = match scene.instrument.map(|i| i.interaction) {
+                    Some(Interaction::Frictional { friction, cutting_force, puncture_force }) => {
+                        (friction, cutting_force, puncture_force)
+                    }
+                    _ => (0.0, 0.0, 0.0),
+                };
+                Self { region: 0, friction, cutting, puncture, shear_modulus: scene.material.shear_modulus() }
+            }
+        }
+    }
+}
+
+/// Layers of nodes across the path, all alike, and what lies between them.
+#[derive(Clone, Debug)]
+pub struct Shaft {
+    /// Depth of each layer below the top, m.
+    pub depths: Vec<f64>,
+    /// Nodes by layer, each ring by ring from the axis.
+    pub nodes: Vec<u32>,
+    /// Nodes in each ring of a layer.
+    pub rings: Vec<usize>,
+    /// What lies under each layer.
+    pub under: Vec<Resistance>,
+    /// R, m.
+    pub radius: f64,
+}
+
+/// Distances between nodes of one layer, over those between layers.
+const SAME: f64 = 0.25;
+
+impl Shaft {
+    /// From nodes on the path with their depth below the top, m, and distance from the axis, m; `None` if they don't lie in layers that
+    /// are all alike. `spacing`: usual distance between layers, m.
+    #[must_use]
+    pub fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
+        nodes.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let layers: Vec<Vec<(u32, f64, f64)>> = nodes
+            .chunk_by(|a, b| b.1 - a.1 < SAME * spacing)
+            .map(|layer| {
+                let mut layer = layer.to_vec();
+                layer.sort_by(|a, b| a.2.total_cmp(&b.2).then(a.0.cmp(&b.0)));
+                layer
+            })
+            .collect();
+        let sizes = |layer: &Vec<(u32, f64, f64)>| -> Vec<usize> {
+            layer.chunk_by(|a, b| b.2 - a.2 < SAME * spacing).map(<[_]>::len).collect()
+        };
+        let rings = sizes(layers.first()?);
+        if rings.len() < 2 || layers.len() < 3 || layers.iter().any(|l| sizes(l) != rings) {
+            return None;
+        }
+        let depths = layers.iter().map(|l| l[0].1).collect();
+        let nodes = layers.iter().flatten().map(|(n, ..)| *n).collect();
+        Some(Self { depths, nodes, rings, under: Vec::new(), radius })
+    }
+
+    /// With what lies under each layer for a needle of a diameter in m: `region` of a point on the axis.
+    #[must_use]
+    pub fn through(
+        mut self,
+        scene: &Scene,
+        diameter: f64,
+        axis: &Axis,
+        top: f64,
+        region: impl Fn([f64; 3]) -> u8,
+    ) -> Self {
+        self.under = (0..self.depths.len())
+            .map(|k| {
+                let next = self.depths.get(k + 1).copied().unwrap_or(self.depths[k] + 1e-6);
+                let depth = 0.5 * (self.depths[k] + next);
+                let [x, y] = axis.at(depth);
+                Resistance::of(scene, region([x, y, top - depth]), diameter)
+            })
+            .collect();
+        self
+    }
+
+    /// Shares of the rings in the area of the end, as linear functions over the radius have them:
+    /// 2/R^2 times the integral of N_i r dr.
+    #[must_use]
+    pub fn areas(&self) -> Vec<f64> {
+        let last = self.rings.len() - 1;
+        let h = 1.0 / last as f64;
+        let share = |i: usize| match i {
+            0 => h * h / 3.0,
+            i if i == last => h - h * h / 3.0,
+            i => 2.0 * h * (i as f64 * h),
+        };
+        (0..=last).map(share).collect()
+    }
+
+    /// Layer at or above a depth, and how far the depth is from there to the next one.
+    #[must_use]
+    pub fn place(&self, depth: f64) -> (usize, f64) {
+        let near = 1e-6 * self.radius;
+        let k = self.depths.partition_point(|z| *z <= depth + near).clamp(1, self.depths.len() - 1) - 1;
+        let share = (depth - self.depths[k]) / (self.depths[k + 1] - self.depths[k]);
+        (k, if share.abs() < 1e-6 { 0.0 } else { share.clamp(0.0, 1.0) })
+    }
+
+    /// What a layer has of the length of shaft from the surface to a depth, m, weighted by `of` what lies there: the integral of the
+    /// layer's linear function.
+    #[must_use]
+    pub fn share(&self, layer: usize, to: f64, of: impl Fn(&Resistance) -> f64) -> f64 {
+        let z = &self.depths;
+        let mut sum = 0.0;
+        if layer > 0 {
+            let h = z[layer] - z[layer - 1];
+            let s = ((to - z[layer - 1]) / h).clamp(0.0, 1.0);
+            sum += 0.5 * s * s * h * of(&self.under[layer - 1]);
+        }
+        if layer + 1 < z.len() {
+            let h = z[layer + 1] - z[layer];
+            let s = ((to - z[layer]) / h).clamp(0.0, 1.0);
+            sum += s * (1.0 - 0.5 * s) * h * of(&self.under[layer]);
+        }
+        sum
+    }
+
+    /// The first layer below a depth under which another region begins.
+    #[must_use]
+    pub fn boundary_below(&self, depth: f64) -> Option<usize> {
+        let near = 1e-6 * self.radius;
+        (1..self.depths.len())
+            .find(|&k| self.depths[k] > depth + near && self.under[k].region != self.under[k - 1].region)
+    }
+}
+
+/// Depth of the needle's start along its axis, m.
+#[must_use]
+pub fn start_depth(scene: &Scene) -> f64 {
+    scene.motion.map_or(0.0, |m| Metres::get(m.start_depth))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn shaft() -> Shaft {
+        let nodes = (0..5).flat_map(|k| (0..3).map(move |i| (3 * k + i, 1e-3 * f64::from(k), 2.5e-4 * f64::from(i))));
+        let mut shaft = Shaft::new(nodes.collect(), 1e-3, 5e-4).unwrap();
+        let tissue = Resistance { region: 0, friction: 2.0, cutting: 1.0, puncture: 0.0, shear_modulus: 1e3 };
+        shaft.under = vec![tissue; 5];
+        shaft
+    }
+
+    #[test]
+    fn shares_make_the_inserted_length_and_the_whole_end() {
+        let shaft = shaft();
+        for to in [0.0, 3e-4, 1e-3, 2.7e-3, 4e-3] {
+            let sum: f64 = (0..5).map(|k| shaft.share(k, to, |r| r.friction)).sum();
+            assert!((sum - 2.0 * to).abs() < 1e-15, "{to}: {sum}");
+        }
+        let areas = shaft.areas();
+        assert!((areas.iter().sum::<f64>() - 1.0).abs() < 1e-15 && areas.len() == 3, "{areas:?}");
+        assert!((areas[1] - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn layers_that_differ_are_none() {
+        let nodes = vec![(0, 0.0, 0.0), (1, 0.0, 1e-3), (2, 1e-3, 0.0), (3, 2e-3, 0.0), (4, 2e-3, 1e-3)];
+        assert!(Shaft::new(nodes, 1e-3, 1e-3).is_none());
+        assert_eq!(shaft().place(1.25e-3), (1, 0.25));
+        assert_eq!(shaft().place(2e-3), (2, 0.0));
+    }
+}

@@ -1,0 +1,65 @@
+//! A needle with friction in the twin: fine strides, the tissue's springing back after a puncture, and what can be asked of it.
+
+use crate::instrument::{Contact, Event, Tip};
+use mtled::solver::Balance;
+
+use super::{Halt, Phase, Twin};
+
+/// Longest stride in layers of nodes: the front and the shaft's length are brought up to date between two.
+pub(super) const STRIDE: f64 = 0.05;
+/// Explicit steps between two looks at a front that runs, and most looks.
+const LOOK: u32 = 8;
+const LOOKS: u32 = 64;
+
+impl Twin {
+    /// Takes further steps at the same pose while the front runs through tissue that springs back after a puncture.
+    pub(super) fn spring_back(
+        &mut self,
+        first: &Balance,
+        tip: &Tip,
+        phase: Phase,
+        time_s: f64,
+    ) -> Result<Option<(Balance, u32, Option<Event>)>, Halt> {
+        let (mut last, mut taken, mut event) = (None, 0, None);
+        for _ in 0..LOOKS {
+            let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
+            let balance: &Balance = last.as_ref().unwrap_or(first);
+            if !needle.springs_back(&self.solver, balance.gap) || taken >= self.progress.pace.limit {
+                break;
+            }
+            let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
+            event = event.or(seen);
+            last = Some(self.advance_safely(LOOK, [0.0; 3], tip, phase, time_s)?);
+            taken += LOOK;
+        }
+        Ok(last.map(|balance| (balance, taken, event)))
+    }
+
+    /// Depth of the material to which a needle with friction has cut, m; `None` for other instruments.
+    #[must_use]
+    pub fn cut_depth(&self) -> Option<f64> {
+        match &self.contact {
+            Some(Contact::Frictional(n)) => Some(n.front()),
+            _ => None,
+        }
+    }
+
+    /// Forces of friction and at the tip of a needle with friction, N, positive against the insertion, as far as inertia lets the nodes
+    /// have them; `None` for other instruments.
+    #[must_use]
+    pub fn needle_forces(&self) -> Option<[f64; 2]> {
+        matches!(self.contact, Some(Contact::Frictional(_))).then(|| self.solver.slip().forces())
+    }
+
+    /// Depth of the material at each ring of the tip, m, from the axis outwards; empty for other instruments.
+    #[must_use]
+    pub fn tip_rings(&self) -> &[f64] {
+        &self.solver.slip().end
+    }
+
+    /// Work that slip along a needle with friction and at its tip has dissipated since the last reset, J.
+    #[must_use]
+    pub fn dissipated_j(&self) -> f64 {
+        self.solver.slip().dissipated
+    }
+}
