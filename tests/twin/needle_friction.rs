@@ -179,5 +179,6 @@ fn a_needle_that_comes_in_again_only_rubs_along_its_channel() {
     assert!(tip == 0.0 && friction > 0.002, "{tip} {friction}");
     // more of the shaft is in the tissue than the first time, when the tip pushed it ahead
     assert!(second[399].force_n[2] < 0.9 * first[399].force_n[2], "{:?} {:?}", second[399].force_n, first[399].force_n);
-    assert_eq!(twin.cut_depth(), Some(cut));
+    // the last pose of the first insertion cut a little more
+    assert!((twin.cut_depth().unwrap() - cut).abs() < 2e-5, "{:?} {cut}", twin.cut_depth());
 }
