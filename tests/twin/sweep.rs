@@ -189,8 +189,8 @@ impl Base {
             | "sample.base"
             | "sample.base_friction_coefficient" => over(self.rough?),
             "instrument.wall_contact" => (0.8, 1.25),
-            "instrument.tip" => (0.02, 1.1),
-            "instrument.capture_window_m" => (0.3, 2.0),
+            "instrument.tip" => (0.02, 50.0),
+            "instrument.capture_window_m" => (0.1, 2.0),
             _ if key.ends_with(".rigid") => (0.99, f64::INFINITY),
             _ if key.ends_with(".density_kg_per_m3") => (0.999, 1.001),
             // the force is a homogeneous and rising function of the moduli
