@@ -11,7 +11,7 @@ use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Progress;
 use super::recorded::{RecordedOptions, positive};
-use super::replay::{foreign_frame, refuse_mistaken, series};
+use super::replay::refuse_mistaken;
 use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
 use crate::compare::uncertainty::FORCE_ERROR;
@@ -133,7 +133,7 @@ fn of_markers(arguments: &Arguments, recording: &Recording, scene: &Scene, noise
     let progress = Progress::preparing("fitting the tracked points");
     recording.warnings.iter().for_each(|text| progress.warn(text));
     let readings = arguments.recorded.topics.readings(recording);
-    let measured = series(recording);
+    let measured = recording.measured();
     let task = MarkerTask {
         scene,
         readings: &readings,
@@ -206,10 +206,10 @@ fn found(
 ) -> Result<(Calibration, Option<Prediction>), CliError> {
     let progress = Progress::preparing("building the model");
     let readings = arguments.recorded.topics.readings(recording);
-    for warning in recording.warnings.iter().chain(&foreign_frame(recording)) {
+    for warning in recording.warnings.iter().chain(&recording.foreign_frame()) {
         progress.warn(warning);
     }
-    let measured = series(recording);
+    let measured = recording.measured();
     measured.loss().iter().for_each(|loss| warn(loss));
     let (twin, _) = compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     refuse_mistaken(&twin, recording, &readings, &measured, arguments.recorded.force, &progress)?;
@@ -238,7 +238,7 @@ fn found(
     let prediction = other.map(|(recording, scene)| {
         progress.say("predicting the other bag");
         let readings = arguments.recorded.topics.readings(recording);
-        calibrate::predict(&calibration, scene, &readings, &series(recording), &recording.source, &mut stop)
+        calibrate::predict(&calibration, scene, &readings, &recording.measured(), &recording.source, &mut stop)
     });
     let prediction = prediction.transpose()?;
     progress.finish();

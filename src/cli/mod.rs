@@ -16,6 +16,7 @@ mod progress;
 mod recorded;
 mod replay;
 mod scene;
+mod shell;
 mod solve;
 mod study;
 mod summary;
@@ -59,6 +60,8 @@ enum Command {
     Tune(tune::Arguments),
     Scene(scene::Arguments),
     Bag(bag::Arguments),
+    Completions(shell::CompletionArguments),
+    Man(shell::ManArguments),
     /// Supervise an insertion: move the needle, watch the twin's prediction, stop when something is lost or out of bounds (a
     /// ROS 2 node; `guard --help`)
     #[command(disable_help_flag = true)]
@@ -114,6 +117,8 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Tune(arguments)) => tune::run(&arguments),
         Some(Command::Scene(arguments)) => scene::run(arguments),
         Some(Command::Bag(arguments)) => bag::run(arguments),
+        Some(Command::Completions(arguments)) => shell::completions(&arguments),
+        Some(Command::Man(arguments)) => shell::man(&arguments),
         // without a sub-command the demo shows what the program does
         None => demo::run(&demo::Arguments::default()),
         // The nodes have exit codes of their own: `run` starts them.

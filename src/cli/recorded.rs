@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::options::SetOptions;
 use super::{CliError, scene_file};
-use crate::compare::{At, Reading};
+use crate::compare::Reading;
 use crate::input::{Quantity, Recording, Selection, TableLayout, TopicNames};
 use crate::scene::Scene;
 
@@ -96,16 +96,7 @@ impl TopicOptions {
 
     /// The depths, unless there are none or the pose was asked for by name.
     pub(super) fn readings(&self, recording: &Recording) -> Vec<Reading> {
-        readings(recording, self.measured_cp.is_some() && self.measured_js.is_none())
-    }
-}
-
-/// The depths of a recording, unless there are none or the pose is wanted.
-pub(super) fn readings(recording: &Recording, pose_wanted: bool) -> Vec<Reading> {
-    if recording.depths.is_empty() || pose_wanted {
-        recording.poses.iter().map(|s| Reading { time_s: s.time_s, at: At::Pose(s.pose()) }).collect()
-    } else {
-        recording.depths.iter().map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect()
+        recording.readings(self.measured_cp.is_some() && self.measured_js.is_none())
     }
 }
 

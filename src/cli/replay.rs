@@ -7,7 +7,7 @@ use super::progress::Progress;
 use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
 use crate::compare::scale::mistaken;
-use crate::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
+use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run};
 use crate::input::Recording;
 use crate::scene::Scene;
 use crate::twin::Twin;
@@ -45,8 +45,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
 
 /// Plays a recording offline as another command (`demo --no-dds`), fields and all.
 pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Result<Run, CliError> {
-    let depths = recording.depths.iter();
-    let readings: Vec<Reading> = depths.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect();
+    let readings = recording.readings(false);
     let keep = Keep { fields: true, duration_s: duration_s(&readings), save_every_s: None };
     let mut run = replay(scene, recording, readings, keep, false)?;
     command.clone_into(&mut run.command);
@@ -66,13 +65,13 @@ fn replay(
     forced: bool,
 ) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
-    for warning in recording.warnings.iter().chain(&foreign_frame(recording)) {
+    for warning in recording.warnings.iter().chain(&recording.foreign_frame()) {
         progress.warn(warning);
     }
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     twin.warnings().iter().for_each(|warning| progress.warn(warning));
-    let measured = series(recording);
+    let measured = recording.measured();
     refuse_mistaken(&twin, recording, &readings, &measured, forced, &progress)?;
     progress.count(readings.len());
     let mut collector = Collector::new(&twin, "replay", build_s, keep);
@@ -84,11 +83,6 @@ fn replay(
     let run = compare::drive(&mut twin, readings, Some(&measured), collector, &mut progress);
     progress.finish();
     Ok(run)
-}
-
-/// The measured force over time.
-pub(super) fn series(recording: &Recording) -> ForceSeries {
-    ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect()).on_one_clock(recording.one_clock)
 }
 
 /// Refuses a recording whose units, signs or scene are likely wrong, before any time is spent on it; says it only if `forced`.
@@ -106,12 +100,4 @@ pub(super) fn refuse_mistaken(
         None => {}
     }
     Ok(())
-}
-
-/// What to say of forces that are recorded in another frame: a replay has no transforms to bring them over.
-pub(super) fn foreign_frame(recording: &Recording) -> Option<String> {
-    let (found, wanted) = (recording.force_frame.trim_start_matches('/'), &recording.topics.frame_id);
-    (!found.is_empty() && found != wanted).then(|| {
-        format!("the forces are recorded in frame `{found}`, taken as if its axes were those of `{wanted}`: rotate them if they are not")
-    })
 }

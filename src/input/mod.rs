@@ -3,6 +3,7 @@
 mod adapter;
 mod foreign;
 mod order;
+mod readings;
 mod recording;
 mod selection;
 mod series;

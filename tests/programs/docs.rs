@@ -32,7 +32,12 @@ fn files(folder: &Path, end: &str) -> Vec<PathBuf> {
 
 /// Every page that a reader of the repository meets.
 fn pages() -> Vec<PathBuf> {
-    let mut pages = vec![root().join("README.md"), root().join("SECURITY.md"), root().join("fuzz/README.md")];
+    let mut pages = vec![
+        root().join("README.md"),
+        root().join("SECURITY.md"),
+        root().join("CHANGELOG.md"),
+        root().join("fuzz/README.md"),
+    ];
     ["docs", "bags"].iter().for_each(|folder| pages.extend(files(&root().join(folder), ".md")));
     let crates = fs::read_dir(root().join("crates")).unwrap().map(|entry| entry.unwrap().path().join("README.md"));
     pages.extend(crates.filter(|page| page.exists()));
@@ -65,6 +70,13 @@ fn has_anchor(page: &Path, wanted: &str) -> bool {
         .lines()
         .filter_map(|line| line.trim_start_matches('#').strip_prefix(' ').filter(|_| line.starts_with('#')))
         .any(|heading| anchor(heading) == wanted)
+}
+
+#[test]
+fn no_page_has_what_a_merge_left_behind() {
+    let left = |line: &str| ["<<<<<<< ", ">>>>>>> "].iter().any(|mark| line.starts_with(mark)) || line == "=======";
+    let pages: Vec<_> = pages().into_iter().filter(|page| read(page).lines().any(left)).collect();
+    assert!(pages.is_empty(), "{pages:?}");
 }
 
 #[test]

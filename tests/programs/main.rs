@@ -14,6 +14,7 @@ mod growth;
 mod import;
 mod markers;
 mod phantoms;
+mod python_module;
 mod readme;
 mod recorded;
 mod replay;
@@ -21,6 +22,7 @@ mod report;
 mod report_browser;
 #[path = "../rig_bag/mod.rs"]
 mod rig_bag;
+mod shell;
 #[path = "../synthetic_run/mod.rs"]
 mod synthetic_run;
 mod tune;

@@ -1,0 +1,59 @@
+//! Exceptions. Each message says what is wrong, where, and what to do.
+
+use needle_twin::twin::Halt;
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+
+create_exception!(needle_twin, NeedleTwinError, PyException, "Whatever goes wrong in needle_twin.");
+create_exception!(
+    needle_twin,
+    SceneError,
+    NeedleTwinError,
+    "A scene, or one of its keys, can't be used. The message names the key, its value, what is allowed and the nearest known key."
+);
+create_exception!(needle_twin, BuildError, NeedleTwinError, "No model can be made of a scene.");
+create_exception!(
+    needle_twin,
+    RecordingError,
+    NeedleTwinError,
+    "A bag or table can't be read, or its units, signs or scene look wrong."
+);
+create_exception!(
+    needle_twin,
+    PoseRefused,
+    NeedleTwinError,
+    "A pose can't be used. The twin is as it was: send the next one."
+);
+create_exception!(
+    needle_twin,
+    Diverged,
+    NeedleTwinError,
+    "The solution was lost. The twin is back in its last good state: go on from a shallower pose, or reset it."
+);
+create_exception!(needle_twin, CalibrationError, NeedleTwinError, "The keys can't be found from the recording.");
+
+/// Adds the exceptions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    module.add("NeedleTwinError", py.get_type::<NeedleTwinError>())?;
+    module.add("SceneError", py.get_type::<SceneError>())?;
+    module.add("BuildError", py.get_type::<BuildError>())?;
+    module.add("RecordingError", py.get_type::<RecordingError>())?;
+    module.add("PoseRefused", py.get_type::<PoseRefused>())?;
+    module.add("Diverged", py.get_type::<Diverged>())?;
+    module.add("CalibrationError", py.get_type::<CalibrationError>())
+}
+
+/// A scene's error.
+pub fn scene(error: needle_twin::scene::SceneError) -> PyErr {
+    SceneError::new_err(error.to_string())
+}
+
+/// Why a pose has no answer.
+pub fn halt(halt: &Halt) -> PyErr {
+    match halt {
+        Halt::Pose { .. } => PoseRefused::new_err(halt.to_string()),
+        _ => Diverged::new_err(halt.to_string()),
+    }
+}

@@ -1,0 +1,195 @@
+//! Recordings: bags and tables.
+
+use std::path::PathBuf;
+
+use needle_twin::input::{self, Quantity, Selection, TableLayout, TopicNames};
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::array;
+use crate::error::RecordingError;
+
+/// A recording: the instrument's place and the measured force over time, from a rosbag2 folder, an .mcap file, or tables as text (CSV, TSV).
+///
+/// `paths`: one path, or two where position and force are tables of their own. The options are those of the command line's `replay`: topics of a bag
+/// or columns of a table (a header's text, or a number from 1), their units, and -1 for a sign that is the other way round. What isn't
+/// given is seen from the file where it can be.
+///
+/// >>> recording = needle_twin.Recording("run.csv", position="Compression (mm)", force="Load (N)", time="Time (s)")
+#[pyclass(module = "needle_twin", frozen)]
+pub struct Recording {
+    pub recording: input::Recording,
+    pub pose_wanted: bool,
+}
+
+#[pymethods]
+impl Recording {
+    #[new]
+    #[pyo3(signature = (paths, *, position = None, position_unit = None, position_sign = 1, force = None, force_unit = None,
+        force_sign = 1, time = Vec::new(), time_unit = None, rate_hz = None, time_offset_s = 0.0, pose_columns = None,
+        marker_columns = Vec::new(), gauge_length_m = None, separator = None, decimal_comma = None, header_line = None, comment = None,
+        measured_cp = None, joint = "insertion", frame_id = "sample"))]
+    #[allow(clippy::too_many_arguments)] // keywords, one for each option of the command line
+    fn new(
+        paths: &Bound<'_, PyAny>,
+        position: Option<String>,
+        position_unit: Option<String>,
+        position_sign: i32,
+        force: Option<String>,
+        force_unit: Option<String>,
+        force_sign: i32,
+        time: Vec<String>,
+        time_unit: Option<String>,
+        rate_hz: Option<f64>,
+        time_offset_s: f64,
+        pose_columns: Option<[String; 3]>,
+        marker_columns: Vec<String>,
+        gauge_length_m: Option<f64>,
+        separator: Option<char>,
+        decimal_comma: Option<bool>,
+        header_line: Option<usize>,
+        comment: Option<String>,
+        measured_cp: Option<String>,
+        joint: &str,
+        frame_id: &str,
+    ) -> PyResult<Self> {
+        let pose_wanted = measured_cp.is_some();
+        let selection = Selection {
+            names: TopicNames {
+                pose: measured_cp,
+                joint: joint.to_owned(),
+                frame_id: frame_id.to_owned(),
+                ..TopicNames::default()
+            },
+            position: quantity("position", position, position_unit, position_sign)?,
+            force: quantity("force", force, force_unit, force_sign)?,
+            time_offset_s,
+            time,
+            time_unit,
+            rate_hz: positive("rate_hz", rate_hz)?,
+            pose: pose_columns,
+            markers: marker_columns,
+            gauge_length_m: positive("gauge_length_m", gauge_length_m)?,
+            layout: TableLayout { separator, decimal_comma, header_line, comment },
+        };
+        Self::open(&files(paths)?, &selection, pose_wanted)
+    }
+
+    /// Where it comes from.
+    #[getter]
+    fn source(&self) -> &str {
+        &self.recording.source
+    }
+
+    /// The scene that it names, if it names one.
+    #[getter]
+    fn scene(&self) -> Option<&str> {
+        self.recording.scene.as_deref()
+    }
+
+    /// Times of the depths, s, shape (n,).
+    #[getter]
+    fn time_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.recording.depths.iter().map(|s| s.time_s).collect())
+    }
+
+    /// Depths, m, shape (n,).
+    #[getter]
+    fn depth_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.recording.depths.iter().map(|s| s.depth_m).collect())
+    }
+
+    /// Times of the tip's poses, s, shape (p,); empty where the recording has none.
+    #[getter]
+    fn pose_time_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.recording.poses.iter().map(|s| s.time_s).collect())
+    }
+
+    /// Positions of the tip in frame `sample`, m, shape (p, 3).
+    #[getter]
+    fn tip<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array::rows(py, self.recording.poses.iter().map(|s| s.tip).collect())
+    }
+
+    /// Times of the forces, s, shape (m,).
+    #[getter]
+    fn force_time_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.recording.forces.iter().map(|s| s.time_s).collect())
+    }
+
+    /// Forces of the tissue on the instrument in frame `sample`, N, shape (m, 3); a load cell of one axis has z alone.
+    #[getter]
+    fn force_n<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array::rows(py, self.recording.forces.iter().map(|s| s.force_n).collect())
+    }
+
+    /// What was not understood, but is no loss.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.recording.warnings.clone()
+    }
+
+    /// What was lost.
+    #[getter]
+    fn losses(&self) -> Vec<String> {
+        self.recording.losses.iter().map(ToString::to_string).collect()
+    }
+
+    /// Writes it as a rosbag2 folder, which must not exist, and returns the path of its .mcap file; `scene`: the scene that the bag names.
+    #[pyo3(signature = (folder, scene = None))]
+    fn save(&self, folder: PathBuf, scene: Option<&str>) -> PyResult<PathBuf> {
+        let written = self.recording.write(&folder, scene);
+        written.map(|made| made.folder).map_err(|e| RecordingError::new_err(e.to_string()))
+    }
+
+    fn __repr__(&self) -> String {
+        let r = &self.recording;
+        format!(
+            "<Recording {}: {} depths, {} poses, {} forces>",
+            r.source,
+            r.depths.len(),
+            r.poses.len(),
+            r.forces.len()
+        )
+    }
+}
+
+impl Recording {
+    fn open(files: &[PathBuf], selection: &Selection, pose_wanted: bool) -> PyResult<Self> {
+        let read = input::Recording::open(files, selection);
+        read.map(|recording| Self { recording, pose_wanted }).map_err(|e| RecordingError::new_err(e.to_string()))
+    }
+}
+
+/// A recording from what a user gave, by what is done with it: a [`Recording`] or a path.
+pub fn with<T>(given: &Bound<'_, PyAny>, work: impl FnOnce(&Recording) -> PyResult<T>) -> PyResult<T> {
+    if let Ok(recording) = given.cast::<Recording>() {
+        return work(recording.get());
+    }
+    work(&Recording::open(&files(given)?, &Selection::default(), false)?)
+}
+
+/// One path or several.
+fn files(paths: &Bound<'_, PyAny>) -> PyResult<Vec<PathBuf>> {
+    let several = paths.extract::<PathBuf>().map(|one| vec![one]);
+    several.or_else(|_| paths.extract::<Vec<PathBuf>>())
+}
+
+fn quantity(name: &str, place: Option<String>, unit: Option<String>, sign: i32) -> PyResult<Quantity> {
+    let reversed = match sign {
+        1 => false,
+        -1 => true,
+        _ => return Err(PyValueError::new_err(format!("{name}_sign = {sign}: 1 or -1"))),
+    };
+    Ok(Quantity { place, unit, reversed })
+}
+
+fn positive(name: &str, number: Option<f64>) -> PyResult<Option<f64>> {
+    match number {
+        Some(x) if !(x.is_finite() && x > 0.0) => {
+            Err(PyValueError::new_err(format!("{name} = {x}: a positive number")))
+        }
+        _ => Ok(number),
+    }
+}

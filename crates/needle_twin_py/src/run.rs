@@ -1,0 +1,232 @@
+//! Whole runs: a scene's own motion, or a recording.
+
+use std::path::PathBuf;
+
+use needle_twin::compare::{self, At, Collector, ForceSeries, Keep, Reading, scale};
+use needle_twin::report;
+use needle_twin::scene::Scene;
+use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::{BuildError, NeedleTwinError, RecordingError, SceneError};
+use crate::watch::{Stop, detached};
+use crate::{array, recording, scene};
+
+/// Scene of a recording that doesn't say which it was made for, as on the command line.
+pub const DEFAULT_SCENE: &str = "needle_insertion";
+
+/// Everything that one run of the twin produced.
+#[pyclass(module = "needle_twin", frozen)]
+pub struct Run {
+    run: compare::Run,
+}
+
+#[pymethods]
+impl Run {
+    /// Times of the poses, s since the first, shape (n,).
+    #[getter]
+    fn time_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.run.answers.iter().map(|a| a.time_s).collect())
+    }
+
+    /// Depths of the tip, m, shape (n,).
+    #[getter]
+    fn depth_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.run.answers.iter().map(|a| a.depth_m).collect())
+    }
+
+    /// Predicted force against the instrument's axis, N (positive resists insertion), shape (n,).
+    #[getter]
+    fn predicted_n<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.run.answers.iter().map(|a| a.predicted_n).collect())
+    }
+
+    /// Measured force with the same sign, N, shape (n,); NaN where there is none.
+    #[getter]
+    fn measured_n<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array::numbers(py, self.run.answers.iter().map(|a| a.measured_n.unwrap_or(f64::NAN)).collect())
+    }
+
+    /// Predicted force of the tissue on the instrument in frame `sample`, N, shape (n, 3).
+    #[getter]
+    fn predicted_vector_n<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array::rows(py, self.run.answers.iter().map(|a| a.predicted_vector_n).collect())
+    }
+
+    /// Measured force in the same frame, N, shape (n, 3); NaN where there is none.
+    #[getter]
+    fn measured_vector_n<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array::rows(py, self.run.answers.iter().map(|a| a.measured_vector_n.unwrap_or([f64::NAN; 3])).collect())
+    }
+
+    /// Phase of each pose.
+    #[getter]
+    fn phase(&self) -> Vec<&'static str> {
+        self.run.answers.iter().map(|a| a.phase.as_str()).collect()
+    }
+
+    /// Names of the scene's targets.
+    #[getter]
+    fn target_names(&self) -> Vec<String> {
+        self.run.target_names.clone()
+    }
+
+    /// Their positions over time, m, shape (n, k, 3).
+    #[getter]
+    fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (n, k) = (self.run.targets.len(), self.run.target_names.len());
+        let all: Vec<f64> = self.run.targets.iter().flat_map(|row| row.positions.iter().flatten().copied()).collect();
+        all.into_pyarray(py).reshape([n, k, 3])
+    }
+
+    /// What `metrics.json` says: force, timing, stability, verdict, alignment, checksum, as a dict.
+    #[getter]
+    fn metrics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array::json(py, &report::metrics_json(&self.run))
+    }
+
+    /// Whether the model explains the measurement, in one line.
+    #[getter]
+    fn verdict(&self) -> String {
+        self.run.verdict().line()
+    }
+
+    /// Hash over every predicted force and the final displacements.
+    #[getter]
+    fn checksum(&self) -> &str {
+        &self.run.checksum
+    }
+
+    /// What was lost on the way.
+    #[getter]
+    fn losses(&self) -> Vec<String> {
+        self.run.losses.clone()
+    }
+
+    /// Why the model diverged, if it did.
+    #[getter]
+    fn diverged(&self) -> Option<&str> {
+        self.run.diverged.as_deref()
+    }
+
+    /// Writes metrics.json, force.csv, targets.csv, final.vtu, force.png, force.svg and report.html, as `--out` does, and returns their paths.
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
+        let run = &self.run;
+        let write = || report::prepare(&folder).and_then(|()| report::write_all(&folder, run));
+        py.detach(write).map_err(|e| NeedleTwinError::new_err(e.to_string()))
+    }
+
+    fn __repr__(&self) -> String {
+        let peak = self.run.answers.iter().map(|a| a.predicted_n).fold(0.0, f64::max);
+        format!("<Run of {}: {} poses, peak {peak:.6} N, {}>", self.run.scene, self.run.answers.len(), self.verdict())
+    }
+}
+
+/// Runs a scene's own motion: a stream of poses, each answered as the live node would.
+///
+/// `scene`: a Scene, a preset's name or a path. `depth_m`, `speed_m_per_s`, `pose_hz` take the place of the scene's own; `changes`: further keys. `threads` = 0: one per core.
+#[pyfunction]
+#[pyo3(signature = (scene, *, depth_m = None, speed_m_per_s = None, pose_hz = None, changes = None, threads = 0))]
+pub fn solve(
+    py: Python<'_>,
+    scene: &Bound<'_, PyAny>,
+    depth_m: Option<f64>,
+    speed_m_per_s: Option<f64>,
+    pose_hz: Option<f64>,
+    changes: Option<&Bound<'_, PyDict>>,
+    threads: usize,
+) -> PyResult<Run> {
+    let all = changes.map_or_else(|| Ok(PyDict::new(py)), |changes| changes.copy())?;
+    for (key, value) in [("depth_m", depth_m), ("speed_m_per_s", speed_m_per_s), ("pose_hz", pose_hz)] {
+        if let Some(value) = value {
+            all.set_item(format!("motion.{key}"), value)?;
+        }
+    }
+    let scene = scene::Scene { scene: scene::of(scene)? }.changed(Some(&all))?.scene;
+    let none = || {
+        SceneError::new_err(format!(
+            "scene {} has no motion of its own: replay a recording, or add [motion]",
+            scene.name
+        ))
+    };
+    let motion = scene.motion.ok_or_else(none)?;
+    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) }).collect();
+    drive(py, &scene, threads, "solve", readings, None, |_, _| Ok(()), |_| {})
+}
+
+/// Runs a recording's motion through the twin, offline and deterministic, and compares with its load cell.
+///
+/// `recording`: a Recording, or the path of a bag or table. `scene`: a Scene, a preset's name or a path; the one that the recording names if absent. `force`: go on where
+/// units, signs or scene of the recording look wrong.
+#[pyfunction]
+#[pyo3(signature = (recording, scene = None, *, changes = None, threads = 0, force = false))]
+pub fn replay(
+    py: Python<'_>,
+    recording: &Bound<'_, PyAny>,
+    scene: Option<&Bound<'_, PyAny>>,
+    changes: Option<&Bound<'_, PyDict>>,
+    threads: usize,
+    force: bool,
+) -> PyResult<Run> {
+    recording::with(recording, |given| {
+        let recorded = &given.recording;
+        let scene = scene_of(recorded.scene.as_deref(), scene, changes)?;
+        let measured = recorded.measured();
+        let readings = recorded.readings(given.pose_wanted);
+        let look = |twin: &needle_twin::twin::Twin, readings: &[Reading]| {
+            let found = scale::mistaken(twin, readings, &measured, recorded.scene.as_deref());
+            found.filter(|_| !force).map_or(Ok(()), |what| Err(RecordingError::new_err(what)))
+        };
+        let prepare = |collector: &mut Collector| {
+            recorded.losses.iter().for_each(|loss| collector.lost(loss.to_string()));
+            measured.loss().into_iter().for_each(|loss| collector.lost(loss));
+            if !measured.is_empty() {
+                collector.measured_source(&recorded.source);
+            }
+        };
+        drive(py, &scene, threads, "replay", readings, Some(&measured), look, prepare)
+    })
+}
+
+/// The scene of a recording: what the user gave, or what it names, with changes.
+pub fn scene_of(
+    named: Option<&str>,
+    given: Option<&Bound<'_, PyAny>>,
+    changes: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Scene> {
+    let scene = match given {
+        Some(given) => scene::of(given)?,
+        None => needle_twin::scene::file::load(named.unwrap_or(DEFAULT_SCENE)).map_err(crate::error::scene)?,
+    };
+    Ok(scene::Scene { scene }.changed(changes)?.scene)
+}
+
+/// What `needle_twin solve` and `replay` do: build, look at the readings, drive, collect.
+#[allow(clippy::too_many_arguments)]
+fn drive(
+    py: Python<'_>,
+    scene: &Scene,
+    threads: usize,
+    command: &str,
+    readings: Vec<Reading>,
+    measured: Option<&ForceSeries>,
+    look: impl FnOnce(&needle_twin::twin::Twin, &[Reading]) -> PyResult<()> + Send,
+    prepare: impl FnOnce(&mut Collector) + Send,
+) -> PyResult<Run> {
+    if readings.is_empty() {
+        return Err(PyValueError::new_err("there is no reading of the instrument's place: nothing to run"));
+    }
+    let work = |stop: &mut Stop<'_>| -> PyResult<compare::Run> {
+        let built = compare::build(scene);
+        let (mut twin, build_s) = built.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
+        look(&twin, &readings)?;
+        let duration_s = readings.first().zip(readings.last()).map(|(a, b)| b.time_s - a.time_s);
+        let keep = Keep { fields: true, duration_s, save_every_s: None };
+        let mut collector = Collector::new(&twin, command, build_s, keep);
+        prepare(&mut collector);
+        Ok(compare::drive(&mut twin, readings, measured, collector, stop))
+    };
+    detached(py, threads, work)?.map(|run| Run { run })
+}

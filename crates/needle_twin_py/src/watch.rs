@@ -1,0 +1,55 @@
+//! Long work without Python's lock, with Ctrl-C heard.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use needle_twin::compare::{Answer, Watch};
+use pyo3::prelude::*;
+
+use crate::error::NeedleTwinError;
+
+/// How often signals are looked at: seldom enough to cost nothing, often enough for a user who waits.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// Ends a run between two poses once a signal's handler has raised.
+pub struct Stop<'a>(&'a AtomicBool);
+
+impl Watch for Stop<'_> {
+    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Does long work in a pool of so many threads (0: one per core) without Python's lock. Only Python's main thread hears
+/// signals, so the caller's thread waits for them while another works.
+///
+/// # Errors
+/// What a signal's handler raised (`KeyboardInterrupt`); the work has ended then, and its result is dropped.
+pub fn detached<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce(&mut Stop<'_>) -> T + Send) -> PyResult<T> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|e| NeedleTwinError::new_err(format!("threads = {threads}: {e}; ask for fewer")))?;
+    let stop = AtomicBool::new(false);
+    py.detach(|| {
+        thread::scope(|scope| {
+            let (done, wait) = sync_channel::<()>(1);
+            let worker = scope.spawn(|| {
+                let result = pool.install(|| work(&mut Stop(&stop)));
+                drop(done);
+                result
+            });
+            let mut raised = Ok(());
+            while wait.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                if raised.is_ok() {
+                    raised = Python::attach(|py| py.check_signals());
+                    stop.store(raised.is_err(), Ordering::Relaxed);
+                }
+            }
+            let result: Result<T, _> = worker.join();
+            raised.map(|()| result.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        })
+    })
+}

@@ -1,0 +1,67 @@
+import needle_twin
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """A compression of a softer gel, as a lab's CSV: mm and N, with a little noise."""
+    scene = needle_twin.Scene(
+        "compression",
+        {"discretisation.spacing_m": 0.002, "material.shear_modulus_pa": 1500, "motion.pose_hz": 50},
+    )
+    run = needle_twin.solve(scene)
+    force = run.predicted_n + np.random.default_rng(1).normal(0.0, 0.002, len(run.time_s))
+    path = tmp_path_factory.mktemp("lab") / "run.csv"
+    rows = np.column_stack([run.time_s, 1e3 * run.depth_m, force])
+    np.savetxt(path, rows, delimiter=",", header="Time (s),Compression (mm),Load (N)", comments="")
+    return path
+
+
+COARSE = {"discretisation.spacing_m": 0.002}
+
+
+def test_a_table_is_read_with_its_units(table, tmp_path):
+    recording = needle_twin.Recording(table)
+    assert recording.depth_m[-1] == pytest.approx(2.5e-3) and recording.force_n.shape == (len(recording.time_s), 3)
+    recording.save(tmp_path / "bag", scene="compression")
+    again = needle_twin.Recording(tmp_path / "bag")
+    assert again.scene == "compression"
+    assert np.allclose(again.depth_m, recording.depth_m) and np.allclose(again.force_n, recording.force_n)
+
+
+def test_a_modulus_is_found_in_a_table(table):
+    found = needle_twin.calibrate(table, ["material.shear_modulus_pa"], "compression", changes=COARSE)
+    low, high = found.interval_95["material.shear_modulus_pa"]
+    assert low < 1500 < high
+    assert found.values["material.shear_modulus_pa"] == pytest.approx(1500, rel=0.02)
+    assert not found.rejected and found.to_dict()["verdict"]["explains"] == "yes"
+    assert found.scene["material.shear_modulus_pa"] == pytest.approx(found.values["material.shear_modulus_pa"])
+
+
+def test_a_replay_is_judged_and_written(table, tmp_path):
+    wrong = needle_twin.replay(table, "compression", changes=COARSE)
+    assert wrong.metrics["verdict"]["explains"] != "yes", wrong.verdict
+    right = needle_twin.replay(table, "compression", changes=COARSE | {"material.shear_modulus_pa": 1500})
+    assert right.metrics["verdict"]["explains"] == "yes", right.verdict
+    assert np.nanmax(np.abs(right.measured_n - right.predicted_n)) < 0.02
+    written = {path.name for path in right.save(tmp_path)}
+    assert {"metrics.json", "force.csv", "final.vtu", "report.html", "force.png"} <= written
+
+
+def test_a_bag_names_its_scene(bag):
+    recording = needle_twin.Recording(bag)
+    assert recording.scene == "needle_insertion" and len(recording.force_time_s) > 100 and not recording.losses
+
+
+def test_what_is_wrong_with_a_recording_is_said(table, tmp_path):
+    with pytest.raises(needle_twin.RecordingError, match="nowhere"):
+        needle_twin.Recording(tmp_path / "nowhere")
+    with pytest.raises(needle_twin.RecordingError, match="Depth"):
+        needle_twin.Recording(table, position="Depth")
+    with pytest.raises(needle_twin.RecordingError):
+        needle_twin.replay(needle_twin.Recording(table, position_unit="m"), "compression", changes=COARSE)
+    with pytest.raises(ValueError, match="1 or -1"):
+        needle_twin.Recording(table, force_sign=2)
+    with pytest.raises(ValueError, match="twice"):
+        needle_twin.calibrate(table, ["material.shear_modulus_pa"] * 2, "compression")
