@@ -115,6 +115,11 @@ impl Scene {
         self.scene.get(key).is_some()
     }
 
+    /// As text, so that `copy`, `pickle` and worker processes can have it.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String, &'static str))> {
+        Ok((slf.get_type().getattr("from_toml")?, (slf.borrow().scene.to_toml(), "pickle")))
+    }
+
     fn __eq__(&self, other: &Self) -> bool {
         self.scene == other.scene
     }

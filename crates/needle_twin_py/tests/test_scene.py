@@ -1,3 +1,5 @@
+import pickle
+
 import needle_twin
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ def test_keys_are_read_and_changed_by_their_paths():
     assert scene.to_dict()["sample.diameter_m"] == 0.03
     assert "instrument.diameter_m" in scene and "instrument.nonsense" not in scene
     assert needle_twin.Scene.from_toml(scene.to_toml()) == scene
+    assert pickle.loads(pickle.dumps(scene)) == scene
 
 
 def test_a_change_makes_a_copy():
