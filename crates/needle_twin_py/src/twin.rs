@@ -281,13 +281,14 @@ impl Prediction {
         Phase::as_str(self.prediction.phase)
     }
 
-    /// Depth in m at which the surface was punctured since the last pose, if it was.
+    /// What happened since the last pose and at which depth in m, if anything: ("puncture", depth) of the surface or a membrane, ("layer", depth) where a
+    /// needle with friction came into a region that no membrane closes.
     #[getter]
-    fn puncture_depth_m(&self) -> Option<f64> {
-        match self.prediction.event {
-            Some(Event::Puncture { depth_m }) => Some(depth_m),
-            None => None,
-        }
+    fn event(&self) -> Option<(&'static str, f64)> {
+        self.prediction.event.map(|event| match event {
+            Event::Puncture { depth_m, .. } => ("puncture", depth_m),
+            Event::Entered { depth_m, .. } => ("layer", depth_m),
+        })
     }
 
     /// Explicit steps that this pose took.

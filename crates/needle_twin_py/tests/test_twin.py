@@ -19,6 +19,13 @@ def test_a_twin_answers_pose_by_pose_what_solve_answers(small):
     assert run.predicted_n[-1] > 0.05 and run.metrics["checksum"] == run.checksum
 
 
+def test_a_puncture_is_an_event():
+    twin = needle_twin.Twin(needle_twin.Scene("needle_insertion", {"discretisation.spacing_m": 0.003}))
+    events = [twin.step(0.01 * i, 1e-5 * i).event for i in range(1, 20)]
+    (kind, depth), = [event for event in events if event]
+    assert kind == "puncture" and 0.0 < depth < 2e-4
+
+
 def test_threads_change_no_bit(small):
     assert needle_twin.solve(small, threads=1).checksum == needle_twin.solve(small, threads=3).checksum
 
