@@ -8,7 +8,7 @@
 //! (a, b and w follow from it by linear least squares), Gauss and Newton's steps the rest, all on the curve of one run (`path`).
 //! A law whose curve bends otherwise than the tissue's buys a better fit of the whole with a contact that is elsewhere, by millimetres and
 //! with a small standard error. So the contact is found a second time by the beginning of the force alone, where a wrong bend does little;
-//! where the two differ by more than noise, that of the beginning is taken, with their difference for its error ([`steady`]).
+//! where the two differ by more than noise, that of the beginning is taken, with their difference for its error (`steady`).
 //!
 //! Errors are those of [`super::uncertainty`]. A motion of one speed can't tell c from tau: tau is taken as 0 then, without an error.
 

@@ -3,7 +3,7 @@
 //! A figure that is not known (no measured force, nothing stepped, a number that is not finite) is `None`,
 //! never zero.
 
-use super::Run;
+use super::{Answer, Run};
 
 /// Predicted against measured force.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -41,7 +41,8 @@ impl Run {
     pub fn force_metrics(&self) -> ForceMetrics {
         let residuals = || self.answers.iter().filter_map(|a| a.residual_n());
         let rmse_n = root_mean_square(residuals());
-        let lengths = || self.answers.iter().filter(|_| self.measures_vectors()).filter_map(|a| a.vector_error_n());
+        let vectors: &[Answer] = if self.measures_vectors() { &self.answers } else { &[] };
+        let lengths = || vectors.iter().filter_map(Answer::vector_error_n);
         let peak_measured_n = largest_magnitude(self.answers.iter().filter_map(|a| a.measured_n));
         ForceMetrics {
             peak_predicted_n: largest_magnitude(self.answers.iter().map(|a| a.predicted_n)),

@@ -121,6 +121,7 @@ pub fn calibrate(
             load_cell,
             force_error,
             part,
+            table: None,
         };
         let work = |stop: &mut Stop<'_>| -> PyResult<_> {
             let built = compare::build(&scene);
