@@ -75,11 +75,11 @@ impl Frictional {
         End { upper, share, spring, limit, stop, puncture, beyond, lag: LAG * self.shaft.radius }
     }
 
-    /// Whether the tissue springs back along the needle, with so much force in N not at rest: then the pose is worth further steps.
-    pub fn springs_back(&mut self, solver: &Solver, unrest: f64) -> bool {
+    /// Whether the tissue springs back along the needle, with a residual force of so many N: then the pose is worth further steps.
+    pub fn springs_back(&mut self, solver: &Solver, residual: f64) -> bool {
         let z = &self.shaft.depths;
         let runs = Self::cut(solver) - self.progress.front > RUNS * (z[1] - z[0]);
-        if self.progress.released.is_some_and(|force| unrest < REST * force) {
+        if self.progress.released.is_some_and(|force| residual < REST * force) {
             self.progress.released = None;
         }
         runs || self.progress.released.is_some()
