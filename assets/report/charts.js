@@ -59,7 +59,7 @@ const moment = {
   },
 };
 
-/// A chart in `place`: { x, times, label, panels: [{ title, height, zero, series, limit }], bands, marks, read }.
+/// A chart in `place`: { x, times, label, panels: [{ title, height, zero, series, limit, fans }], bands, marks, read }.
 /// `x` is what is drawn over, `times` the time of each entry; they are the same array in a chart over time.
 class Chart {
   constructor(place, options) {
@@ -155,7 +155,9 @@ class Chart {
 
   /// Vertical range of a panel, its ticks and their labels.
   scale(panel) {
-    panel.y = range(panel.limit === undefined ? panel.series : [...panel.series, { values: [panel.limit] }], panel.zero);
+    const limit = panel.limit === undefined ? [] : [{ values: [panel.limit] }];
+    const fans = (panel.fans || []).flatMap(({ low, high, mask }) => [{ values: low, mask }, { values: high, mask }]);
+    panel.y = range([...panel.series, ...limit, ...fans], panel.zero);
     const { at, decimals } = ticks(panel.y[0], panel.y[1], panel.height / 34);
     panel.at = at;
     panel.labels = at.map((value) => minus(value.toFixed(decimals)));
@@ -174,6 +176,7 @@ class Chart {
       const y = this.py(panel, panel.limit);
       this.svg.append(node('line', { class: 'limit', x1: this.left, x2: this.right, y1: y, y2: y }));
     }
+    for (const fan of panel.fans || []) this.svg.append(node('path', { class: 'fan', d: this.area(panel, fan) }));
     for (const series of panel.series) this.svg.append(node('path', { class: `line ${series.cls}`, style: series.style || '', d: this.path(panel, series) }));
   }
 
@@ -190,6 +193,15 @@ class Chart {
       lacking = false;
     }
     return d;
+  }
+
+  /// What lies between two series.
+  area(panel, { low, high, mask, from = 0, to = low.length }) {
+    const kept = [];
+    for (let i = from; i < to; i++) if (mask[i]) kept.push(i);
+    const place = (i, values) => `${this.px(this.options.x[i]).toFixed(1)} ${this.py(panel, values[i]).toFixed(1)}`;
+    const ends = [...kept.map((i) => place(i, low)), ...kept.reverse().map((i) => place(i, high))];
+    return ends.length ? `M${ends.join('L')}Z` : '';
   }
 
   drawCursor() {

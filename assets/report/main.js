@@ -29,6 +29,8 @@ const measured = scaled(rows.measured, run.force.factor);
 const residual = measured && predicted.map((p, i) => p - measured[i]);
 const mask = rows.has_measured;
 
+const band = run.band && { low: scaled(run.band.low, run.force.factor), high: scaled(run.band.high, run.force.factor), mask: run.band.mask };
+
 function phaseAt(time) {
   // The last that has begun: times come in 32 bits, so the end of the last band says little.
   return run.phases.findLast((p) => time >= p.from)?.word ?? run.phases[0]?.word ?? '';
@@ -46,6 +48,7 @@ function readForce(i) {
   if (measured && (!mask || mask[i])) {
     parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
   }
+  if (band && band.mask[i]) parts.push(`95 %: <b>${figures(band.low[i], 3)}</b> to <b>${figures(band.high[i], 3)}</b>`);
   const region = run.depth_regions.find((r) => rows.depth[i] > r.from && rows.depth[i] <= 1.000001 * r.to);
   return spans([...parts, phaseAt(rows.time[i]), ...(region ? [`in <b>${escaped(region.name)}</b>`] : [])]);
 }
@@ -63,11 +66,18 @@ function forceSeries(split) {
   return measured ? [...line(measured, 'measured', 'var(--measured)'), ...series] : series;
 }
 
+/// The members' band, in its way in and its way back where `split`.
+function fans(split) {
+  if (!band) return [];
+  const turn = run.retraction;
+  return split && turn < n ? [{ ...band, to: turn }, { ...band, from: Math.max(0, turn - 1) }] : [band];
+}
+
 function charts() {
   const unit = run.force.unit;
   const slow = rows.latency.some((ms) => ms > 5000), perMs = slow ? 1e-3 : 1;
   const latency = scaled(rows.latency, perMs);
-  const force = (split, height) => ({ title: `Force against insertion in ${unit}`, height, zero: true, series: forceSeries(split) });
+  const force = (split, height) => ({ title: `Force against insertion in ${unit}`, height, zero: true, series: forceSeries(split), fans: fans(split) });
   const error = (split) => ({
     title: `Predicted − measured in ${unit}`, height: 90, zero: true,
     series: split ? bothWays(residual, 'residual', 'var(--residual)') : [{ values: residual, mask, cls: 'residual', colour: 'var(--residual)' }],

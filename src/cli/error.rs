@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::compare::ensemble::EnsembleError;
 use crate::input::RecordingError;
 use crate::report::ReportError;
 use crate::ros::start::NodeError;
@@ -67,6 +68,9 @@ pub enum CliError {
     /// Nothing can be fitted.
     #[error("calibrate: {0}")]
     Calibrate(#[from] CalibrateError),
+    /// There is no ensemble.
+    #[error("--members: {0}")]
+    Ensemble(#[from] EnsembleError),
     /// A manifest can't be used.
     #[error(transparent)]
     Manifest(#[from] ManifestError),

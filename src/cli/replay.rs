@@ -2,10 +2,12 @@
 
 use clap::Args;
 
+use super::members::{Drawn, MemberOptions};
 use super::options::{OutputOptions, SeriesOptions, ThreadOptions};
 use super::progress::Progress;
 use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
+use crate::compare::ensemble::Answered;
 use crate::compare::scale::mistaken;
 use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run};
 use crate::input::Recording;
@@ -22,9 +24,8 @@ pub(super) struct Arguments {
     #[command(flatten)]
     threads: ThreadOptions,
 
-    /// Seed of what is drawn at random; a replay draws nothing, so its results don't depend on it
-    #[arg(long, value_name = "N", help_heading = "Run")]
-    seed: Option<u64>,
+    #[command(flatten)]
+    members: MemberOptions,
 
     #[command(flatten)]
     series: SeriesOptions,
@@ -35,11 +36,12 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let (recording, scene) = arguments.recorded.load()?;
+    let members = arguments.members.draw(&scene)?;
     let folder = output::prepare(&arguments.output)?;
     let readings = arguments.recorded.topics.readings(&recording);
     let keep = arguments.series.keep(folder.is_some(), duration_s(&readings))?;
     let forced = arguments.recorded.force;
-    let run = arguments.threads.install(|| replay(&scene, &recording, readings, keep, forced))??;
+    let run = arguments.threads.install(|| replay(&scene, &recording, readings, keep, forced, members.as_ref()))??;
     output::deliver(&run, folder.as_ref(), &arguments.series, arguments.output.json)
 }
 
@@ -47,7 +49,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
 pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Result<Run, CliError> {
     let readings = recording.readings(false);
     let keep = Keep { fields: true, duration_s: duration_s(&readings), save_every_s: None };
-    let mut run = replay(scene, recording, readings, keep, false)?;
+    let mut run = replay(scene, recording, readings, keep, false, None)?;
     command.clone_into(&mut run.command);
     Ok(run)
 }
@@ -63,6 +65,7 @@ fn replay(
     readings: Vec<Reading>,
     keep: Keep,
     forced: bool,
+    members: Option<&Drawn>,
 ) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
     for warning in recording.warnings.iter().chain(&recording.foreign_frame()) {
@@ -80,8 +83,14 @@ fn replay(
     if !measured.is_empty() {
         collector.measured_source(&recording.source);
     }
-    let run = compare::drive(&mut twin, readings, Some(&measured), collector, &mut progress);
+    let mut answered = Answered::new(&mut progress);
+    let again = readings.iter().copied();
+    let mut run = compare::drive(&mut twin, again, Some(&measured), collector, &mut answered);
+    let at = answered.at;
     progress.finish();
+    if let Some(members) = members {
+        members.add(&mut run, scene, &readings, &at, &progress)?;
+    }
     Ok(run)
 }
 

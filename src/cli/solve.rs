@@ -2,9 +2,11 @@
 
 use clap::Args;
 
+use super::members::{Drawn, MemberOptions};
 use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
+use crate::compare::ensemble::Answered;
 use crate::compare::{self, At, Collector, Keep, Reading, Run};
 use crate::scene::{Motion, Override, Scene};
 
@@ -31,6 +33,9 @@ pub(super) struct Arguments {
     pose_hz: Option<String>,
 
     #[command(flatten)]
+    members: MemberOptions,
+
+    #[command(flatten)]
     threads: ThreadOptions,
 
     #[command(flatten)]
@@ -43,10 +48,11 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, arguments.motion())?;
     let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
+    let members = arguments.members.draw(&scene)?;
     let folder = output::prepare(&arguments.output)?;
     let duration_s = Some((motion.pose_count() - 1.0) / motion.pose_rate.get());
     let keep = arguments.series.keep(folder.is_some(), duration_s)?;
-    let run = arguments.threads.install(|| solve(&scene, &motion, keep))??;
+    let run = arguments.threads.install(|| solve(&scene, &motion, keep, members.as_ref()))??;
     output::deliver(&run, folder.as_ref(), &arguments.series, arguments.output.json)
 }
 
@@ -63,15 +69,20 @@ impl Arguments {
     }
 }
 
-fn solve(scene: &Scene, motion: &Motion, keep: Keep) -> Result<Run, CliError> {
+fn solve(scene: &Scene, motion: &Motion, keep: Keep, members: Option<&Drawn>) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     twin.warnings().iter().for_each(|warning| progress.warn(warning));
     progress.count(motion.pose_count() as usize);
     let collector = Collector::new(&twin, "solve", build_s, keep);
-    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-    let run = compare::drive(&mut twin, readings, None, collector, &mut progress);
+    let readings = || motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+    let mut answered = Answered::new(&mut progress);
+    let mut run = compare::drive(&mut twin, readings(), None, collector, &mut answered);
+    let at = answered.at;
     progress.finish();
+    if let Some(members) = members {
+        members.add(&mut run, scene, &readings().collect::<Vec<_>>(), &at, &progress)?;
+    }
     Ok(run)
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use crate::compare::alignment::{Alignment, Found};
+use crate::compare::ensemble::Ensemble;
 use crate::compare::{Run, Verdict};
 use crate::report::printable;
 use crate::twin::Event;
@@ -30,6 +31,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
         lines.push(("error", error));
     }
     lines.extend(run.alignment().map(|found| ("alignment", aligned(&found, [false; 3]))));
+    lines.extend(run.ensemble.as_ref().map(|members| ("members", ensemble(run, members))));
     if let Some(radius_m) = run.effective_radius_m {
         lines.push(("needle", format!("effective radius {:.3} mm", 1e3 * radius_m)));
     }
@@ -109,6 +111,18 @@ fn targets(run: &Run) -> Option<String> {
         format!("{name} moved {:.3} mm", 1e3 * farthest)
     });
     Some(moved.collect::<Vec<_>>().join(", ")).filter(|text| !text.is_empty())
+}
+
+/// What the members say.
+fn ensemble(run: &Run, ensemble: &Ensemble) -> String {
+    let width =
+        ensemble.mean_width_n().map_or_else(|| "no band".to_owned(), |n| format!("95 % of them within {}", newtons(n)));
+    let measured = ensemble.share_inside(run);
+    let inside =
+        measured.map_or_else(String::new, |share| format!(", which holds {:.1} % of what was measured", 1e2 * share));
+    let (used, members, runs) = (ensemble.used, ensemble.members, ensemble.runs);
+    let of = if used == members { format!("{members}") } else { format!("{used} of {members}") };
+    format!("{of}, {width} on average{inside} ({runs} runs in {:.2} s)", ensemble.wall_s)
 }
 
 fn speed(run: &Run) -> String {

@@ -3,6 +3,7 @@
 pub mod alignment;
 mod collector;
 mod drive;
+pub mod ensemble;
 pub mod identifier;
 pub mod least_squares;
 mod legs;
@@ -181,4 +182,6 @@ pub struct Run {
     pub one_clock: bool,
     /// Word for what ran: `replay`, `solve`, `demo`.
     pub command: String,
+    /// What members with other values of uncertain keys say, where there are some.
+    pub ensemble: Option<ensemble::Ensemble>,
 }

@@ -5,18 +5,24 @@ use crate::study::calibrate::Forces;
 use std::fmt::Write as _;
 
 /// Content of `force.csv`: `time_s,depth_m,predicted_n,measured_n`, then the force on the instrument in frame `sample`, predicted and
-/// measured (`predicted_x_n` to `measured_z_n`); one line per answered pose.
+/// measured (`predicted_x_n` to `measured_z_n`), and of a run with members `predicted_low_n,predicted_high_n`, between which 95 % of them
+/// lie; one line per answered pose.
 ///
 /// A measured force is empty where there is none, and so is any number that is not finite.
 #[must_use]
 pub fn force_csv(run: &Run) -> String {
     let mut text = String::from("time_s,depth_m,predicted_n,measured_n");
-    text.push_str(",predicted_x_n,predicted_y_n,predicted_z_n,measured_x_n,measured_y_n,measured_z_n\n");
-    for a in &run.answers {
+    text.push_str(",predicted_x_n,predicted_y_n,predicted_z_n,measured_x_n,measured_y_n,measured_z_n");
+    text.push_str(if run.ensemble.is_some() { ",predicted_low_n,predicted_high_n\n" } else { "\n" });
+    for (i, a) in run.answers.iter().enumerate() {
         let measured = a.measured_n.map_or(Cell(f64::NAN), Cell);
         push(&mut text, format_args!("{},{},{},{measured}", Cell(a.time_s), Cell(a.depth_m), Cell(a.predicted_n)));
         for component in a.predicted_vector_n.iter().chain(&a.measured_vector_n.unwrap_or([f64::NAN; 3])) {
             push(&mut text, format_args!(",{}", Cell(*component)));
+        }
+        if run.ensemble.is_some() {
+            let [low, high] = run.band(i).map_or([f64::NAN; 2], |band| [band.low_n, band.high_n]);
+            push(&mut text, format_args!(",{},{}", Cell(low), Cell(high)));
         }
         text.push('\n');
     }

@@ -13,6 +13,7 @@ use super::{
     thin::thin,
     unit::Scale,
 };
+use crate::compare::ensemble::Band;
 use crate::compare::{Answer, Run, Snapshot, TargetRow};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::twin::Event;
@@ -39,6 +40,7 @@ pub(super) fn data(run: &Run) -> Result<Value, ReportError> {
     Ok(json!({
         "force": { "factor": force.factor, "unit": force.unit },
         "rows": rows(&answers),
+        "band": band(run, &kept),
         "retraction": kept.partition_point(|&i| i < run.legs().retraction),
         "phases": bands(&phases::over_time(run)),
         "depth_phases": bands(&phases::over_depth(run)),
@@ -93,6 +95,18 @@ fn rows(answers: &[&Answer]) -> Value {
         "steps": pack(answers.iter().map(|a| a.steps)),
         "latency": pack_f32(answers.iter().map(|a| 1e3 * a.latency_s)),
     })
+}
+
+/// Ends of the members' band at the answers that are drawn; null without members.
+fn band(run: &Run, kept: &[usize]) -> Option<Value> {
+    run.ensemble.as_ref()?;
+    let all: Vec<_> = kept.iter().map(|&i| run.band(i)).collect();
+    let end = |of: fn(&Band) -> f64| pack_f32(all.iter().map(|band| band.as_ref().map_or(0.0, of)));
+    Some(json!({
+        "low": end(|band| band.low_n),
+        "high": end(|band| band.high_n),
+        "mask": pack(all.iter().map(|band| u8::from(band.is_some()))),
+    }))
 }
 
 fn bands(stretches: &[Stretch]) -> Value {

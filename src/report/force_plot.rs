@@ -19,6 +19,8 @@ const SIDES: [f64; 2] = [84.0, 932.0];
 
 const MEASURED: [Pen; 2] = [Pen::new(INK, 1.5), Pen::new(Colour(0xa3, 0xab, 0xb6, 1.0), 1.5)];
 const PREDICTED: [Pen; 2] = [Pen::new(BLUE, 2.4), Pen::new(Colour(0x5a, 0x9d, 0xe6, 1.0), 2.4).dashed([8.0, 5.0])];
+/// Between the ends of the members' band.
+const FAN: Colour = Colour(0x0b, 0x62, 0xc4, 0.2);
 const RESIDUAL: [Pen; 2] = [Pen::new(VERMILION, 1.5), Pen::new(Colour(0xea, 0xa2, 0x77, 1.0), 1.5)];
 
 /// The picture of a run.
@@ -36,7 +38,9 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let force = Scale::of_force(run);
     let x = Axis::holding(answers.iter().map(|a| 1e3 * a.depth_m).chain([0.0]), 10, 0.025);
     let forces = answers.iter().flat_map(|a| [Some(a.predicted_n), a.measured_n]).flatten().map(|f| force.factor * f);
-    let y = Axis::holding(forces.chain([0.0]), 6, 0.06);
+    let band = |&i: &usize| run.band(i).map_or([f64::NAN; 2], |band| [band.low_n, band.high_n]);
+    let bands = kept.iter().flat_map(band).map(|f| force.factor * f);
+    let y = Axis::holding(forces.chain(bands).chain([0.0]), 6, 0.06);
     let bottom = if measured { 470.0 } else { 636.0 };
     let upper = Panel { frame: [SIDES[0], 172.0, SIDES[1], bottom], x: x.clone(), y };
     let depths =
@@ -50,6 +54,9 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     upper.ribbon(&mut picture, stretches.iter().map(|s| (1e3 * s.from, 1e3 * s.to, s.word, tint(s.word))));
     if let Some((depth_m, duration_s)) = run.hold() {
         upper.event(&mut picture, 1e3 * depth_m, &format!("held for {} s", significant(duration_s, 2)), End::Lower);
+    }
+    for leg in [&kept[..turn], &kept[turn.saturating_sub(1).min(kept.len())..]] {
+        fan(&mut picture, &upper, run, leg, force.factor);
     }
     for (leg, [m, p]) in legs.iter().zip([[MEASURED[0], PREDICTED[0]], [MEASURED[1], PREDICTED[1]]]) {
         upper.curve(&mut picture, column(leg, |a| a.measured_n, force.factor), m);
@@ -74,7 +81,7 @@ pub(super) fn force_plot(run: &Run) -> Picture {
         "Depth of the tip below the undeformed surface in mm",
         Type { bold: true, colour: INK, ..label(Anchor::Middle) },
     );
-    legend(&mut picture, [SIDES[0], 116.0], &entries(measured, !legs[1].is_empty()));
+    legend(&mut picture, [SIDES[0], 116.0], &entries(measured, !legs[1].is_empty(), run.ensemble.is_some()));
     picture
 }
 
@@ -98,8 +105,18 @@ fn column(leg: &[&Answer], of: impl Fn(&Answer) -> Option<f64>, factor: f64) -> 
     points
 }
 
-fn entries(measured: bool, retraction: bool) -> Vec<(&'static str, Pen)> {
+/// Tints what lies between the band's ends over a leg.
+fn fan(picture: &mut Picture, panel: &Panel, run: &Run, leg: &[usize], factor: f64) {
+    let ends = leg.iter().filter_map(|&i| Some((1e3 * run.answers[i].depth_m, run.band(i)?)));
+    let ends: Vec<_> = ends.map(|(x, band)| [band.low_n, band.high_n].map(|f| panel.at(x, factor * f))).collect();
+    if ends.len() > 1 {
+        picture.area(ends.iter().map(|e| e[0]).chain(ends.iter().rev().map(|e| e[1])), FAN);
+    }
+}
+
+fn entries(measured: bool, retraction: bool, members: bool) -> Vec<(&'static str, Pen)> {
     let all = [
+        (members, "95 % of members", Pen { width: 9.0, ..Pen::new(FAN, 1.0) }),
         (true, "predicted, insertion", PREDICTED[0]),
         (retraction, "predicted, retraction", PREDICTED[1]),
         (measured, "measured, insertion", MEASURED[0]),

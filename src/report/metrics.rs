@@ -1,7 +1,9 @@
 //! `metrics.json`: the figures of merit of a run, for programs.
 
 use crate::compare::alignment::{Alignment, Found};
+use crate::compare::ensemble::{Band, Ensemble, Spread};
 use crate::compare::{Answer, ForceMetrics, Run, Verdict};
+use crate::scene::Uncertain;
 use crate::twin::{Event, Phase, REST};
 use serde_json::{Map, Value, json};
 
@@ -12,7 +14,7 @@ use serde_json::{Map, Value, json};
 #[must_use]
 pub fn metrics_json(run: &Run) -> String {
     let mut nulls = Nulls { run, because: Map::new() };
-    let body = json!({
+    let mut body = json!({
         "scene": run.scene,
         "method": run.method,
         "dimension": run.dimension,
@@ -36,6 +38,9 @@ pub fn metrics_json(run: &Run) -> String {
         "checksum": run.checksum,
         "null_because": nulls.because,
     });
+    if let (Some(ensemble), Some(entries)) = (&run.ensemble, body.as_object_mut()) {
+        entries.insert("ensemble".to_owned(), ensemble_json(run, ensemble));
+    }
     let mut text = format!("{body:#}");
     text.push('\n');
     text
@@ -158,6 +163,36 @@ fn events(run: &Run) -> Value {
         }))
     };
     run.answers.iter().enumerate().filter_map(event).collect()
+}
+
+/// What members say; only of runs that have some.
+fn ensemble_json(run: &Run, ensemble: &Ensemble) -> Value {
+    let finite = |x: Option<f64>| x.filter(|x| x.is_finite());
+    let key = |one: &Uncertain| {
+        json!({
+            "key": one.key,
+            "prior": one.prior.word(),
+            "mean": one.prior.mean(),
+            "standard_deviation": one.prior.standard_deviation(),
+        })
+    };
+    let target = |(name, spread): (&String, &Spread)| {
+        let deviation: [f64; 3] = std::array::from_fn(|k| spread.covariance_m2[k][k].sqrt());
+        json!({ "name": name, "mean_m": spread.mean_m, "standard_deviation_m": deviation })
+    };
+    json!({
+        "members": ensemble.members,
+        "left_out": ensemble.members - ensemble.used,
+        "runs": ensemble.runs,
+        "seed": ensemble.seed,
+        "keys": ensemble.keys.iter().map(key).collect::<Vec<_>>(),
+        "band_shares": Band::SHARES,
+        "band_mean_width_n": finite(ensemble.mean_width_n()),
+        "measured_share_inside": finite(ensemble.share_inside(run)),
+        "target_depth_m": ensemble.target_depth_m,
+        "targets": run.target_names.iter().zip(&ensemble.targets).map(target).collect::<Vec<_>>(),
+        "wall_s": ensemble.wall_s,
+    })
 }
 
 /// The verdict as `metrics.json` and `calibration.json` have it.

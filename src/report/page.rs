@@ -72,7 +72,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-depth",
         "Force over depth",
         "Against the motion of the tip; hover or tap to read.",
-        &legend(measured, back),
+        &legend(measured, back, run.ensemble.is_some()),
         &fallback,
     );
     if drawn {
@@ -86,7 +86,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-time",
         "Force over time",
         "Shaded by phase. Click to show that moment of the sample.",
-        &legend(measured, false),
+        &legend(measured, false, run.ensemble.is_some()),
         &without_scripts(line_plot::force(run)),
     );
     chart(
@@ -143,11 +143,14 @@ fn chart(html: &mut String, id: &str, heading: &str, about: &str, legend: &str, 
     );
 }
 
-fn legend(measured: bool, legs: bool) -> String {
+fn legend(measured: bool, legs: bool, members: bool) -> String {
     let entry = |colour: &str, class: &str, text: &str| {
         format!("<li><i class=\"{class}\" style=\"border-color:var(--{colour})\"></i>{text}</li>")
     };
     let mut items = vec![entry("accent", "", "predicted")];
+    if members {
+        items.push(entry("accent", "fan", "95 % of members"));
+    }
     if legs {
         items.push(entry("accent-2", "dash", "predicted, retraction"));
     }

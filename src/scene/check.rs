@@ -25,7 +25,8 @@ pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     check.dimension()?;
     check.stepping()?;
     check.motion()?;
-    check.targets()
+    check.targets()?;
+    check.uncertainty()
 }
 
 pub(super) struct Check<'a> {

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::key::Key;
 use super::presets::Preset;
 use super::section::{Scope, Section as _};
-use super::{Scene, SceneError, Value, check, keys, parse, values::Values};
+use super::{Scene, SceneError, Value, check, keys, parse, uncertainty, values::Values};
 
 /// A change to one key of a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,12 +51,20 @@ impl Override {
         Self { path: path.to_owned(), value: NewValue::Typed(value.into()), place: place.to_owned() }
     }
 
-    fn checked(&self) -> Result<Value, SceneError> {
-        let shown = match &self.value {
+    /// The key whose prior it is, where it is one.
+    fn uncertain(&self) -> Option<&str> {
+        self.path.strip_prefix(uncertainty::SECTION)?.strip_prefix('.')
+    }
+
+    fn shown(&self) -> String {
+        match &self.value {
             NewValue::Unparsed(text) => text.clone(),
             NewValue::Typed(value) => value.to_string(),
-        };
-        let key: &Key = keys::require(&self.path, &shown, &self.place)?;
+        }
+    }
+
+    fn checked(&self) -> Result<Value, SceneError> {
+        let key: &Key = keys::require(&self.path, &self.shown(), &self.place)?;
         match &self.value {
             NewValue::Unparsed(text) => key.parse_at(text, &self.path, &self.place),
             NewValue::Typed(value) => key.check(value, &self.path, &self.place),
@@ -113,6 +121,10 @@ impl Scene {
         let mut values = self.to_values();
         let mut changed = BTreeSet::new();
         for change in changes {
+            if let Some(key) = change.uncertain() {
+                values.put_prior(uncertainty::parse(key, &change.shown(), &change.place)?);
+                continue;
+            }
             let value = change.checked()?;
             values.check_element(&change.path, &change.place)?;
             values.insert(&change.path, value, change.place.clone());

@@ -32,6 +32,7 @@ pub mod size;
 mod stepping;
 mod symmetry;
 mod target;
+mod uncertainty;
 mod units;
 mod value;
 mod values;
@@ -53,6 +54,7 @@ pub use sample::{Base, MeshFile, Sample, Shape};
 pub use stepping::Stepping;
 pub use symmetry::Resolved;
 pub use target::Target;
+pub use uncertainty::{Prior, Recorded, Uncertain};
 pub use units::{Hertz, KilogramsPerCubicMetre, Metres, MetresPerSecond, Pascals, PoissonRatio, Radians, Seconds};
 pub use value::Value;
 pub use words::Word;
@@ -85,5 +87,7 @@ section! {
         motion: Option<Motion>,
         /// Material points whose position is predicted.
         targets: Vec<Target>,
+        /// Keys whose values are not known for sure, with their prior distributions.
+        uncertainty: Vec<Uncertain>,
     }
 }

@@ -5,7 +5,7 @@ use toml::de::{DeArray, DeTable, DeValue};
 
 use super::keys::{self, SECTIONS};
 use super::values::Values;
-use super::{SceneError, Value};
+use super::{SceneError, Value, uncertainty};
 
 /// Longest piece of a file that a message quotes.
 const QUOTED: usize = 60;
@@ -20,13 +20,16 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Values, SceneError> {
             ("targets", DeValue::Array(list)) => source.targets(list, &mut values)?,
             ("materials", DeValue::Table(table)) => source.materials(table, &mut values)?,
             ("regions", DeValue::Array(list)) => source.regions(list, &mut values)?,
+            (uncertainty::SECTION, DeValue::Table(table)) => source.uncertainty(table, &mut values)?,
             (section, DeValue::Table(table))
                 if SECTIONS.contains(&section) && !["targets", "regions"].contains(&section) =>
             {
                 values.name_section(section);
                 source.section(section, table, &mut values)?;
             }
-            (section, _) if SECTIONS.contains(&section) => return Err(source.not_a_section(section, value)),
+            (section, _) if SECTIONS.contains(&section) || section == uncertainty::SECTION => {
+                return Err(source.not_a_section(section, value));
+            }
             _ => source.leaf(name, value, &mut values)?,
         }
     }
@@ -102,6 +105,15 @@ impl Source<'_> {
                 });
             }
             self.section(&format!("regions.{name}"), table, values)?;
+        }
+        Ok(())
+    }
+
+    fn uncertainty(&self, table: &DeTable<'_>, values: &mut Values) -> Result<(), SceneError> {
+        for (name, value) in in_file_order(table) {
+            for one in uncertainty::read(name, value.get_ref(), &self.quote(value), &self.place(value))? {
+                values.put_prior(one);
+            }
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use super::key::Key;
 use super::keys::{self, KEYS, SECTIONS};
-use super::{SceneError, Value};
+use super::{SceneError, Uncertain, Value, uncertainty};
 
 /// Values of a scene by dotted path. Only known keys, each of its own type and in its own range.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +17,8 @@ pub(super) struct Values {
     sections: BTreeSet<String>,
     /// Sections and names of the materials and regions, in their order.
     names: Vec<(String, String)>,
+    /// Priors of keys, in their order.
+    priors: Vec<Uncertain>,
     /// File, preset or scene that is to blame where a key is absent.
     origin: String,
 }
@@ -30,7 +32,8 @@ struct Entry {
 impl Values {
     /// No value at all.
     pub(super) fn new(origin: &str) -> Self {
-        Self { entries: BTreeMap::new(), sections: BTreeSet::new(), names: Vec::new(), origin: origin.to_owned() }
+        let (entries, sections) = (BTreeMap::new(), BTreeSet::new());
+        Self { entries, sections, names: Vec::new(), priors: Vec::new(), origin: origin.to_owned() }
     }
 
     /// Where the whole of it comes from.
@@ -70,6 +73,19 @@ impl Values {
     /// Names of the materials or regions, in their order.
     pub(super) fn names(&self, section: &str) -> impl Iterator<Item = &str> {
         self.names.iter().filter(move |(of, _)| of == section).map(|(_, name)| name.as_str())
+    }
+
+    /// Priors of keys, in their order.
+    pub(super) fn priors(&self) -> &[Uncertain] {
+        &self.priors
+    }
+
+    /// Stores the prior of a key, in the place of an earlier one.
+    pub(super) fn put_prior(&mut self, prior: Uncertain) {
+        match self.priors.iter_mut().find(|known| known.key == prior.key) {
+            Some(known) => *known = prior,
+            None => self.priors.push(prior),
+        }
     }
 
     /// Whether a section is named: what is not is not modelled.
@@ -168,6 +184,9 @@ impl Values {
                 self.entries.remove(&path);
             }
         }
+        let mut priors = std::mem::take(&mut self.priors);
+        priors.retain(|prior| matches!(self.misfit(&prior.key), Ok(None)));
+        self.priors = priors;
         Ok(())
     }
 
@@ -203,6 +222,12 @@ impl Values {
                 let _ = writeln!(out, "\n[{section}]"); // writing to a String can't fail
                 self.write_section(&mut out, section, |key| key.path.to_owned());
             }
+        }
+        if !self.priors.is_empty() {
+            let _ = writeln!(out, "\n[{}]", uncertainty::SECTION); // writing to a String can't fail
+        }
+        for Uncertain { key, prior } in &self.priors {
+            let _ = writeln!(out, "\"{key}\" = {prior}");
         }
         out
     }

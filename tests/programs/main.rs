@@ -10,6 +10,7 @@ mod cluster;
 mod common;
 mod demo;
 mod docs;
+mod ensemble;
 mod growth;
 mod import;
 mod markers;

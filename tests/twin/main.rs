@@ -11,6 +11,7 @@ mod common;
 mod contact;
 mod determinism;
 mod door;
+mod ensemble;
 mod force_balance;
 mod invariance;
 mod least_work;

@@ -1,0 +1,52 @@
+//! Many runs on the threads that there are: each thread takes the next run that nobody has taken, so that the result of a run depends
+//! on nothing but the run.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use rayon::ThreadPoolBuildError;
+
+/// Threads that take runs, and who is told of it.
+pub struct Crew<'a> {
+    /// How many threads.
+    pub threads: usize,
+    /// Set by whoever wants the runs to end.
+    pub stop: Option<Arc<AtomicBool>>,
+    /// Called after each run, by the thread that made it.
+    pub done: &'a (dyn Fn() + Sync),
+}
+
+impl Crew<'_> {
+    /// Does work 0, 1, ... and gives the results in this order. Each is done with one thread: what asks rayon for more gets none.
+    ///
+    /// # Errors
+    /// If no thread can be started.
+    pub fn each<T: Send>(
+        &self,
+        count: usize,
+        work: impl Fn(usize) -> T + Sync,
+    ) -> Result<Vec<T>, ThreadPoolBuildError> {
+        let next = AtomicUsize::new(0);
+        let one = |pool: rayon::ThreadPool| {
+            let mut results = Vec::new();
+            loop {
+                let k = next.fetch_add(1, Ordering::Relaxed);
+                if k >= count {
+                    return results;
+                }
+                results.push((k, pool.install(|| work(k))));
+                (self.done)();
+            }
+        };
+        let pool = || rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pools = (0..self.threads.clamp(1, count.max(1))).map(|_| pool()).collect::<Result<Vec<_>, _>>()?;
+        let mut all: Vec<(usize, T)> = std::thread::scope(|scope| {
+            let crew: Vec<_> = pools.into_iter().map(|pool| scope.spawn(|| one(pool))).collect();
+            crew.into_iter()
+                .flat_map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                .collect()
+        });
+        all.sort_unstable_by_key(|(k, _)| *k);
+        Ok(all.into_iter().map(|(_, result)| result).collect())
+    }
+}

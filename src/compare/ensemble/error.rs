@@ -1,0 +1,35 @@
+//! Why there is no ensemble.
+
+use super::points::MOST;
+use crate::scene::SceneError;
+
+/// Why an ensemble can't be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EnsembleError {
+    /// Nothing is uncertain.
+    #[error(
+        "scene {scene} says of no key how uncertain it is. Add a section to it, as in\n\n[uncertainty]\n\"{key}\" = \
+         {{ normal = [{mean}, {deviation}] }}\n\n(mean and standard deviation; lognormal and uniform are there too), or give --set \
+         'uncertainty.{key}={{normal=[{mean}, {deviation}]}}'"
+    )]
+    NoUncertainty {
+        /// Its name.
+        scene: String,
+        /// A key that it has.
+        key: &'static str,
+        /// Its value.
+        mean: f64,
+        /// A tenth of it.
+        deviation: f64,
+    },
+    /// A number of members that can't be had.
+    #[error("{0} members: at least 2 are needed and at most {MOST} can be drawn")]
+    Count(usize),
+    /// A draw is no value of its key, or the values don't fit together.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The threads can't be started.
+    #[error("can't start a thread of an ensemble: {0}; give fewer with --threads")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}

@@ -1,0 +1,79 @@
+//! Members: the scene with one draw of every uncertain key, and how the recording lies to it.
+
+use super::points::{DIMENSIONS, MOST, coordinate};
+use super::{EnsembleError, Size};
+use crate::scene::{Override, Recorded, Scene};
+
+/// How a recording lies to a member.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Shift {
+    /// Recorded depth at which the instrument touches the sample, m.
+    pub contact_depth_m: f64,
+    /// How late the force's stamps are against the position's, s.
+    pub time_offset_s: f64,
+    /// What the load cell reads without load, N.
+    pub force_zero_n: f64,
+}
+
+/// One member.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Member {
+    /// Values of the uncertain keys, in the scene's order.
+    pub values: Vec<f64>,
+    /// The scene with these values, in which nothing is uncertain any more.
+    pub scene: Scene,
+    /// What of the values is of the recording.
+    pub shift: Shift,
+}
+
+impl Member {
+    /// A scene with the value of each of its uncertain keys below which a share of the key's probability lies. `place` says which
+    /// draw it is.
+    ///
+    /// # Errors
+    /// [`EnsembleError::Scene`] where a key can't have its value.
+    pub fn new(scene: &Scene, shares: impl IntoIterator<Item = f64>, place: &str) -> Result<Self, EnsembleError> {
+        let (mut values, mut changes, mut shift) = (Vec::new(), Vec::new(), Shift::default());
+        for (uncertain, share) in scene.uncertainty.iter().zip(shares) {
+            let value = uncertain.draw(share, place)?;
+            values.push(value);
+            match Recorded::of(&uncertain.key) {
+                Some(Recorded::ContactDepth) => shift.contact_depth_m = value,
+                Some(Recorded::TimeOffset) => shift.time_offset_s = value,
+                Some(Recorded::ForceZero) => shift.force_zero_n = value,
+                None => changes.push(Override::typed(&uncertain.key, value, place)),
+            }
+        }
+        let mut own = scene.with(&changes)?;
+        own.uncertainty.clear();
+        Ok(Self { values, scene: own, shift })
+    }
+}
+
+/// The members of a scene: member k has the k-th point of the sequence, one coordinate for each key.
+///
+/// # Errors
+/// [`EnsembleError`] if nothing is uncertain, their number is out of range, or a draw is no value of its key.
+pub fn members(scene: &Scene, size: Size) -> Result<Vec<Member>, EnsembleError> {
+    check(scene, size.members)?;
+    let of = |k: usize| {
+        let shares = (0..scene.uncertainty.len()).map(|dimension| coordinate(k, dimension, size.seed));
+        Member::new(scene, shares, &format!("member {k} of [uncertainty]"))
+    };
+    (0..size.members).map(of).collect()
+}
+
+/// Whether a scene has something to draw, and so many points of it can be.
+pub(super) fn check(scene: &Scene, members: usize) -> Result<(), EnsembleError> {
+    let keys = scene.uncertainty.len();
+    if keys == 0 || keys > DIMENSIONS {
+        let mean = scene.material.shear_modulus();
+        let own = scene.get(MODULUS).is_some();
+        let (key, mean) = if own { (MODULUS, mean) } else { (DENSITY, scene.material.density.get()) };
+        return Err(EnsembleError::NoUncertainty { scene: scene.name.clone(), key, mean, deviation: 0.1 * mean });
+    }
+    if !(2..=MOST).contains(&members) { Err(EnsembleError::Count(members)) } else { Ok(()) }
+}
+
+pub(super) const MODULUS: &str = "material.shear_modulus_pa";
+const DENSITY: &str = "material.density_kg_per_m3";

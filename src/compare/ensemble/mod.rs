@@ -1,0 +1,123 @@
+//! Many twins of one scene, each with other values of the keys that are not known for sure: the band in which the force lies.
+//!
+//! Each member is a twin of its own with the values of one low-discrepancy point of `[uncertainty]`, and answers the same readings. So
+//! member k computes what a single run of its scene computes, to the last bit, whatever else runs beside it. Members that differ
+//! only in what the mechanics doesn't see share a run (`path`). Each runs on one thread; the threads that there are take runs
+//! one by one.
+
+mod answered;
+mod band;
+mod crew;
+mod error;
+mod member;
+mod path;
+pub mod points;
+
+pub use answered::Answered;
+pub use band::{Band, Spread};
+pub use crew::Crew;
+pub use error::EnsembleError;
+pub use member::{Member, Shift, members};
+pub use path::{MemberPath, Paths, paths};
+
+use std::time::Instant;
+
+use super::{Reading, Run};
+use crate::scene::{Scene, Uncertain};
+
+/// What an ensemble says of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ensemble {
+    /// Members that were asked for.
+    pub members: usize,
+    /// Members that came to an end; the others are left out of everything.
+    pub used: usize,
+    /// Runs of a twin that they took.
+    pub runs: usize,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// Keys that were drawn.
+    pub keys: Vec<Uncertain>,
+    /// Band of the force at each answer of the run; `None` where no member has an answer.
+    pub bands: Vec<Option<Band>>,
+    /// Depth at which [`Ensemble::targets`] are, the largest of the run, m.
+    pub target_depth_m: f64,
+    /// Each target of the scene at that depth; empty where no member came there.
+    pub targets: Vec<Spread>,
+    /// Wall time of all members, building included, s.
+    pub wall_s: f64,
+}
+
+impl Ensemble {
+    /// Mean width of the band, N; `None` without a band.
+    #[must_use]
+    pub fn mean_width_n(&self) -> Option<f64> {
+        let widths: Vec<f64> = self.bands.iter().flatten().map(|band| band.high_n - band.low_n).collect();
+        (!widths.is_empty()).then(|| widths.iter().sum::<f64>() / widths.len() as f64)
+    }
+
+    /// Share of a run's measured forces that lie in the band; `None` where none was measured.
+    #[must_use]
+    pub fn share_inside(&self, run: &Run) -> Option<f64> {
+        let both =
+            |(a, band): (&super::Answer, &Option<Band>)| Some((a.measured_n.filter(|m| m.is_finite())?, (*band)?));
+        let inside: Vec<bool> =
+            run.answers.iter().zip(&self.bands).filter_map(both).map(|(measured, band)| band.holds(measured)).collect();
+        (!inside.is_empty()).then(|| inside.iter().filter(|i| **i).count() as f64 / inside.len() as f64)
+    }
+}
+
+/// How many members, and the seed of their draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Members.
+    pub members: usize,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// Runs [`members`] of a scene over the readings of a finished run and adds what they say to it; `at` are the readings that its
+/// answers belong to ([`Answered`]). A member that comes to no end is left out, and the run's losses say so.
+///
+/// # Errors
+/// [`EnsembleError::Threads`] if no thread can be started.
+pub fn add(
+    run: &mut Run,
+    scene: &Scene,
+    members: &[Member],
+    readings: &[Reading],
+    at: &[usize],
+    size: Size,
+    crew: &Crew,
+) -> Result<(), EnsembleError> {
+    let begun = Instant::now();
+    let Paths { of_member, runs } = paths(members, readings, crew)?;
+    let used: Vec<&MemberPath> = of_member.iter().filter_map(|path| path.as_ref().ok()).collect();
+    let spread = |t: usize| Spread::of(used.iter().filter_map(|path| path.targets.get(t).copied()));
+    run.ensemble = Some(Ensemble {
+        members: size.members,
+        used: used.len(),
+        runs,
+        seed: size.seed,
+        keys: scene.uncertainty.clone(),
+        bands: at.iter().map(|&i| Band::of(used.iter().map(|path| path.force_n[i]))).collect(),
+        target_depth_m: run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max),
+        targets: (0..scene.targets.len()).filter_map(spread).collect(),
+        wall_s: begun.elapsed().as_secs_f64(),
+    });
+    let lost: Vec<(usize, &String)> =
+        of_member.iter().enumerate().filter_map(|(k, path)| Some((k, path.as_ref().err()?))).collect();
+    if let Some((first, why)) = lost.first() {
+        let (count, of) = (lost.len(), size.members);
+        run.losses.push(format!("{count} of {of} members left out of the ensemble; the first, member {first}: {why}"));
+    }
+    Ok(())
+}
+
+impl Run {
+    /// Band of the force at an answer, where there are members.
+    #[must_use]
+    pub fn band(&self, answer: usize) -> Option<Band> {
+        self.ensemble.as_ref()?.bands.get(answer).copied().flatten()
+    }
+}

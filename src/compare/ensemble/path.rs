@@ -1,0 +1,125 @@
+//! The force along a member's run.
+//!
+//! Nothing of the mechanics changes with the load cell's zero and clock, so members that differ in these alone share a run, as do
+//! members with the same values (a design of sensitivity has many).
+//!
+//! ```text
+//! F_k(t) = F(d(t - tau_k) - c_k) + b_k      c: contact depth, tau: time offset, b: zero
+//! ```
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::{Answered, Crew, EnsembleError, Member};
+use crate::compare::{self, Answer, At, Collector, Keep, Reading, Watch};
+use crate::twin::Pose;
+
+/// What a member answers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MemberPath {
+    /// What the load cell should read at each reading, N, positive against the insertion; not a number where there is no answer.
+    pub force_n: Vec<f64>,
+    /// Position of each target at the deepest reading, m.
+    pub targets: Vec<[f64; 3]>,
+}
+
+/// Paths of several members.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Paths {
+    /// Each member's, or why it came to no end.
+    pub of_member: Vec<Result<MemberPath, String>>,
+    /// Runs of a twin that they took.
+    pub runs: usize,
+}
+
+/// Runs members over readings.
+///
+/// # Errors
+/// [`EnsembleError::Threads`].
+pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Paths, EnsembleError> {
+    let mut numbers = BTreeMap::new();
+    let mut distinct: Vec<&Member> = Vec::new();
+    let run_of: Vec<usize> = members
+        .iter()
+        .map(|member| {
+            let mechanics = (member.scene.to_toml(), member.shift.contact_depth_m.to_bits());
+            *numbers.entry(mechanics).or_insert_with(|| {
+                distinct.push(member);
+                distinct.len() - 1
+            })
+        })
+        .collect();
+    let runs = crew.each(distinct.len(), |k| mechanics(distinct[k], readings, crew.stop.clone()))?;
+    let of_member = members.iter().zip(run_of).map(|(member, k)| Ok(recorded(member, readings, runs[k].as_ref()?)));
+    let of_member = of_member.map(|path: Result<_, &String>| path.map_err(Clone::clone)).collect();
+    Ok(Paths { of_member, runs: runs.len() })
+}
+
+/// The run of a member's scene, the same as any run of it.
+fn mechanics(member: &Member, readings: &[Reading], stop: Option<Arc<AtomicBool>>) -> Result<MemberPath, String> {
+    let mut quiet = Quiet(stop);
+    if quiet.stop() {
+        return Err("interrupted".to_owned());
+    }
+    let (mut twin, build_s) = compare::build(&member.scene).map_err(|error| error.to_string())?;
+    let collector = Collector::new(&twin, "ensemble", build_s, Keep::ANSWERS);
+    let mut answered = Answered::new(&mut quiet);
+    let touched = readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));
+    let run = compare::drive(&mut twin, touched, None, collector, &mut answered);
+    if let Some(why) = run.diverged {
+        return Err(why);
+    }
+    let mut path = MemberPath { force_n: vec![f64::NAN; readings.len()], targets: Vec::new() };
+    for (i, answer) in answered.at.iter().zip(&run.answers) {
+        path.force_n[*i] = answer.predicted_n;
+    }
+    if quiet.stop() {
+        return Err("interrupted".to_owned());
+    }
+    let deepest = run.targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
+    path.targets = deepest.map_or_else(Vec::new, |row| row.positions.clone());
+    Ok(path)
+}
+
+/// A reading with the instrument further along its axis, m.
+fn deeper(reading: &Reading, by_m: f64) -> Reading {
+    let at = match reading.at {
+        At::Depth(depth_m) => At::Depth(depth_m + by_m),
+        At::Pose(Pose { tip, axis }) => At::Pose(Pose { tip: std::array::from_fn(|k| tip[k] + by_m * axis[k]), axis }),
+    };
+    Reading { at, ..*reading }
+}
+
+/// What the load cell makes of a run.
+fn recorded(member: &Member, readings: &[Reading], run: &MemberPath) -> MemberPath {
+    let (tau, zero) = (member.shift.time_offset_s, member.shift.force_zero_n);
+    let late =
+        |i: usize| if tau == 0.0 { run.force_n[i] } else { at(readings, &run.force_n, readings[i].time_s - tau) };
+    MemberPath { force_n: (0..readings.len()).map(|i| late(i) + zero).collect(), targets: run.targets.clone() }
+}
+
+/// Force at a time, linear between readings, as at the first before it and as at the last after it.
+fn at(readings: &[Reading], force_n: &[f64], time_s: f64) -> f64 {
+    let after = readings.partition_point(|reading| reading.time_s < time_s);
+    let (Some(next), Some(before)) = (readings.get(after), after.checked_sub(1)) else {
+        return force_n.get(after).or(force_n.last()).copied().unwrap_or(f64::NAN);
+    };
+    let share = (time_s - readings[before].time_s) / (next.time_s - readings[before].time_s);
+    force_n[before] + share * (force_n[after] - force_n[before])
+}
+
+/// Says nothing, and ends when it is told to.
+struct Quiet(Option<Arc<AtomicBool>>);
+
+impl Watch for Quiet {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        self.0.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+
+    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
+        self.0.clone()
+    }
+}

@@ -1,0 +1,87 @@
+//! Contract of ensembles on the command line: `--members` on `solve` and `replay`.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+const SMALL: [&str; 10] = [
+    "--scene",
+    "indentation",
+    "--depth-m",
+    "0.001",
+    "--speed-m-per-s",
+    "0.02",
+    "--set",
+    "discretisation.spacing_m=0.003",
+    "--set",
+    "targets.0.name=tumour",
+];
+
+fn program(arguments: &[&str]) -> (Option<i32>, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_needle_twin")).args(arguments).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code(), text(&output.stdout), text(&output.stderr))
+}
+
+fn solve(more: &[&str]) -> (Option<i32>, String, String) {
+    let place = ["--set", "targets.0.position_m=[0.0,0.0,0.010]"];
+    program(&[&["solve"], &SMALL[..], &place, more].concat())
+}
+
+/// Columns of a table of numbers by their names.
+fn column(folder: &Path, name: &str) -> Vec<f64> {
+    let text = fs::read_to_string(folder.join("force.csv")).unwrap();
+    let place = text.lines().next().unwrap().split(',').position(|c| c == name);
+    let place = place.unwrap_or_else(|| panic!("no column {name}"));
+    text.lines().skip(1).map(|line| line.split(',').nth(place).unwrap().parse().unwrap()).collect()
+}
+
+#[test]
+fn solve_gives_the_band_of_its_members() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let modulus = "uncertainty.material.shear_modulus_pa={normal=[1678, 100]}";
+    let (code, json, stderr) = solve(&["--members", "8", "--set", modulus, "--out", out, "--json"]);
+    assert_eq!(code, Some(0), "{stderr}");
+    let metrics: Value = serde_json::from_str(&json).unwrap();
+    let ensemble = &metrics["ensemble"];
+    assert_eq!((ensemble["members"].as_u64(), ensemble["left_out"].as_u64()), (Some(8), Some(0)));
+    let key = &ensemble["keys"][0];
+    assert_eq!(key["key"], "material.shear_modulus_pa");
+    assert_eq!((key["mean"].as_f64(), key["standard_deviation"].as_f64()), (Some(1678.0), Some(100.0)));
+    assert_eq!(ensemble["measured_share_inside"], Value::Null);
+    assert_eq!(ensemble["targets"][0]["name"], "tumour");
+    let [low, middle, high] =
+        ["predicted_low_n", "predicted_n", "predicted_high_n"].map(|name| column(folder.path(), name));
+    let last = middle.len() - 1;
+    assert!(low[last] < middle[last] && middle[last] < high[last]);
+    // the force goes with the modulus; eight draws see nearly two standard deviations to either side
+    let half = (high[last] - low[last]) / 2.0 / middle[last] / (100.0 / 1678.0);
+    assert!((1.2..2.0).contains(&half), "{half} standard deviations");
+    let page = fs::read_to_string(folder.path().join("report.html")).unwrap();
+    assert!(page.contains("95 % of members"), "the page has the fan");
+    // without members nothing else changes
+    let (_, plain, _) = solve(&["--set", modulus, "--json"]);
+    let plain: Value = serde_json::from_str(&plain).unwrap();
+    assert_eq!(plain["checksum"], metrics["checksum"]);
+    assert!(plain.get("ensemble").is_none());
+    let (_, other, _) = solve(&["--members", "8", "--set", modulus, "--seed", "1", "--json", "--threads", "1"]);
+    let other: Value = serde_json::from_str(&other).unwrap();
+    assert_ne!(other["ensemble"]["band_mean_width_n"], ensemble["band_mean_width_n"], "another seed draws others");
+}
+
+#[test]
+fn members_of_a_scene_that_is_sure_of_everything_are_refused_with_the_remedy() {
+    let (code, _, stderr) = solve(&["--members", "8"]);
+    assert_eq!(code, Some(1));
+    assert!(
+        stderr.contains("[uncertainty]") && stderr.contains("\"material.shear_modulus_pa\" = { normal"),
+        "{stderr}"
+    );
+    let sure = "uncertainty.material.shear_modulus_pa={normal=[1678, 100]}";
+    let (code, _, stderr) = solve(&["--members", "1", "--set", sure]);
+    assert!(code == Some(1) && stderr.contains("at least 2"), "{stderr}");
+}
