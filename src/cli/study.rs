@@ -1,6 +1,7 @@
 //! `needle_twin study`: what a discretisation costs and how near it comes to independent solutions.
 
 mod accuracy;
+mod sensitivity;
 mod speed;
 
 use std::path::PathBuf;
@@ -37,6 +38,7 @@ enum Study {
     Verification(Verify),
     Stability(Stability),
     Speed(speed::Speed),
+    Sensitivity(sensitivity::SensitivityArguments),
 }
 
 /// Drive the indentation on until each method ends, and map how deep it came and why it ended
@@ -113,6 +115,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         Study::Verification(verify) => verify.run(),
         Study::Stability(stability) => stability.run(),
         Study::Speed(speed) => speed.run(),
+        Study::Sensitivity(sensitivity) => sensitivity.run(),
     }
 }
 

@@ -122,7 +122,9 @@ impl Scene {
         let mut changed = BTreeSet::new();
         for change in changes {
             if let Some(key) = change.uncertain() {
-                values.put_prior(uncertainty::parse(key, &change.shown(), &change.place)?);
+                let prior = uncertainty::parse(key, &change.shown(), &change.place)?;
+                changed.insert(prior.key.clone());
+                values.put_prior(prior);
                 continue;
             }
             let value = change.checked()?;

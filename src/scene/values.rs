@@ -185,7 +185,7 @@ impl Values {
             }
         }
         let mut priors = std::mem::take(&mut self.priors);
-        priors.retain(|prior| matches!(self.misfit(&prior.key), Ok(None)));
+        priors.retain(|prior| keep.contains(&prior.key) || matches!(self.misfit(&prior.key), Ok(None)));
         self.priors = priors;
         Ok(())
     }

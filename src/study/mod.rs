@@ -3,7 +3,7 @@
 //! [`accuracy`] holds many discretisations of a scene against a [`yardstick`], which is the finite elements of
 //! [`mod@reference`] where there are any; [`tune`] picks one of them for a tolerance and a rate of poses. [`stability`]
 //! drives the indentation on until each method ends. [`verification`] holds the presets, as they ship, to their targets.
-//! [`mod@calibrate`] finds the values of scene keys with which a recorded force is met. [`speed`] times the step, beside the [`mod@bounds`] of the machine.
+//! [`mod@calibrate`] finds the values of scene keys with which a recorded force is met. [`sensitivity`] says which uncertain key matters. [`speed`] times the step, beside the [`mod@bounds`] of the machine.
 
 pub mod accuracy;
 pub mod batch;
@@ -12,6 +12,7 @@ pub mod calibrate;
 mod clock;
 mod csv;
 pub mod reference;
+pub mod sensitivity;
 pub mod speed;
 pub mod stability;
 pub mod tune;

@@ -84,9 +84,11 @@ fn every_message_type_is_read_by_others() {
         sensor_msgs::PointCloud2,
         visualization_msgs::Marker,
         geometry_msgs::PoseArray,
+        geometry_msgs::PoseWithCovarianceStamped,
         diagnostic_msgs::DiagnosticArray,
         own::TissueModel,
         own::TissueState,
+        own::ForceBand,
         own::ForceComparison,
         own::TwinStatus,
     );

@@ -13,7 +13,7 @@ const SMALL: [&str; 10] = [
     "--depth-m",
     "0.001",
     "--speed-m-per-s",
-    "0.02",
+    "0.004",
     "--set",
     "discretisation.spacing_m=0.003",
     "--set",
@@ -84,4 +84,44 @@ fn members_of_a_scene_that_is_sure_of_everything_are_refused_with_the_remedy() {
     let sure = "uncertainty.material.shear_modulus_pa={normal=[1678, 100]}";
     let (code, _, stderr) = solve(&["--members", "1", "--set", sure]);
     assert!(code == Some(1) && stderr.contains("at least 2"), "{stderr}");
+}
+
+#[test]
+fn a_study_of_sensitivity_says_which_key_matters() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = |more: &[&str]| {
+        let small = [
+            "study",
+            "sensitivity",
+            "--set",
+            "discretisation.spacing_m=0.003",
+            "--set",
+            "motion.depth_m=0.0005",
+            "--set",
+            "motion.speed_m_per_s=0.02",
+            "--scene",
+            "indentation",
+        ];
+        program(&[&small[..], more].concat())
+    };
+    let modulus = "uncertainty.material.shear_modulus_pa={uniform=[1500, 1900]}";
+    let zero = "uncertainty.align.force_zero_n={normal=[0.0, 0.0001]}";
+    let target = ["--set", "targets.0.name=tumour", "--set", "targets.0.position_m=[0.0,0.0,0.010]"];
+    let out = folder.path().to_str().unwrap();
+    let keys = ["--set", modulus, "--set", zero, "--members", "8", "--out", out, "--json"];
+    let (code, json, stderr) = arguments(&[&keys[..], &target].concat());
+    assert_eq!(code, Some(0), "{stderr}");
+    let found: Value = serde_json::from_str(&json).unwrap();
+    // A with the modulus of B has B's runs, and A with the zero of B has A's
+    assert_eq!((found["points"].as_u64(), found["runs"].as_u64()), (Some(8), Some(16)));
+    let output = &found["outputs"][0];
+    assert_eq!(output["name"], "peak_force_n");
+    let index = |key: usize, which: &str| output["keys"][key][which].as_f64().unwrap();
+    assert!(index(0, "total") > 0.9 && index(1, "total") < 0.1, "the modulus matters, the zero does not: {output}");
+    assert_eq!(found["outputs"][1]["name"], "displacement_m.tumour");
+    assert_eq!(fs::read_to_string(folder.path().join("sensitivity.json")).unwrap(), json);
+    let table = fs::read_to_string(folder.path().join("sensitivity.csv")).unwrap();
+    assert!(table.lines().nth(1).unwrap().starts_with("peak_force_n,material.shear_modulus_pa,"), "{table}");
+    let (code, _, stderr) = arguments(&["--members", "8"]);
+    assert!(code == Some(1) && stderr.contains("[uncertainty]"), "{stderr}");
 }

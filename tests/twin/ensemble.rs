@@ -134,19 +134,23 @@ fn a_member_that_is_lost_is_counted_and_left_out() {
     let scene = scene(&[]);
     let readings = readings(&scene);
     let mut members = members(&scene, 4);
-    // a sample so thin that no cloud fits
-    members[2].scene = members[2].scene.with(&[Override::text("stepping.step_factor", "0.999", "test")]).unwrap();
+    let nothing = [("shape", "mesh"), ("mesh", "none.msh"), ("base_group", "base"), ("contact_group", "top")];
+    let nothing = nothing.map(|(key, value)| Override::text(&format!("sample.{key}"), value, "test"));
+    members[2].scene = members[2].scene.with(&nothing).unwrap();
     let mut run = single(&scene, &readings);
     let at: Vec<usize> = (0..run.answers.len()).collect();
     let crew = Crew { threads: 2, stop: None, done: &|| {} };
     ensemble::add(&mut run, &scene, &members, &readings, &at, Size { members: 4, seed: 0 }, &crew).unwrap();
     let found = run.ensemble.clone().unwrap();
-    assert_eq!((found.members, found.used), (4, 4));
-    assert!(run.losses.is_empty());
+    assert_eq!((found.members, found.used), (4, 3));
+    assert!(
+        run.losses[0].starts_with("1 of 4 members left out of the ensemble; the first, member 2: "),
+        "{:?}",
+        run.losses
+    );
     let last = run.answers.len() - 1;
     let band = run.band(last).unwrap();
-    assert!(band.low_n < run.answers[last].predicted_n && run.answers[last].predicted_n < band.high_n);
-    assert!((band.standard_deviation_n / band.mean_n - 0.1).abs() < 0.05, "{band:?}");
+    assert!(band.low_n < run.answers[last].predicted_n && run.answers[last].predicted_n < band.high_n, "{band:?}");
 }
 
 #[test]

@@ -71,6 +71,24 @@ pub struct PoseArray {
     pub poses: Vec<Pose>,
 }
 
+/// A pose and its uncertainty.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PoseWithCovariance {
+    /// The pose.
+    pub pose: Pose,
+    /// Rows and columns x, y, z, and rotations about these axes; m2, m rad, rad2.
+    pub covariance: [[f64; 6]; 6],
+}
+
+/// The same with stamp and frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PoseWithCovarianceStamped {
+    /// When and in which frame.
+    pub header: Header,
+    /// The pose.
+    pub pose: PoseWithCovariance,
+}
+
 /// Force and torque.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wrench {
@@ -113,4 +131,4 @@ impl From<Point> for [f64; 3] {
     }
 }
 
-ros_messages!("geometry_msgs": Vector3, Point, Quaternion, Pose, PoseStamped, PoseArray, Wrench, WrenchStamped);
+ros_messages!("geometry_msgs": Vector3, Point, Quaternion, Pose, PoseStamped, PoseArray, PoseWithCovariance, PoseWithCovarianceStamped, Wrench, WrenchStamped);

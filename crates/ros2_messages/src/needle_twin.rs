@@ -43,6 +43,25 @@ pub struct TissueState {
     pub displacements: Vec<Vector3>,
 }
 
+/// The force as an ensemble predicts it (`msg/ForceBand.msg`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ForceBand {
+    /// Stamp of the pose that the members answered, and the frame.
+    pub header: Header,
+    /// Depth of the tip, m.
+    pub depth_m: f64,
+    /// Mean of the members, N.
+    pub mean_n: f64,
+    /// Their standard deviation, N.
+    pub standard_deviation_n: f64,
+    /// 2.5 % of their distribution lie below, N.
+    pub low_n: f64,
+    /// 97.5 % lie below, N.
+    pub high_n: f64,
+    /// Members that have an answer.
+    pub members: u32,
+}
+
 /// Measured against predicted force (`msg/ForceComparison.msg`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ForceComparison {
@@ -232,4 +251,4 @@ pub struct LookAheadResponse {
     pub computed_s: f64,
 }
 
-ros_messages!("needle_twin": TissueModel, TissueState, ForceComparison, TwinStatus);
+ros_messages!("needle_twin": TissueModel, TissueState, ForceBand, ForceComparison, TwinStatus);

@@ -54,6 +54,12 @@ static DEFINITIONS: &[Definition] = &[
         "std_msgs/Header header\ngeometry_msgs/Pose[] poses\n",
         "RIHS01_af0cc36d190e104d546d168d6b39df04fa4b4ccecf59cb4c9ed328d3d5004aa0",
     ),
+    definition("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose pose\nfloat64[36] covariance\n", ""),
+    definition(
+        "geometry_msgs/PoseWithCovarianceStamped",
+        "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n",
+        "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e",
+    ),
     definition(
         "geometry_msgs/WrenchStamped",
         "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n",
@@ -118,6 +124,11 @@ static DEFINITIONS: &[Definition] = &[
         "needle_twin/TissueState",
         include_str!("../msg/TissueState.msg"),
         "RIHS01_1ef2c83fff1754d4b1877fdcfa87fc0c4b1c69bef9ac43859f3d6ea4f8c5afd0",
+    ),
+    definition(
+        "needle_twin/ForceBand",
+        include_str!("../msg/ForceBand.msg"),
+        "RIHS01_dcab8f8d2907e70dc3349f009d9b89bb9dcdd1e34dd2cf1ec2c8d9b5b156a967",
     ),
     definition(
         "needle_twin/ForceComparison",

@@ -26,9 +26,15 @@ pub enum EnsembleError {
     /// A number of members that can't be had.
     #[error("{0} members: at least 2 are needed and at most {MOST} can be drawn")]
     Count(usize),
+    /// More keys than a point has dimensions.
+    #[error("{0} uncertain keys are more than can be drawn")]
+    Keys(usize),
     /// A draw is no value of its key, or the values don't fit together.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A key that only a finished recording has.
+    #[error("{0} can't be uncertain while the twin runs live: take it out of [uncertainty]")]
+    NotLive(&'static str),
     /// The threads can't be started.
     #[error("can't start a thread of an ensemble: {0}; give fewer with --threads")]
     Threads(#[from] rayon::ThreadPoolBuildError),

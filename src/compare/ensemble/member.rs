@@ -55,7 +55,7 @@ impl Member {
 /// # Errors
 /// [`EnsembleError`] if nothing is uncertain, their number is out of range, or a draw is no value of its key.
 pub fn members(scene: &Scene, size: Size) -> Result<Vec<Member>, EnsembleError> {
-    check(scene, size.members)?;
+    check(scene, size.members, scene.uncertainty.len())?;
     let of = |k: usize| {
         let shares = (0..scene.uncertainty.len()).map(|dimension| coordinate(k, dimension, size.seed));
         Member::new(scene, shares, &format!("member {k} of [uncertainty]"))
@@ -63,17 +63,22 @@ pub fn members(scene: &Scene, size: Size) -> Result<Vec<Member>, EnsembleError> 
     (0..size.members).map(of).collect()
 }
 
-/// Whether a scene has something to draw, and so many points of it can be.
-pub(super) fn check(scene: &Scene, members: usize) -> Result<(), EnsembleError> {
-    let keys = scene.uncertainty.len();
-    if keys == 0 || keys > DIMENSIONS {
+/// Whether a scene has something to draw, and so many points of so many dimensions can be.
+///
+/// # Errors
+/// [`EnsembleError::NoUncertainty`], [`EnsembleError::Keys`] or [`EnsembleError::Count`].
+pub fn check(scene: &Scene, points: usize, dimensions: usize) -> Result<(), EnsembleError> {
+    if dimensions > DIMENSIONS {
+        return Err(EnsembleError::Keys(scene.uncertainty.len()));
+    }
+    if scene.uncertainty.is_empty() {
         let mean = scene.material.shear_modulus();
         let own = scene.get(MODULUS).is_some();
         let (key, mean) = if own { (MODULUS, mean) } else { (DENSITY, scene.material.density.get()) };
         return Err(EnsembleError::NoUncertainty { scene: scene.name.clone(), key, mean, deviation: 0.1 * mean });
     }
-    if !(2..=MOST).contains(&members) { Err(EnsembleError::Count(members)) } else { Ok(()) }
+    if (2..=MOST).contains(&points) { Ok(()) } else { Err(EnsembleError::Count(points)) }
 }
 
-pub(super) const MODULUS: &str = "material.shear_modulus_pa";
+const MODULUS: &str = "material.shear_modulus_pa";
 const DENSITY: &str = "material.density_kg_per_m3";

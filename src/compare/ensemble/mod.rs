@@ -9,6 +9,7 @@ mod answered;
 mod band;
 mod crew;
 mod error;
+mod live;
 mod member;
 mod path;
 pub mod points;
@@ -17,7 +18,8 @@ pub use answered::Answered;
 pub use band::{Band, Spread};
 pub use crew::Crew;
 pub use error::EnsembleError;
-pub use member::{Member, Shift, members};
+pub use live::{Live, check_live};
+pub use member::{Member, Shift, check, members};
 pub use path::{MemberPath, Paths, paths};
 
 use std::time::Instant;

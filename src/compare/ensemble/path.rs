@@ -38,22 +38,25 @@ pub struct Paths {
 /// # Errors
 /// [`EnsembleError::Threads`].
 pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Paths, EnsembleError> {
-    let mut numbers = BTreeMap::new();
-    let mut distinct: Vec<&Member> = Vec::new();
-    let run_of: Vec<usize> = members
-        .iter()
-        .map(|member| {
-            let mechanics = (member.scene.to_toml(), member.shift.contact_depth_m.to_bits());
-            *numbers.entry(mechanics).or_insert_with(|| {
-                distinct.push(member);
-                distinct.len() - 1
-            })
-        })
-        .collect();
-    let runs = crew.each(distinct.len(), |k| mechanics(distinct[k], readings, crew.stop.clone()))?;
+    let (first, run_of) = distinct(members);
+    let runs = crew.each(first.len(), |k| mechanics(&members[first[k]], readings, crew.stop.clone()))?;
     let of_member = members.iter().zip(run_of).map(|(member, k)| Ok(recorded(member, readings, runs[k].as_ref()?)));
     let of_member = of_member.map(|path: Result<_, &String>| path.map_err(Clone::clone)).collect();
     Ok(Paths { of_member, runs: runs.len() })
+}
+
+/// The first member of each mechanics, and which of these each member has.
+pub(super) fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
+    let (mut numbers, mut first) = (BTreeMap::new(), Vec::new());
+    let number = |(k, member): (usize, &Member)| {
+        let mechanics = (member.scene.to_toml(), member.shift.contact_depth_m.to_bits());
+        *numbers.entry(mechanics).or_insert_with(|| {
+            first.push(k);
+            first.len() - 1
+        })
+    };
+    let run_of = members.iter().enumerate().map(number).collect();
+    (first, run_of)
 }
 
 /// The run of a member's scene, the same as any run of it.
