@@ -13,7 +13,7 @@ const SMALL: [&str; 10] = [
     "--depth-m",
     "0.001",
     "--speed-m-per-s",
-    "0.004",
+    "0.002",
     "--set",
     "discretisation.spacing_m=0.003",
     "--set",
