@@ -59,7 +59,7 @@ const moment = {
   },
 };
 
-/// A chart in `place`: { x, times, label, panels: [{ title, height, zero, series, limit, fans }], bands, marks, read }.
+/// A chart in `place`: { x, times, label, panels: [{ title, height, zero, series, limits, fans }], bands, marks, read }.
 /// `x` is what is drawn over, `times` the time of each entry; they are the same array in a chart over time.
 class Chart {
   constructor(place, options) {
@@ -68,7 +68,7 @@ class Chart {
     this.readout = place.querySelector('.readout');
     this.holder = place.querySelector('.chart');
     this.index = 0;
-    moment.listeners.push((time) => this.point(nearest(options.times, time)));
+    moment.listeners.push((time) => this.point(nearest(this.options.times, time)));
     this.draw();
     // In the next frame: drawing changes heights, which the observer would see as a loop.
     new ResizeObserver(() => requestAnimationFrame(() => this.draw())).observe(this.holder);
@@ -96,8 +96,18 @@ class Chart {
     this.svg.append(node('text', { x: (this.left + this.right) / 2, y: bottom + 36, 'text-anchor': 'middle' }, label.x));
     this.drawCursor();
     this.listen();
+    const focused = this.holder.contains(document.activeElement);
     this.holder.replaceChildren(this.svg);
+    if (focused) this.svg.focus({ preventScroll: true });
     this.point(this.index);
+  }
+
+  /// Takes other data and marks its last moment.
+  renew(options) {
+    this.options = options;
+    this.width = 0;
+    this.index = options.times.length - 1;
+    this.draw();
   }
 
   /// Horizontal scale with its ticks, and the phases as tints with their names in a ribbon over the first panel.
@@ -155,9 +165,8 @@ class Chart {
 
   /// Vertical range of a panel, its ticks and their labels.
   scale(panel) {
-    const limit = panel.limit === undefined ? [] : [{ values: [panel.limit] }];
     const fans = (panel.fans || []).flatMap(({ low, high, mask }) => [{ values: low, mask }, { values: high, mask }]);
-    panel.y = range([...panel.series, ...limit, ...fans], panel.zero);
+    panel.y = range([...panel.series, { values: panel.limits || [] }, ...fans], panel.zero);
     const { at, decimals } = ticks(panel.y[0], panel.y[1], panel.height / 34);
     panel.at = at;
     panel.labels = at.map((value) => minus(value.toFixed(decimals)));
@@ -172,8 +181,8 @@ class Chart {
     });
     const title = panel.top - 9 - (panel === this.options.panels[0] && this.options.bands?.length ? RIBBON : 0);
     this.svg.append(node('text', { class: 'title', x: 0, y: title }, panel.title));
-    if (panel.limit !== undefined) {
-      const y = this.py(panel, panel.limit);
+    for (const limit of panel.limits || []) {
+      const y = this.py(panel, limit);
       this.svg.append(node('line', { class: 'limit', x1: this.left, x2: this.right, y1: y, y2: y }));
     }
     for (const fan of panel.fans || []) this.svg.append(node('path', { class: 'fan', d: this.area(panel, fan) }));

@@ -13,13 +13,6 @@ function unpack(value) {
   return value;
 }
 
-/// A number with so many significant figures.
-function figures(value, n) {
-  if (!Number.isFinite(value)) return '–';
-  const text = Math.abs(value) >= 10 ** n ? Math.round(value).toString() : Number(value.toPrecision(n)).toString();
-  return minus(text);
-}
-
 const run = unpack(JSON.parse(document.getElementById('run').textContent));
 const rows = run.rows, n = rows.time.length;
 const scaled = (values, by) => values && values.map((v) => v * by);
@@ -35,12 +28,6 @@ function phaseAt(time) {
   // The last that has begun: times come in 32 bits, so the end of the last band says little.
   return run.phases.findLast((p) => time >= p.from)?.word ?? run.phases[0]?.word ?? '';
 }
-
-/// A name as text of the page.
-function escaped(name) { return name.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`); }
-
-/// Parts of a read-out, none of which breaks in the middle.
-function spans(parts) { return parts.map((part) => `<span>${part}</span>`).join(' · '); }
 
 function readForce(i) {
   const unit = run.force.unit;
@@ -105,7 +92,7 @@ function charts() {
     read: (i) => `<b>${rows.time[i].toFixed(2)}</b> s · <b>${rows.steps[i]}</b> steps · answered after <b>${figures(latency[i], 3)}</b> ${slow ? 's' : 'ms'}`,
     panels: [
       { title: 'Explicit steps per pose', height: 100, zero: true, series: [{ values: rows.steps, cls: 'plain', colour: 'var(--accent)' }] },
-      { title: `Latency in ${slow ? 's' : 'ms'}`, height: 100, zero: true, limit: run.period_ms === null ? undefined : run.period_ms * perMs, series: [{ values: latency, cls: 'measured', colour: 'var(--measured)' }] },
+      { title: `Latency in ${slow ? 's' : 'ms'}`, height: 100, zero: true, limits: run.period_ms === null ? [] : [run.period_ms * perMs], series: [{ values: latency, cls: 'measured', colour: 'var(--measured)' }] },
     ],
   });
   if (run.targets) targets(bands);

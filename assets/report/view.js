@@ -118,11 +118,22 @@ class View {
     });
   }
 
-  /// Takes the positions and colours of a moment.
+  /// Shows a moment.
   show(frame) {
     this.frame = frame;
+    const [low, high] = this.take();
+    this.slider.value = frame;
+    this.slider.setAttribute('aria-valuetext', `${this.data.time[frame].toFixed(2)} s`);
+    this.place.querySelector('[data-show=moment]').textContent =
+      `${this.data.time[frame].toFixed(2)} s, ${minus((1e3 * this.data.depth[frame]).toFixed(2))} mm`;
+    this.legend(low, high);
+    this.paint();
+  }
+
+  /// Takes the positions and colours of the present moment; what the ends of the colour scale stand for.
+  take() {
     const { points, displacement, displacement_unit: unit, edge_a, edge_b, edge_t, jacobian } = this.data;
-    const base = 3 * this.nodes * frame, p = this.positions, v = this.values;
+    const base = 3 * this.nodes * this.frame, p = this.positions, v = this.values;
     const ratio = this.field === 'jacobian' && jacobian;
     const other = this.data[this.field === 'strain' || this.field === 'stress' ? this.field : ''];
     const [low, high] = this.limits();
@@ -133,8 +144,8 @@ class View {
         p[3 * i + c] = points[3 * i + c] + u;
         square += u * u;
       }
-      v[i] = ratio ? this.data.jacobian_low + this.data.jacobian_unit * jacobian[this.nodes * frame + i]
-        : other ? this.data[`${this.field}_unit`] * other[this.nodes * frame + i] : Math.sqrt(square);
+      v[i] = ratio ? this.data.jacobian_low + this.data.jacobian_unit * jacobian[this.nodes * this.frame + i]
+        : other ? this.data[`${this.field}_unit`] * other[this.nodes * this.frame + i] : Math.sqrt(square);
     }
     for (let e = 0; e < edge_t.length; e++) {
       const [a, b, t, i] = [edge_a[e], edge_b[e], edge_t[e], this.nodes + e];
@@ -142,12 +153,7 @@ class View {
       v[i] = v[a] + t * (v[b] - v[a]);
     }
     for (let i = 0; i < this.count; i++) v[i] = (v[i] - low) / (high - low);
-    this.slider.value = frame;
-    this.slider.setAttribute('aria-valuetext', `${this.data.time[frame].toFixed(2)} s`);
-    this.place.querySelector('[data-show=moment]').textContent =
-      `${this.data.time[frame].toFixed(2)} s, ${minus((1e3 * this.data.depth[frame]).toFixed(2))} mm`;
-    this.legend(low, high);
-    this.paint();
+    return [low, high];
   }
 
   /// What the ends of the colour scale stand for, over all moments.

@@ -11,7 +11,8 @@ pub(super) const FILE: &str = "report.html";
 
 pub(super) const PAGE: &str = include_str!("../../assets/report/page.html");
 const STYLE: &str = include_str!("../../assets/report/style.css");
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 5] = [
+    include_str!("../../assets/report/text.js"),
     include_str!("../../assets/report/charts.js"),
     include_str!("../../assets/report/shapes.js"),
     include_str!("../../assets/report/view.js"),

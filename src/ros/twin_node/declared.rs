@@ -1,10 +1,13 @@
 //! Parameters of the twin node.
 
+use std::net::IpAddr;
+
 use super::identification;
 use crate::ros::parameter::{Parameter, parameters};
 use crate::ros::parameters::{Declaration, Parameters};
 use crate::ros::recorder;
 use crate::ros::start::common_declarations;
+use ros2_client::ParameterValue;
 
 parameters! {
     /// The node's own.
@@ -100,6 +103,22 @@ parameters! {
         "Configure and activate the node at its start; false: leave that to a lifecycle manager.",
     )
     .fixed();
+    PAGE: bool = Parameter::new("page", false, "Serve the live page: the run in a browser, while it happens.").fixed();
+    PAGE_PORT: i64 = Parameter::integer("page_port", 8080, [0, 65535], "Port of the live page; 0: any that is free.").fixed();
+    PAGE_ADDRESS: String = Parameter::new(
+        "page_address",
+        "127.0.0.1",
+        "Address of this machine that the live page is served at; any but the loopback's opens it to a network.",
+    )
+    .checked("an IP address, such as 127.0.0.1, ::1 or 0.0.0.0", is_address)
+    .fixed();
+}
+
+fn is_address(value: &ParameterValue) -> Result<(), String> {
+    match value {
+        ParameterValue::String(v) if v.parse::<IpAddr>().is_ok() => Ok(()),
+        _ => Err("is an IP address, such as 127.0.0.1, ::1 or 0.0.0.0".to_owned()),
+    }
 }
 
 /// Everything but the scene's keys.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
 use super::identification::Identification;
-use super::shared::{Live, Reject, Shared};
+use super::shared::{Compared, Live, Reject, Shared};
 use super::solver::{Answer, Event};
 use crate::instrument::reading::COORDINATE_M;
 use crate::ros::logging::Throttle;
@@ -233,6 +233,9 @@ fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: 
         {
             let mut live = shared.lock();
             live.load_cell = Some(message.load_cell);
+            if message.valid {
+                live.compared = Some(Compared::of(&message));
+            }
             live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
             live.identified(&message);
             live.samples.take(&message);

@@ -11,12 +11,15 @@ use super::declared::{self, Settings};
 use super::force::ForceOutputs;
 use super::inbox::Inbox;
 use super::judgement::{Around, judge};
+use super::page::Page;
 use super::rivals::{self, Rivals};
-use super::shared::Shared;
+use super::shared::{Noted, Shared};
 use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
 use super::warnings::Watch;
+use crate::live::Command;
+use crate::report::printable;
 use crate::ros::environment::Reach;
 use crate::ros::lifecycle::Change;
 use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
@@ -79,6 +82,7 @@ pub(super) struct Context {
     pub reach: Reach,
     pub middleware: Arc<Health>,
     pub bell: Bell,
+    pub page: Option<Page>,
 }
 
 impl Housekeeping {
@@ -271,16 +275,42 @@ impl Housekeeping {
             self.shared.set_settings(Settings::of(&self.parameters));
             self.shared.clock.set_simulated(self.parameters.get(USE_SIM_TIME));
         }
-        self.reset.answer(|_| {
-            self.shared.lock().expect_reset();
-            context.inbox.reset("~/reset");
-            TriggerResponse { success: true, message: "the twin starts anew from the undeformed state".to_owned() }
-        });
+        self.reset.answer(|_| self.reset(context, "~/reset"));
         self.tare.answer(|_| tare(&context.events));
+        while let Some(asked) = context.page.as_ref().and_then(|page| page.asked.try_recv().ok()) {
+            let TriggerResponse { success, message } = match &asked.command {
+                Command::Tare => tare(&context.events),
+                Command::Reset => self.reset(context, "asked for on the live page"),
+                Command::Mark(text) => self.mark(text),
+            };
+            asked.answer(success, message);
+        }
+    }
+
+    fn reset(&self, context: &Context, who: &'static str) -> TriggerResponse {
+        self.shared.lock().expect_reset();
+        context.inbox.reset(who);
+        TriggerResponse { success: true, message: "the twin starts anew from the undeformed state".to_owned() }
+    }
+
+    /// Notes the moment of the last answer, for viewers of the page and in the log, and so in a recording.
+    fn mark(&self, text: &str) -> TriggerResponse {
+        let text = printable::line(text);
+        let mut live = self.shared.lock();
+        let Some(answer) = live.last else {
+            return TriggerResponse { success: false, message: "no pose has been answered yet".to_owned() };
+        };
+        let (stamp_nanos, depth_m) = (answer.stamp.nanos(), answer.prediction.depth_m);
+        live.note(Noted { stamp_nanos, depth_m, kind: "mark", text: text.to_string() });
+        drop(live);
+        let message = format!("mark at depth {depth_m:.6} m, stamp {:.6} s: {text}", stamp_nanos as f64 * 1e-9);
+        tracing::info!("{message}");
+        TriggerResponse { success: true, message }
     }
 
     fn publish_status(&self, context: &Context, model: Option<&Model>) {
-        if !self.status.is_wanted() {
+        let page = context.page.as_ref().filter(|page| page.board.is_watched());
+        if !self.status.is_wanted() && page.is_none() {
             return;
         }
         let settings = self.shared.settings();
@@ -289,7 +319,12 @@ impl Housekeeping {
             let judgement = judge(&live, &self.shared, &settings, &self.around(context));
             status::status(&live, &judgement, model, &context.frame_id, &self.instance)
         };
-        self.status.send(message);
+        if let Some(page) = page {
+            page.status(&message, settings.residual_band_n);
+        }
+        if self.status.is_wanted() {
+            self.status.send(message);
+        }
     }
 
     fn publish_diagnostics(&self, context: &Context, model: Option<&Model>) {

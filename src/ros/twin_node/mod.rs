@@ -6,6 +6,7 @@
 //!                                    ├──snapshots──► tissue thread ──► tissue_state, tissue_points, ...
 //!                                    └──a double───► look-ahead thread ──► answers of ~/look_ahead
 //! housekeeping thread: services, discovery, status, diagnostics, rosout        main thread: signals
+//! page thread: the newest of forces, status and tissue, to browsers
 //! ```
 //! The solver thread touches no socket and waits for no other thread; a slow subscriber can only slow the thread that
 //! publishes to it.
@@ -20,6 +21,7 @@ mod inbox;
 mod inputs;
 mod judgement;
 mod look_ahead;
+mod page;
 mod pulse;
 mod rivals;
 mod shared;
@@ -43,6 +45,7 @@ use self::identification::Identification;
 use self::inbox::Inbox;
 use self::inputs::Inputs;
 use self::look_ahead::LookAhead;
+use self::page::Page;
 use self::rivals::Rivals;
 use self::shared::Shared;
 use self::solver::{Event, Outlets};
@@ -152,6 +155,7 @@ struct Node {
     look_ahead: LookAhead,
     housekeeping: Housekeeping,
     shared: Arc<Shared>,
+    page: Option<Page>,
 }
 
 impl Node {
@@ -166,7 +170,9 @@ impl Node {
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
         let inputs = Inputs::new(&mut participant)?;
         let force = ForceOutputs::new(&mut participant)?;
-        let tissue = TissueOutputs::new(&mut participant)?;
+        let page = Page::open(parameters, &shared, participant.bell())?;
+        let mut tissue = TissueOutputs::new(&mut participant)?;
+        tissue.page = page.as_ref().map(|page| Arc::clone(&page.board));
         let look_ahead = participant.server("~/look_ahead", "needle_twin", "LookAhead")?;
         let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes(), rivals)?;
         for unused in participant.unused_qos_overrides() {
@@ -175,7 +181,7 @@ impl Node {
         participant.start(Some(parameters))?;
         start.announce(mapping);
         let recording = participant.start_recording()?;
-        Ok(Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared })
+        Ok(Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared, page })
     }
 
     // One thread after the other is wired up, started and, in the order that a clean leave needs, joined: cut into
@@ -184,7 +190,7 @@ impl Node {
         let frame_id = parameters.get(declared::FRAME_ID);
         set_threads(parameters.get(declared::THREADS))?;
         let identification = Identification::new(&scene, &parameters.get(declared::IDENTIFY))?;
-        let Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared } = self;
+        let Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared, page } = self;
         let doubles = parameters.get(declared::LOOK_AHEAD);
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
         let (event_sender, events) = mpsc::sync_channel(EVENTS);
@@ -205,6 +211,7 @@ impl Node {
             reach: start.environment.reach,
             middleware: participant.health(),
             bell: participant.bell(),
+            page,
         };
         let mut supervisor = Supervisor {
             frame_id: frame_id.clone(),

@@ -1,6 +1,6 @@
 //! Counters and figures that the threads of the node share. The solver thread never takes this lock.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::{Duration, Instant};
@@ -101,6 +101,36 @@ pub(super) struct Window {
     pub input_s: f64,
 }
 
+/// The last comparison with the load cell that was valid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Compared {
+    pub stamp_nanos: i64,
+    pub depth_m: f64,
+    pub predicted_n: f64,
+    pub measured_n: f64,
+}
+
+impl Compared {
+    pub fn of(message: &ForceComparison) -> Self {
+        let ForceComparison { depth_m, predicted_n, measured_n, .. } = *message;
+        Self { stamp_nanos: message.header.stamp.nanos(), depth_m, predicted_n, measured_n }
+    }
+}
+
+/// Something that happened, for whoever looks at the page.
+#[derive(Clone, Debug)]
+pub(super) struct Noted {
+    pub stamp_nanos: i64,
+    pub depth_m: f64,
+    /// `puncture`, `entered` or `mark`.
+    pub kind: &'static str,
+    /// The region that the tip came into, or what a viewer has written.
+    pub text: String,
+}
+
+/// Events that are kept; the oldest go first.
+const NOTED: usize = 32;
+
 /// See the module. Counts are since the last reset.
 #[derive(Debug, Default)]
 pub(super) struct Live {
@@ -141,6 +171,11 @@ pub(super) struct Live {
     pub load_cell: Option<u8>,
     pub residual: Option<(f64, f64, f64)>,
     pub measured: u64,
+    pub compared: Option<Compared>,
+    /// The latest [`NOTED`] of them.
+    pub events: VecDeque<Noted>,
+    /// Stamp of the first answer.
+    pub first_stamp_nanos: Option<i64>,
     pub identified: Option<Identified>,
     /// Recent comparisons, and what seems wrong with them.
     pub samples: Samples,
@@ -217,6 +252,12 @@ impl Live {
         if let Some(Event::Puncture { depth_m, .. }) = answer.prediction.event {
             self.puncture_depth_m = Some(depth_m);
         }
+        if let Some(event) = answer.prediction.event {
+            let kind = if event.puncture_depth().is_some() { "puncture" } else { "entered" };
+            let (Event::Puncture { depth_m, region } | Event::Entered { depth_m, region }) = event;
+            let text = self.along.names().get(usize::from(region)).cloned().unwrap_or_default();
+            self.note(Noted { stamp_nanos: answer.stamp.nanos(), depth_m, kind, text });
+        }
         self.queue.record(answer.begun - answer.received);
         self.stepping.record(answer.done - answer.begun);
         self.window.answered += 1;
@@ -225,10 +266,19 @@ impl Live {
         self.stepping_s += stepping_s;
         self.window.stepping_s += stepping_s;
         let stamp = answer.stamp.nanos();
+        self.first_stamp_nanos.get_or_insert(stamp);
         if let Some(before) = self.last_stamp_nanos.replace(stamp) {
             self.window.input_s += (stamp - before).max(0) as f64 * 1e-9;
         }
         self.last = Some(*answer);
+    }
+
+    /// Notes something that happened.
+    pub fn note(&mut self, event: Noted) {
+        if self.events.len() == NOTED {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
     }
 
     /// Notes what a comparison says of the identification.

@@ -28,6 +28,13 @@ pub(super) struct Answer {
     pub work: WorkDone,
 }
 
+impl Answer {
+    /// Force along the instrument, against its motion into the sample, N.
+    pub fn predicted_n(&self) -> f64 {
+        -(0..3).map(|k| self.prediction.force_n[k] * self.axis[k]).sum::<f64>()
+    }
+}
+
 /// What the force thread hears: from the solver, and from the input thread.
 #[expect(clippy::large_enum_variant, reason = "most events are answers, and a box would allocate for each pose")]
 pub(super) enum Event {
@@ -172,6 +179,8 @@ impl Solver {
             }
             Work::Snapshot(mut snapshot) => {
                 snapshot.take(&self.twin, self.stamp, self.depth_m);
+                let pose = self.pose.map_or_else(|| self.twin.pose_at_depth(0.0), |stamped| stamped.pose);
+                (snapshot.tip, snapshot.axis) = (pose.tip, pose.axis);
                 // Fails only when the tissue thread has ended.
                 let _ = snapshots.send(snapshot);
             }

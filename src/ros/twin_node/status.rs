@@ -68,7 +68,7 @@ pub(super) fn status(
         let p = &answer.prediction;
         message.phase = phase(p.phase);
         message.depth_m = p.depth_m;
-        message.predicted_n = -(0..3).map(|k| p.force_n[k] * answer.axis[k]).sum::<f64>();
+        message.predicted_n = answer.predicted_n();
         message.min_jacobian = p.health.min_jacobian;
         message.kinetic_to_strain_energy = p.health.kinetic_to_strain_energy;
         message.force_imbalance = p.health.force_imbalance;

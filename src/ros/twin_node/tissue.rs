@@ -1,12 +1,14 @@
 //! The deformation outputs: each at the node's own rate, each only while somebody subscribes.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::inbox::Inbox;
+use super::page;
 use super::shared::Shared;
+use crate::live::Board;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{self, PoseArray};
 use crate::ros::messages::needle_twin::{TissueModel, TissueState};
@@ -33,6 +35,8 @@ pub(super) struct Model {
     pub cells: Vec<[u32; 4]>,
     pub target_names: Vec<String>,
     pub target_references: Vec<[f64; 3]>,
+    /// As the live page draws it.
+    pub instrument: serde_json::Value,
     /// Regions that the tip comes through.
     pub along: Arc<Along>,
 }
@@ -52,6 +56,7 @@ impl Model {
             points,
             surface: twin.surface().to_vec(),
             cells: twin.cells().to_vec(),
+            instrument: page::instrument(scene, twin.reference_points()),
             target_names: scene.targets.iter().map(|t| t.name.clone()).collect(),
             target_references: scene.targets.iter().map(|t| t.position).collect(),
             along: Arc::new(twin.along().clone()),
@@ -93,6 +98,12 @@ pub(super) struct Snapshot {
     pub jacobian: Vec<f64>,
     pub von_mises_pa: Vec<f64>,
     pub targets: Vec<[f64; 3]>,
+    /// Where the instrument is, and its direction into the sample.
+    pub tip: [f64; 3],
+    pub axis: [f64; 3],
+    /// It is for subscribers, for viewers of the page, or for both.
+    pub for_topics: bool,
+    pub for_page: bool,
     /// What is wanted of all this.
     pub wants: Wants,
 }
@@ -109,6 +120,14 @@ pub(super) struct Wants {
 impl Wants {
     fn any(self) -> bool {
         self.displacements || self.stress || self.targets
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            displacements: self.displacements || other.displacements,
+            stress: self.stress || other.stress,
+            targets: self.targets || other.targets,
+        }
     }
 }
 
@@ -141,6 +160,8 @@ pub(super) struct TissueOutputs {
     pub points: Output<PointCloud2>,
     pub surface: Output<Marker>,
     pub targets: Output<PoseArray>,
+    /// The live page, if one is served.
+    pub page: Option<Arc<Board>>,
 }
 
 impl TissueOutputs {
@@ -151,6 +172,7 @@ impl TissueOutputs {
             points: participant.publisher("tissue_points", qos::sensor(5))?,
             surface: participant.publisher("tissue_surface", qos::sensor(5))?,
             targets: participant.publisher("targets", qos::reliable(10))?,
+            page: None,
         })
     }
 
@@ -165,6 +187,21 @@ impl TissueOutputs {
             displacements: cloud || self.state.is_wanted() || self.surface.is_wanted(),
             stress: cloud,
             targets: self.targets.is_wanted() && !model.target_names.is_empty(),
+        }
+    }
+
+    /// What viewers of the page see.
+    fn page_wants(&self, model: &Model) -> Wants {
+        let watched = self.page.as_ref().is_some_and(|page| page.is_watched());
+        Wants { displacements: watched, stress: false, targets: watched && !model.target_names.is_empty() }
+    }
+
+    fn show(&self, model: &Model, snapshot: &Snapshot, frame_id: &str) {
+        if let Some(page) = self.page.as_ref().filter(|_| snapshot.for_page) {
+            page::tissue(page, snapshot);
+        }
+        if snapshot.for_topics {
+            self.publish(model, snapshot, frame_id);
         }
     }
 
@@ -195,8 +232,26 @@ impl TissueOutputs {
 
 /// Time between two looks whether somebody has come to listen.
 const UNWANTED: Duration = Duration::from_millis(100);
+/// Rate of what viewers of the page see.
+const PAGE_HZ: f64 = 30.0;
 
-/// The tissue thread: asks for a snapshot at the rate, publishes it, ends when the solver has.
+/// Falls at a rate.
+struct Beat {
+    due: Instant,
+}
+
+impl Beat {
+    /// Whether it falls now. Absolute deadlines; what was missed is skipped, not caught up.
+    fn falls(&mut self, now: Instant, period: Duration) -> bool {
+        let falls = now >= self.due;
+        if falls {
+            self.due = if now - self.due > period { now + period } else { self.due + period };
+        }
+        falls
+    }
+}
+
+/// The tissue thread: asks for snapshots, at the rate of the topics and at that of the page, hands them on, ends when the solver has.
 pub(super) fn run(
     outputs: &TissueOutputs,
     model: &Model,
@@ -206,29 +261,32 @@ pub(super) fn run(
     snapshots: &Receiver<Box<Snapshot>>,
 ) {
     let mut spare = Some(Box::<Snapshot>::default());
-    let mut due = std::time::Instant::now();
+    let now = Instant::now();
+    let (mut topics, mut page) = (Beat { due: now }, Beat { due: now });
+    outputs.page.iter().for_each(|board| page::model(board, model));
     loop {
         let rate = shared.settings().tissue_rate_hz;
-        let wanted = rate > 0.0 && outputs.wants(model).any();
-        let period = if wanted { Duration::from_secs_f64(1.0 / rate) } else { UNWANTED };
-        let now = std::time::Instant::now();
-        if now >= due {
-            // Absolute deadlines; what was missed is skipped, not caught up.
-            due = if now - due > period { now + period } else { due + period };
-            if wanted
-                && shared.is_active()
-                && let Some(mut snapshot) = spare.take()
-            {
-                snapshot.wants = outputs.wants(model);
-                inbox.put_snapshot(snapshot);
-            }
+        let wanted = if rate > 0.0 { outputs.wants(model) } else { Wants::default() };
+        let viewed = outputs.page_wants(model);
+        let now = Instant::now();
+        let period = |any: bool, hz: f64| if any { Duration::from_secs_f64(1.0 / hz) } else { UNWANTED };
+        let for_topics = topics.falls(now, period(wanted.any(), rate)) && wanted.any();
+        let for_page = page.falls(now, period(viewed.any(), PAGE_HZ)) && viewed.any();
+        if (for_topics || for_page)
+            && shared.is_active()
+            && let Some(mut snapshot) = spare.take()
+        {
+            let none = Wants::default();
+            snapshot.wants = if for_topics { wanted } else { none }.and(if for_page { viewed } else { none });
+            (snapshot.for_topics, snapshot.for_page) = (for_topics, for_page);
+            inbox.put_snapshot(snapshot);
         }
-        match snapshots.recv_deadline(due) {
+        match snapshots.recv_deadline(topics.due.min(page.due)) {
             Ok(snapshot) => {
                 if !shared.is_active() {
                     // It was asked for in another state.
                 } else if snapshot.is_finite() {
-                    outputs.publish(model, &snapshot, frame_id);
+                    outputs.show(model, &snapshot, frame_id);
                 } else {
                     shared.lock().not_finite += 1;
                 }
@@ -329,6 +387,7 @@ mod tests {
             cells: vec![],
             target_names: vec![],
             target_references: vec![],
+            instrument: serde_json::Value::Null,
             along: Arc::default(),
         };
         let snapshot = Snapshot { displacements: vec![[0.0, 3.0, 4.0]], jacobian: vec![0.5], ..Snapshot::default() };

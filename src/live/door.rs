@@ -1,0 +1,117 @@
+//! Who comes in: a browser that was sent here by another site does not, and commands need the token.
+//!
+//! Any web page that is open on this machine can make its browser ask a port of the loopback. The browser says from where (`Origin`),
+//! and whom it believes to ask (`Host`): with a name that an attacker has pointed at 127.0.0.1 (DNS rebinding) it is that name.
+
+use std::net::{IpAddr, SocketAddr};
+
+use axum::http::{HeaderMap, HeaderName, header, uri::Authority};
+
+/// Letters and digits of a token: 128 bits.
+const BYTES: usize = 16;
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Door {
+    served: SocketAddr,
+    token: String,
+}
+
+impl Door {
+    /// With a new token.
+    pub fn new(served: SocketAddr) -> Self {
+        let bytes: [u8; BYTES] = rand::random();
+        Self { served, token: bytes.iter().map(|b| format!("{b:02x}")).collect() }
+    }
+
+    /// What the node prints.
+    pub fn token(&self) -> &str {
+        &self.token
+    }
+
+    /// Takes the same time wherever they differ.
+    pub fn is_token(&self, given: &str) -> bool {
+        let differ = self.token.bytes().zip(given.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
+        given.len() == self.token.len() && differ == 0
+    }
+
+    /// Whether a request may be answered.
+    ///
+    /// # Errors
+    /// Why not, for whoever asked.
+    pub fn admits(&self, headers: &HeaderMap) -> Result<(), &'static str> {
+        let host = only(headers, header::HOST).ok_or("one Host is needed")?;
+        if !self.is_served(host) {
+            return Err("this Host is not served here: use the address that the node prints");
+        }
+        let same = |origin: &str| origin.strip_prefix("http://").is_some_and(|from| from.eq_ignore_ascii_case(host));
+        match only(headers, header::ORIGIN) {
+            Some(origin) if same(origin) => Ok(()),
+            None if !headers.contains_key(header::ORIGIN) => Ok(()),
+            _ => Err("pages of other sites get nothing from here"),
+        }
+    }
+
+    /// The address itself; where all addresses are served, any number: only names can be pointed at somebody else's machine.
+    fn is_served(&self, host: &str) -> bool {
+        let Ok(authority) = host.parse::<Authority>() else { return false };
+        let (name, served) = (authority.host(), self.served.ip());
+        let anywhere = served.is_unspecified();
+        let place = match name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>() {
+            Ok(ip) => anywhere || ip == served || (ip.is_loopback() && served.is_loopback()),
+            Err(_) => name.eq_ignore_ascii_case("localhost") && (anywhere || served.is_loopback()),
+        };
+        place && !host.contains('@') && authority.port_u16().unwrap_or(80) == self.served.port()
+    }
+}
+
+/// The value of a header that is there once.
+fn only(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
+    let mut values = headers.get_all(name).iter();
+    values.next().filter(|_| values.next().is_none())?.to_str().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn door(address: &str) -> Door {
+        Door::new(address.parse().unwrap())
+    }
+
+    fn admits(door: &Door, host: &str, origin: Option<&str>) -> bool {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::HOST, host.parse().unwrap());
+        origin.map(|o| headers.insert(header::ORIGIN, o.parse().unwrap()));
+        door.admits(&headers).is_ok()
+    }
+
+    #[test]
+    fn only_the_address_that_is_served() {
+        let local = door("127.0.0.1:8080");
+        for host in ["127.0.0.1:8080", "localhost:8080", "LOCALHOST:8080", "[::1]:8080"] {
+            assert!(admits(&local, host, None), "{host}");
+            assert!(admits(&local, host, Some(&format!("http://{host}"))), "{host}");
+        }
+        for host in ["evil.test:8080", "127.0.0.1:8081", "127.0.0.1", "localhost.evil.test:8080", "10.0.0.1:8080", "", "a@b:8080"] {
+            assert!(!admits(&local, host, None), "{host}");
+        }
+        for origin in ["http://evil.test:8080", "null", "https://127.0.0.1:8080", "http://127.0.0.1:80", "http://localhost:8080", ""] {
+            assert!(!admits(&local, "127.0.0.1:8080", Some(origin)), "{origin}");
+        }
+        assert!(local.admits(&HeaderMap::new()).is_err(), "no host");
+        let card = door("192.168.1.5:80");
+        assert!(admits(&card, "192.168.1.5", None) && !admits(&card, "localhost", None));
+        let all = door("0.0.0.0:8080");
+        assert!(admits(&all, "192.168.1.5:8080", None) && !admits(&all, "evil.test:8080", None));
+    }
+
+    #[test]
+    fn a_token_is_new_each_time_and_taken_whole() {
+        let (one, other) = (door("127.0.0.1:1"), door("127.0.0.1:1"));
+        assert!(one.is_token(one.token()) && !one.is_token(other.token()));
+        assert!(one.token().len() == 32 && !one.is_token("") && !one.is_token(&one.token()[..31]));
+        assert!(!one.is_token(&format!("{}0", one.token())));
+    }
+}

@@ -1,0 +1,232 @@
+//! The page's thread: takes connections, hands out page and assets, and asks for the figures while somebody looks.
+
+use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{Request as HttpRequest, State};
+use axum::http::StatusCode;
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use crossbeam_channel::Sender;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tokio::sync::{Semaphore, oneshot, watch};
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+
+use super::board::{Board, PERIOD};
+use super::door::Door;
+use super::error::LiveError;
+use super::page;
+use super::request::{Command, LONGEST_REQUEST};
+use super::viewer::{self, Seat};
+use ros2_guarded::threads::{join_before, lower_priority, spawn};
+
+/// Connections that are no viewers' at a time.
+const CONNECTIONS: usize = 32;
+/// The head of a request has to be here within this.
+const HEAD: Duration = Duration::from_secs(5);
+/// Viewers get so long to hear of the end.
+const FAREWELL: Duration = Duration::from_millis(200);
+
+/// A command of a viewer, for whoever runs the twin.
+#[derive(Debug)]
+pub struct Asked {
+    /// What is to be done.
+    pub command: Command,
+    reply: oneshot::Sender<Reply>,
+}
+
+impl Asked {
+    /// Says what has become of it.
+    pub fn answer(self, done: bool, message: String) {
+        // Fails only if the viewer has gone.
+        let _ = self.reply.send(Reply { done, message });
+    }
+}
+
+/// What has become of a command.
+#[derive(Debug)]
+pub(super) struct Reply {
+    pub done: bool,
+    pub message: String,
+}
+
+/// Where commands go.
+pub(super) struct Desk {
+    pub door: Door,
+    asked: Sender<Asked>,
+    /// Says that something lies there.
+    ring: Box<dyn Fn() + Send + Sync>,
+}
+
+impl Desk {
+    /// Hands a command over; `None` if too many lie there already.
+    pub fn ask(&self, command: Command) -> Option<oneshot::Receiver<Reply>> {
+        let (reply, answer) = oneshot::channel();
+        self.asked.try_send(Asked { command, reply }).ok()?;
+        (self.ring)();
+        Some(answer)
+    }
+}
+
+#[derive(Clone)]
+struct House {
+    board: Arc<Board>,
+    desk: Arc<Desk>,
+    stop: watch::Receiver<bool>,
+}
+
+/// A page that is being served, until this is dropped.
+#[derive(Debug)]
+pub struct Server {
+    url: String,
+    token: String,
+    stop: watch::Sender<bool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Serves `board` at an address and port (0: any that is free). `figures` makes the figures' JSON, about 30 times a second while
+    /// somebody looks. Commands go to `asked`, and `ring` is called after each.
+    ///
+    /// # Errors
+    /// [`LiveError::Bind`] if the port is taken, [`LiveError::Thread`].
+    pub fn start(
+        (address, port): (IpAddr, u16),
+        board: Arc<Board>,
+        figures: impl FnMut() -> String + Send + 'static,
+        asked: Sender<Asked>,
+        ring: impl Fn() + Send + Sync + 'static,
+    ) -> Result<Self, LiveError> {
+        let wanted = SocketAddr::new(address, port);
+        let bind = |source| LiveError::Bind { address: wanted, source };
+        let listener = TcpListener::bind(wanted).map_err(bind)?;
+        listener.set_nonblocking(true).map_err(bind)?;
+        let served = listener.local_addr().map_err(bind)?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build();
+        let runtime = runtime.map_err(|e| LiveError::Thread(e.to_string()))?;
+        let door = Door::new(served);
+        let (url, token) = (url(served), door.token().to_owned());
+        let (stop, stopped) = watch::channel(false);
+        let desk = Arc::new(Desk { door, asked, ring: Box::new(ring) });
+        let house = House { board, desk, stop: stopped };
+        let thread = spawn("page", move || {
+            lower_priority();
+            runtime.block_on(serve(listener, house, figures));
+        });
+        let thread = thread.map_err(|e| LiveError::Thread(e.to_string()))?;
+        Ok(Self { url, token, stop, thread: Some(thread) })
+    }
+
+    /// Where it can be looked at: `http://127.0.0.1:8080/`.
+    #[must_use]
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// The same for whoever may command.
+    #[must_use]
+    pub fn url_with_token(&self) -> String {
+        format!("{}#token={}", self.url, self.token)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.stop.send_replace(true);
+        if let Some(thread) = self.thread.take() {
+            let _ = join_before(thread, Instant::now() + 2 * FAREWELL);
+        }
+    }
+}
+
+/// Where everything is served, this machine is one place to look from.
+fn url(served: SocketAddr) -> String {
+    let host = match served.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => "127.0.0.1".to_owned(),
+        IpAddr::V6(ip) if ip.is_unspecified() => "[::1]".to_owned(),
+        IpAddr::V4(ip) => ip.to_string(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+    };
+    format!("http://{host}:{}/", served.port())
+}
+
+async fn serve(listener: TcpListener, house: House, figures: impl FnMut() -> String) {
+    let mut stop = house.stop.clone();
+    let board = Arc::clone(&house.board);
+    tokio::select! {
+        _ = stop.wait_for(|stopped| *stopped) => {}
+        () = accept(listener, house) => {}
+        () = tick(&board, figures) => {}
+    }
+    let mut viewers = board.count();
+    let _ = timeout(FAREWELL, viewers.wait_for(|n| *n == 0)).await;
+}
+
+/// Puts the figures on the board while somebody looks.
+async fn tick(board: &Board, mut figures: impl FnMut() -> String) {
+    let mut viewers = board.count();
+    let mut beat = interval(PERIOD);
+    beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    while viewers.wait_for(|n| *n > 0).await.is_ok() {
+        beat.tick().await;
+        board.figures(figures());
+    }
+}
+
+async fn accept(listener: TcpListener, house: House) {
+    let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
+    let app = router(house);
+    let room = Arc::new(Semaphore::new(CONNECTIONS));
+    loop {
+        let Ok((stream, _)) = listener.accept().await else {
+            // Out of file descriptors, or the peer has gone: nothing that would be better at once.
+            sleep(Duration::from_millis(50)).await;
+            continue;
+        };
+        // Too many at once: the connection is closed.
+        let Ok(permit) = Arc::clone(&room).try_acquire_owned() else { continue };
+        let service = TowerToHyperService::new(app.clone());
+        tokio::spawn(async move {
+            let mut http = http1::Builder::new();
+            http.timer(TokioTimer::new()).header_read_timeout(HEAD).max_buf_size(16 << 10);
+            // Whatever goes wrong with a connection ends that one only.
+            let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
+            drop(permit);
+        });
+    }
+}
+
+fn router(house: House) -> Router {
+    Router::new()
+        .route("/", get(page::page))
+        .route("/live.css", get(page::style))
+        .route("/live.js", get(page::script))
+        .route("/stream", get(stream))
+        .layer(from_fn_with_state(house.clone(), guarded))
+        .with_state(house)
+}
+
+/// Every request passes the door, and every answer has the headers.
+async fn guarded(State(house): State<House>, request: HttpRequest, next: Next) -> Response {
+    let mut response = match house.desk.door.admits(request.headers()) {
+        Ok(()) => next.run(request).await,
+        Err(reason) => (StatusCode::FORBIDDEN, reason).into_response(),
+    };
+    response.headers_mut().extend(page::HEADERS);
+    response
+}
+
+async fn stream(State(house): State<House>, upgrade: WebSocketUpgrade) -> Response {
+    let Some(seat) = Seat::take(&house.board) else {
+        return (StatusCode::SERVICE_UNAVAILABLE, "as many look as there are seats").into_response();
+    };
+    let upgrade = upgrade.max_message_size(LONGEST_REQUEST).max_frame_size(LONGEST_REQUEST);
+    upgrade.on_upgrade(move |socket| viewer::serve(socket, seat, house.desk, house.stop))
+}

@@ -1,0 +1,134 @@
+//! What the node shows on its live page, and what it does for viewers who have the token.
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+
+use crossbeam_channel::Receiver;
+use serde_json::{Value, json};
+
+use super::declared;
+use super::shared::{Compared, Live, Shared};
+use super::tissue::{Model, Snapshot};
+use crate::live::{self, Asked, Board, Server};
+use crate::ros::messages::needle_twin::TwinStatus;
+use crate::ros::parameters::Parameters;
+use crate::ros::recorder::RECORD;
+use crate::ros::start::NodeError;
+use crate::scene::{Instrument, InstrumentKind, Scene};
+use ros2_guarded::Bell;
+
+/// Commands that may wait for the housekeeping thread.
+const WAITING: usize = 8;
+/// A comparison that is older than this beside the newest answer says nothing of the present, ns.
+const OLD_NANOS: i64 = 500_000_000;
+
+/// A page that is served.
+pub(super) struct Page {
+    pub board: Arc<Board>,
+    /// What viewers ask for.
+    pub asked: Receiver<Asked>,
+    /// A recording is made.
+    recorded: bool,
+    _server: Server,
+}
+
+impl Page {
+    /// Serves the page, if the parameters say so.
+    ///
+    /// # Errors
+    /// [`NodeError`] if the port is taken.
+    pub fn open(parameters: &Parameters, shared: &Arc<Shared>, bell: Bell) -> Result<Option<Self>, NodeError> {
+        if !parameters.get(declared::PAGE) {
+            return Ok(None);
+        }
+        let address = parameters.get(declared::PAGE_ADDRESS).parse().unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
+        let port = u16::try_from(parameters.get(declared::PAGE_PORT)).unwrap_or(0);
+        if !address.is_loopback() {
+            tracing::warn!(
+                "page_address {address}: whoever reaches this machine can watch, and read the token on the way of whoever \
+                 uses it, since nothing is encrypted"
+            );
+        }
+        let (sender, asked) = crossbeam_channel::bounded(WAITING);
+        let board = Arc::new(Board::default());
+        let figures = {
+            let shared = Arc::clone(shared);
+            move || figures(&shared.lock()).to_string()
+        };
+        let server = Server::start((address, port), Arc::clone(&board), figures, sender, move || bell.ring())
+            .map_err(|e| NodeError::Other(e.to_string()))?;
+        tracing::info!("live page: {} (read-only: {})", server.url_with_token(), server.url());
+        let recorded = !parameters.get(RECORD).is_empty();
+        Ok(Some(Self { board, asked, recorded, _server: server }))
+    }
+
+    /// Shows phase, pace, latency, health.
+    pub fn status(&self, message: &TwinStatus, residual_band_n: f64) {
+        let mut status = serde_json::to_value(message).unwrap_or_default();
+        status["kind"] = json!("status");
+        status["residual_band_n"] = json!(residual_band_n);
+        status["recorded"] = json!(self.recorded);
+        self.board.status(status.to_string());
+    }
+}
+
+/// Shows the sample.
+pub(super) fn model(board: &Board, model: &Model) {
+    let about = json!({
+        "scene": model.scene,
+        "nodes": model.nodes,
+        "instrument": model.instrument,
+        "targets": model.target_names,
+        "target_references_m": model.target_references,
+    });
+    board.model(&live::Model { points: &model.points, surface: &model.surface, cells: &model.cells, about: &about });
+}
+
+/// Shows the sample at a moment.
+pub(super) fn tissue(board: &Board, snapshot: &Snapshot) {
+    let Snapshot { depth_m, tip, axis, targets, displacements, .. } = snapshot;
+    board.tissue(&live::Frame { depth_m: *depth_m, tip: *tip, axis: *axis, targets, displacements });
+}
+
+/// The instrument as the page draws it, lengths in m.
+pub(super) fn instrument(scene: &Scene, points: &[[f64; 3]]) -> Value {
+    let Some(Instrument { kind, entry, .. }) = &scene.instrument else { return Value::Null };
+    let across = || points.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
+    let (kind, radius) = match kind {
+        InstrumentKind::Plate => ("plate", across()),
+        InstrumentKind::Indenter { diameter, .. } => ("indenter", 0.5 * diameter.get()),
+        InstrumentKind::Needle(needle) => ("needle", 0.5 * needle.diameter.get()),
+    };
+    json!({ "kind": kind, "radius": radius, "x": entry[0].get(), "y": entry[1].get() })
+}
+
+/// The newest point of the curves and what has happened since the start of the run.
+#[allow(clippy::cast_precision_loss)] // seconds of one run
+fn figures(live: &Live) -> Value {
+    let origin = live.first_stamp_nanos.unwrap_or(0);
+    let seconds = |nanos: i64| (nanos - origin) as f64 * 1e-9;
+    let events: Vec<_> = live
+        .events
+        .iter()
+        .map(|e| json!({ "time_s": seconds(e.stamp_nanos), "depth_m": e.depth_m, "kind": e.kind, "text": e.text }))
+        .collect();
+    let mut figures = json!({ "kind": "figures", "run": origin.to_string(), "events": events });
+    let Some(answer) = &live.last else { return figures };
+    let stamp = answer.stamp.nanos();
+    let compared = live.compared.filter(|c| stamp - c.stamp_nanos < OLD_NANOS);
+    let point = compared.unwrap_or_else(|| Compared {
+        stamp_nanos: stamp,
+        depth_m: answer.prediction.depth_m,
+        predicted_n: answer.predicted_n(),
+        measured_n: f64::NAN,
+    });
+    figures["point"] = json!({
+        "time_s": seconds(point.stamp_nanos),
+        "depth_m": point.depth_m,
+        "predicted_n": point.predicted_n,
+        "measured_n": point.measured_n, // null if there is none
+        "phase": answer.prediction.phase.as_str(),
+        "region": live.region(),
+    });
+    figures
+}
