@@ -24,6 +24,8 @@ mod scene;
 mod selection;
 #[path = "fuzz/table.rs"]
 mod table;
+#[path = "fuzz/viewer.rs"]
+mod viewer;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -34,7 +36,7 @@ use std::time::{Duration, Instant};
 
 type Exercise = fn(&[u8]);
 
-const TARGETS: [(&str, Exercise); 9] = [
+const TARGETS: [(&str, Exercise); 10] = [
     ("scene", scene::exercise),
     ("parameter_file", parameter_file::exercise),
     ("command_line", command_line::exercise),
@@ -44,6 +46,7 @@ const TARGETS: [(&str, Exercise); 9] = [
     ("cdr", cdr::exercise),
     ("table", table::exercise),
     ("manifest", manifest::exercise),
+    ("viewer", viewer::exercise),
 ];
 /// Memory that one input may take beyond what was taken before: so much, and so much per byte of it.
 const MOST_BYTES: usize = 64 << 20;

@@ -7,8 +7,21 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the ground up: a room may use those before it. What two rooms share belongs below both.
-const ORDER: [&str; 13] =
-    ["scene", "mesh", "instrument", "twin", "compare", "input", "rig", "guard", "study", "report", "live", "ros", "cli"];
+const ORDER: [&str; 13] = [
+    "scene",
+    "mesh",
+    "instrument",
+    "twin",
+    "compare",
+    "input",
+    "rig",
+    "guard",
+    "study",
+    "report",
+    "live",
+    "ros",
+    "cli",
+];
 
 /// Folders that are numbers only.
 const INNER_RING: [&str; 5] = ["crates/mtled/src", "src/scene", "src/mesh", "src/instrument", "src/twin"];

@@ -45,10 +45,11 @@ function binary(buffer) {
 }
 
 function takeModel(model) {
+  // It comes again with each connection. Another one is another node's: the page starts anew.
+  if (state.model && state.model.about.model_id !== model.about.model_id) location.reload();
+  if (state.model) return;
   state.model = model;
-  const place = byId('sample'), old = place.querySelector('canvas'), canvas = old.cloneNode();
-  // The listeners of an earlier model go with its canvas.
-  old.replaceWith(canvas);
+  const place = byId('sample');
   place.hidden = !model.surface.length;
   state.sample = place.hidden ? null : new LiveSample(place, model);
   byId('targets').hidden = !model.about.targets.length;

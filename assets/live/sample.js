@@ -65,6 +65,9 @@ class LiveSample extends View {
     this.data.displacement = displacement;
     this.data.depth[0] = depth;
     this.renew(true);
+    // Finer once it stands still.
+    clearTimeout(this.still);
+    this.still = setTimeout(() => this.paint(), 400);
   }
 
   renew(moving) {

@@ -151,14 +151,19 @@ class Chart {
     return line;
   }
 
-  /// Labelled moments or depths, the label on the side that has room.
+  /// Labelled moments or depths, the label on the side that has room, one below the other where they would meet.
   drawMarks() {
     const { marks = [], panels } = this.options;
+    const taken = [];
     for (const mark of marks) {
       const place = this.px(mark.x);
       for (const panel of panels) this.vertical(place, panel, 'mark');
       const flip = place + 8 * mark.text.length > this.right;
-      const y = mark.low ? panels[0].bottom - 8 : panels[0].top + 15;
+      const [from, to] = flip ? [place - 8 * mark.text.length, place] : [place, place + 8 * mark.text.length];
+      let row = 0;
+      while (!mark.low && taken.some((t) => t.row === row && t.from < to && from < t.to)) row++;
+      if (!mark.low) taken.push({ row, from, to });
+      const y = mark.low ? panels[0].bottom - 8 : panels[0].top + 15 + 15 * row;
       this.svg.append(node('text', { class: 'over', x: place + (flip ? -5 : 5), y, 'text-anchor': flip ? 'end' : 'start' }, mark.text));
     }
   }

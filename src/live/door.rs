@@ -94,10 +94,25 @@ mod tests {
             assert!(admits(&local, host, None), "{host}");
             assert!(admits(&local, host, Some(&format!("http://{host}"))), "{host}");
         }
-        for host in ["evil.test:8080", "127.0.0.1:8081", "127.0.0.1", "localhost.evil.test:8080", "10.0.0.1:8080", "", "a@b:8080"] {
+        for host in [
+            "evil.test:8080",
+            "127.0.0.1:8081",
+            "127.0.0.1",
+            "localhost.evil.test:8080",
+            "10.0.0.1:8080",
+            "",
+            "a@b:8080",
+        ] {
             assert!(!admits(&local, host, None), "{host}");
         }
-        for origin in ["http://evil.test:8080", "null", "https://127.0.0.1:8080", "http://127.0.0.1:80", "http://localhost:8080", ""] {
+        for origin in [
+            "http://evil.test:8080",
+            "null",
+            "https://127.0.0.1:8080",
+            "http://127.0.0.1:80",
+            "http://localhost:8080",
+            "",
+        ] {
             assert!(!admits(&local, "127.0.0.1:8080", Some(origin)), "{origin}");
         }
         assert!(local.admits(&HeaderMap::new()).is_err(), "no host");

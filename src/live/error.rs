@@ -7,7 +7,9 @@ use std::net::SocketAddr;
 #[non_exhaustive]
 pub enum LiveError {
     /// The port is taken, or the address is not of this machine.
-    #[error("the live page can't be served at {address}: {source}. Choose another page_port (0: any that is free) or page_address")]
+    #[error(
+        "the live page can't be served at {address}: {source}. Choose another page_port (0: any that is free) or page_address"
+    )]
     Bind {
         /// Where it was to be.
         address: SocketAddr,

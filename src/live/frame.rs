@@ -44,9 +44,8 @@ pub struct Frame<'a> {
 /// Length of one step, m: the sample's largest extent is as far as a point can be moved.
 pub(super) fn unit_m(points: &[[f64; 3]]) -> f64 {
     let extent = |k: usize| {
-        let (low, high) = points
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[k]), high.max(p[k])));
+        let (low, high) =
+            points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[k]), high.max(p[k])));
         high - low
     };
     let largest = (0..3).map(extent).fold(0.0, f64::max);
@@ -98,7 +97,8 @@ mod tests {
         let unit = unit_m(&points);
         assert_eq!(unit, 0.03 / STEPS);
         let about = json!({ "scene": "x" });
-        let model = Model { points: &points, surface: &[[0, 1, 0]], cells: &[[0, 1, 0, 1]], about: &about }.encode(unit);
+        let model =
+            Model { points: &points, surface: &[[0, 1, 0]], cells: &[[0, 1, 0, 1]], about: &about }.encode(unit);
         let word = |i: usize| u32::from_le_bytes(model[4 * i..4 * i + 4].try_into().unwrap()) as usize;
         assert_eq!([word(0), word(2), word(3), word(4)], [1, 2, 1, 1]);
         let text: Value = serde_json::from_slice(&model[20..20 + word(1)]).unwrap();
@@ -107,8 +107,8 @@ mod tests {
 
         let (axis, targets) = ([0.0, 0.0, -1.0], [[1.0; 3]]);
         let displacements = [[0.0, -0.001, 1.0], [f64::MIN, 0.0, 0.5 * unit]];
-        let frame =
-            Frame { depth_m: 0.001, tip: [0.0; 3], axis, targets: &targets, displacements: &displacements }.encode(unit);
+        let frame = Frame { depth_m: 0.001, tip: [0.0; 3], axis, targets: &targets, displacements: &displacements }
+            .encode(unit);
         let steps: Vec<i16> = frame[44..].chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect();
         assert_eq!(steps, [0, -1092, 32_767, -32_767, 0, 1]);
     }

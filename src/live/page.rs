@@ -5,8 +5,7 @@ use axum::response::{Html, IntoResponse};
 
 const PAGE: &str = include_str!("../../assets/live/page.html");
 /// That of the report, and what the live page has beside it.
-const STYLE: &str =
-    concat!(include_str!("../../assets/report/style.css"), include_str!("../../assets/live/style.css"));
+const STYLE: &str = concat!(include_str!("../../assets/report/style.css"), include_str!("../../assets/live/style.css"));
 /// Charts and 3D view are the report's.
 const SCRIPT: &str = concat!(
     "'use strict';\n",

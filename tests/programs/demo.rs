@@ -43,6 +43,10 @@ fn without_arguments_it_shows_everything_and_ends_within_a_minute() {
     assert!(took < 60.0, "{took} s");
     assert!(text.contains("needle_insertion") && text.contains("peak predicted"), "{text}");
     assert!(log.contains("predicted force") && log.contains("measured force"), "{log}");
+    let first = log.lines().next().unwrap_or_default();
+    let page = first.split("http://127.0.0.1:").nth(1).and_then(|rest| rest.split_once('/')).map(|(port, _)| port);
+    let served = format!("live page: http://127.0.0.1:{}/#token=", page.unwrap_or("none in the first line"));
+    assert!(node("twin_node.log").contains(&served), "{first}\n{}", node("twin_node.log"));
 
     for file in FILES {
         let length = std::fs::metadata(results.join(file)).unwrap_or_else(|e| panic!("{file}: {e}")).len();

@@ -1,5 +1,7 @@
 //! Nodes on a ROS 2 graph, seen by independent peers.
 
+#[path = "../common/chromium.rs"]
+mod chromium;
 #[path = "../coarse/mod.rs"]
 mod coarse;
 #[path = "../fuzz/command_line.rs"]
@@ -7,6 +9,7 @@ mod command_line;
 mod faults;
 mod identify;
 mod idle;
+mod live_page;
 mod long_run;
 mod look_ahead;
 mod middleware_process;

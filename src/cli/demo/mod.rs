@@ -4,6 +4,7 @@ mod assemble;
 mod live;
 mod nodes;
 
+use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -28,6 +29,8 @@ use rosbag2_mcap::{BagWriter, WriterOptions};
 const SCENE: &str = "needle_insertion";
 /// Where the results go.
 const OUT: &str = "out/demo";
+/// Where the live page is, if nobody else is there.
+const PAGE_PORT: u16 = 8080;
 /// Longest wait for the twin to build its model, or for the nodes to find each other.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// What is still on its way when the rig has left arrives within this.
@@ -68,12 +71,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     output::deliver(&run, Some(&folder), &SeriesOptions::default(), false)
 }
 
+/// The live page's usual port, or another one that is free.
+fn free_port() -> std::io::Result<u16> {
+    let free =
+        TcpListener::bind((Ipv4Addr::LOCALHOST, PAGE_PORT)).or_else(|_| TcpListener::bind((Ipv4Addr::LOCALHOST, 0)))?;
+    Ok(free.local_addr()?.port())
+}
+
 /// Everything that the play needs.
 struct Stage<'a> {
     folder: &'a Path,
     bag: PathBuf,
     recorded: PathBuf,
     domain: u16,
+    page_port: u16,
     signals: &'a Signals,
 }
 
@@ -95,7 +106,8 @@ impl<'a> Stage<'a> {
             }
         }
         embedded::write_needle_insertion(&bag)?;
-        Ok(Self { folder, bag, recorded, domain, signals })
+        let page_port = free_port().map_err(|e| CliError::Demo(format!("no port of the loopback is free: {e}")))?;
+        Ok(Self { folder, bag, recorded, domain, page_port, signals })
     }
 
     fn play(&self, scene: &Scene, recording: &Recording) -> Result<Run, CliError> {
@@ -103,8 +115,8 @@ impl<'a> Stage<'a> {
         let duration = recording.depths.last().map_or(0.0, |d| d.time_s);
         let mut live = Live::new(1.1 * peak, Duration::from_secs_f64(duration));
         live.say(&format!(
-            "two ROS 2 nodes on the loopback, to be heard with: ROS_DOMAIN_ID={} ros2 topic list",
-            self.domain
+            "two ROS 2 nodes on the loopback, to be seen at http://127.0.0.1:{}/ and heard with: ROS_DOMAIN_ID={} ros2 topic list",
+            self.page_port, self.domain
         ));
         let result = self.exchange(&mut live);
         live.finish();
@@ -116,7 +128,10 @@ impl<'a> Stage<'a> {
 
     fn exchange(&self, live: &mut Live) -> Result<Ending, CliError> {
         let bag = self.bag.display().to_string();
-        let settings = ["--ros-args", "-p", "status_rate_hz:=20.0", "-p", "tissue_rate_hz:=10.0"];
+        let port = format!("page_port:={}", self.page_port);
+        let settings = ["status_rate_hz:=20.0", "tissue_rate_hz:=10.0", "page:=true", &port];
+        let settings: Vec<&str> =
+            std::iter::once("--ros-args").chain(settings.iter().flat_map(|s| ["-p", s])).collect();
         let mut twin = Node::start("twin-node", &settings, self.domain, self.folder)?;
         let play = [&bag, "--ros-args", "-p", "start_paused:=true"];
         let mut rig = Node::start("rig-node", &play, self.domain, self.folder)?;

@@ -76,6 +76,7 @@ impl Page {
 pub(super) fn model(board: &Board, model: &Model) {
     let about = json!({
         "scene": model.scene,
+        "model_id": model.id.to_string(),
         "nodes": model.nodes,
         "instrument": model.instrument,
         "targets": model.target_names,
