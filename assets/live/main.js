@@ -120,7 +120,13 @@ function takeFigures(f) {
 
 function drawCurves() {
   const now = performance.now(), rows = state.curves.rows.length;
-  if (state.frozen || rows < 2 || now - state.drawn < CURVES_MS || state.curves.rows.at(-1) === state.newest) return;
+  if (state.frozen || rows < 2 || state.curves.rows.at(-1) === state.newest) return;
+  if (now - state.drawn < CURVES_MS) {
+    // The last of a run is drawn too, though nothing comes after it.
+    clearTimeout(state.later);
+    state.later = setTimeout(drawCurves, CURVES_MS);
+    return;
+  }
   [state.drawn, state.newest] = [now, state.curves.rows.at(-1)];
   const options = state.curves.options();
   if (!state.charts.length) {
@@ -131,6 +137,7 @@ function drawCurves() {
     });
   }
   state.charts.forEach((chart, i) => chart.renew(options[i]));
+  byId('measured').hidden = options[0].panels.length < 2;
 }
 
 function takeReply(reply) {
@@ -156,7 +163,7 @@ function connect() {
   const socket = new WebSocket(`ws://${location.host}/stream`);
   socket.binaryType = 'arraybuffer';
   state.socket = socket;
-  socket.onopen = () => { show('connection', 'connected'); document.body.classList.remove('lost'); ask(); };
+  socket.onopen = () => { state.ended = false; show('connection', 'connected'); document.body.classList.remove('lost'); ask(); };
   socket.onmessage = ({ data }) => {
     if (typeof data === 'string') {
       const message = JSON.parse(data);
@@ -166,10 +173,13 @@ function connect() {
     drawCurves();
     ask();
   };
-  socket.onclose = ({ reason }) => {
+  socket.onclose = ({ code }) => {
+    // 1001: the server goes away, and says so. What is tried again after that fails without a word.
+    state.ended ||= code === 1001;
     document.body.classList.add('lost');
-    show('connection', reason || 'not connected');
-    showHealth('bad', `${reason || 'The node is not reached'}: what stands here is the last that was heard`, []);
+    show('connection', 'not connected');
+    const why = state.ended ? 'The twin has ended' : 'The node is not reached, or as many look as it has seats';
+    showHealth('bad', `${why}: what stands here is the last that was heard`, []);
     state.health = '';
     setTimeout(connect, 1000);
   };

@@ -93,7 +93,7 @@ class LiveSample extends View {
   /// A run that starts again has a scale of its own.
   restart() { this.data.displacement_max = 1e-3 * STEPS_MM[0]; }
 
-  /// Where the instrument is, turned to its axis; of one that is broad, the part behind the cut.
+  /// Where the instrument is, turned to its axis; of one that is broad, the part that the cut leaves.
   instrument() {
     const tool = this.data.instrument;
     if (!tool) return;
@@ -108,19 +108,22 @@ class LiveSample extends View {
       p[i + 1] = this.tip[1] - a * k * x * y + b * (1 - k * y * y) - c * y;
       p[i + 2] = this.tip[2] + a * x + b * y - c * z;
     }
-    const screen = new Float32Array(p.length);
-    this.project(p, screen);
-    this.fill(tool.kind === 'needle' || this.mode === 'whole' ? local.triangles : this.behind(local), screen, p, null, 0.6);
+    if (tool.kind === 'needle' || this.mode === 'whole') this.solid(p, local.triangles);
+    else this.behind(p, local.triangles);
   }
 
-  behind({ points, triangles }) {
-    const [axis, sign] = PLANES[this.plane.value];
-    const kept = [];
-    for (let k = 0; k < triangles.length; k += 3) {
-      const t = triangles.slice(k, k + 3);
-      if (sign * (t.reduce((sum, i) => sum + points[3 * i + axis], 0) / 3 - this.at) >= 0) kept.push(...t);
-    }
-    return kept;
+  solid(points, triangles) {
+    const screen = new Float32Array(points.length);
+    this.project(points, screen);
+    this.fill(triangles, screen, points, null, 0.6);
+  }
+
+  /// The part on the side of the cut that is kept.
+  behind(points, surface) {
+    const part = cutMesh({ points, surface, cells: [] }, ...PLANES[this.plane.value], this.at);
+    const corner = (e, c) => (1 - part.edge_t[e]) * points[3 * part.edge_a[e] + c] + part.edge_t[e] * points[3 * part.edge_b[e] + c];
+    const more = Array.from(part.edge_t, (_, e) => [corner(e, 0), corner(e, 1), corner(e, 2)]).flat();
+    this.solid(Float32Array.from([...points, ...more]), part.half);
   }
 
   annotate(fine, tall) {
