@@ -36,12 +36,23 @@ function decodeFrame(buffer, n) {
 function binary(buffer) {
   const message = decode(buffer);
   if (message.about) return takeModel(message);
-  if (!state.sample || state.frozen) return;
-  const now = performance.now();
-  if (calm.matches && now - state.drawnSample < CALM_MS) return;
-  state.drawnSample = now;
-  state.sample.frame_in(message);
-  showTargets(message.targets);
+  state.frame = message;
+  drawSample();
+}
+
+/// Draws the newest frame, unless the picture stands still, and seldom where motion is to be reduced.
+function drawSample() {
+  if (!state.sample || !state.frame || state.frozen) return;
+  const wait = calm.matches ? CALM_MS - (performance.now() - (state.drawnSample ?? -Infinity)) : 0;
+  clearTimeout(state.laterSample);
+  if (wait > 0) {
+    state.laterSample = setTimeout(drawSample, wait);
+    return;
+  }
+  state.drawnSample = performance.now();
+  state.sample.frame_in(state.frame);
+  showTargets(state.frame.targets);
+  state.frame = null;
 }
 
 function takeModel(model) {
@@ -100,6 +111,7 @@ function takeStatus(s) {
 }
 
 function takeFigures(f) {
+  state.figures = f;
   if (state.frozen) return;
   if (state.curves.take(f)) state.sample?.restart();
   const p = f.point;
@@ -203,6 +215,9 @@ function commands() {
   byId('freeze').onclick = (event) => {
     state.frozen = !state.frozen;
     event.target.setAttribute('aria-pressed', state.frozen);
+    if (!state.frozen && state.figures) takeFigures(state.figures);
+    drawSample();
+    drawCurves();
     show('frozen', state.frozen ? 'Picture and curves stand still; the twin goes on.' : '');
   };
 }

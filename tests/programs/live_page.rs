@@ -229,9 +229,9 @@ fn a_viewer_that_does_not_read_holds_up_nobody() {
         let begun = Instant::now();
         page.board.tissue(&frame);
         largest = largest.max(begun.elapsed());
-        if k % 10 == 0 {
+        // an earlier frame may be on its way
+        while k % 10 == 0 && seen != depth_m {
             seen = f64::from(f32::from_bits(word(&binary(&mut viewer), 1)));
-            assert_eq!(seen, depth_m, "the newest");
         }
     }
     assert_eq!(seen, 60.0);
