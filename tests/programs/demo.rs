@@ -13,6 +13,8 @@ use ros2_messages::sensor_msgs::JointState;
 use rosbag2_mcap::BagReader;
 use serde_json::Value;
 
+use crate::common::python::run_script;
+
 const FILES: [&str; 6] = ["metrics.json", "force.csv", "targets.csv", "final.vtu", "force.png", "report.html"];
 
 fn demo(folder: &Path, arguments: &[&str]) -> Output {
@@ -72,6 +74,12 @@ fn without_arguments_it_shows_everything_and_ends_within_a_minute() {
     assert!(poses.len() > 3000, "{} poses", poses.len());
     assert!(!answers.is_empty() && answers.iter().all(|stamp| poses.contains(stamp)));
     let recorded = bag.describe_topics();
+    let file = results.join("published/published_0.mcap");
+    let layouts = ["foxglove.json", "plotjuggler.xml"];
+    let layouts = layouts.map(|l| Path::new(env!("CARGO_MANIFEST_DIR")).join("launch-scripts/layouts").join(l));
+    let missing = run_script("peers/layout_paths.py", &[&file, &layouts[0], &layouts[1]]);
+    // it is large and follows from tissue_model and tissue_state
+    assert_eq!(missing.trim(), r#"["/tissue_surface"]"#, "what layouts draw and a recording lacks");
     for topic in ["/comparison", "/status", "/tissue_model", "/tissue_state", "/measured_cf", "/diagnostics"] {
         assert!(recorded.contains(topic), "{topic} is not in {recorded}");
     }

@@ -284,8 +284,10 @@ fn what_five_viewers_cost() {
     peer.ask(json!({"op": "subscribe", "topic": "/diagnostics", "type": "diagnostic_msgs/msg/DiagnosticArray"}));
     let bag = concat!(env!("CARGO_MANIFEST_DIR"), "/bags/needle_insertion");
     for k in 0..10 {
-        let reset = json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"});
-        peer.ask(reset);
+        let mut viewer = view(&address);
+        say(&mut viewer, &json!({ "ask": "reset", "token": address.split_once("#token=").unwrap().1 }));
+        assert_eq!(until(&mut viewer, "reply", |_| true)["done"], true);
+        drop(viewer);
         let stop = std::sync::Arc::default();
         let viewers: Vec<_> = (0..5 * (k % 2)).map(|_| greedy(&address, &stop)).collect();
         let (before, begun) = (threads(node.id()), Instant::now());
@@ -294,7 +296,7 @@ fn what_five_viewers_cost() {
         let (after, seconds) = (threads(node.id()), begun.elapsed().as_secs_f64());
         stop.store(true, std::sync::atomic::Ordering::Relaxed);
         let said = peer.ask(json!({"op": "last", "topic": "/diagnostics", "seconds": 2.0}));
-        drop(rig);
+        rig.stop("INT");
         let values = said["message"]["status"][0]["values"].as_array().unwrap();
         let value = |key: &str| values.iter().find(|v| v["key"] == key).map_or("-", |v| v["value"].as_str().unwrap());
         let share = |name: &str| 100.0 * (after.get(name).unwrap_or(&0.0) - before.get(name).unwrap_or(&0.0)) / seconds;
