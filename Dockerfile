@@ -2,7 +2,7 @@
 # the base images are pulled, and the crates of Cargo.lock are fetched. The build itself runs without a network.
 #
 #   docker build -t needle_twin .
-#   docker run --rm -v "$PWD/out:/out" needle_twin solve --scene needle_insertion --out /out/solve
+#   docker run --rm --user "$(id -u)" -v "$PWD/out:/out" needle_twin solve --scene needle_insertion --out /out/solve
 #   docker run --rm --network host --entrypoint twin_node needle_twin --ros-args -p page:=true
 #
 # --network host: the nodes speak to the loopback, and that of a container is its own.
@@ -11,7 +11,7 @@ FROM rust:1.89-slim-bookworm AS build
 WORKDIR /src
 COPY . .
 RUN cargo fetch --locked
-RUN --network=none cargo build --release --locked --offline --package needle_twin --bins
+RUN --network=none cargo build --release --locked --offline --bins
 
 FROM debian:bookworm-slim
 COPY --from=build /src/target/release/needle_twin /src/target/release/twin_node /src/target/release/rig_node /usr/local/bin/
