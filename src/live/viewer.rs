@@ -15,6 +15,8 @@ use super::server::{Desk, Reply};
 /// A viewer that takes nothing for so long, or does not answer a ping until the next, has gone.
 const PATIENCE: Duration = Duration::from_secs(10);
 const PING: Duration = Duration::from_secs(20);
+/// Most messages that a viewer may send within a second: three times what the page sends on a fast display.
+const MOST_PER_S: u32 = 400;
 /// Codes of a WebSocket's end: the server goes away; a message breaks the rules.
 const AWAY: u16 = 1001;
 const RULES: u16 = 1008;
@@ -54,6 +56,8 @@ struct Viewer {
     due: Instant,
     /// It was heard since the last ping.
     heard: bool,
+    /// Messages of this second, and when it began.
+    said: (u32, Instant),
     desk: Arc<Desk>,
     /// The command that is being carried out.
     waiting: Option<oneshot::Receiver<Reply>>,
@@ -64,7 +68,8 @@ pub(super) async fn serve(socket: WebSocket, seat: Seat, desk: Arc<Desk>, mut st
     let mut news = seat.0.listen();
     news.mark_changed();
     let (seen, due) = ([0; PLACES], Instant::now());
-    let mut viewer = Viewer { socket, news, seen, ready: false, due, heard: true, desk, waiting: None };
+    let said = (0, due);
+    let mut viewer = Viewer { socket, news, seen, ready: false, due, heard: true, said, desk, waiting: None };
     let end = loop {
         if let Err(end) = viewer.turn(&mut stop).await {
             break end;
@@ -105,6 +110,12 @@ impl Viewer {
     }
 
     async fn take(&mut self, message: Message) -> Result<(), End> {
+        let now = Instant::now();
+        let (count, since) = self.said;
+        self.said = if now - since < Duration::from_secs(1) { (count + 1, since) } else { (1, now) };
+        if self.said.0 > MOST_PER_S {
+            return Err(End::Wrong("too many requests"));
+        }
         match message {
             Message::Text(text) => match Request::parse(&text).map_err(End::Wrong)? {
                 Request::Next => {

@@ -204,6 +204,12 @@ fn what_no_viewer_says_ends_the_connection_only() {
             assert!(begun.elapsed() < Duration::from_secs(20));
         }
     }
+    // one that never stops talking
+    let mut viewer = page.view();
+    let begun = Instant::now();
+    while viewer.send(Message::text(r#"{"ask":"next"}"#)).is_ok() {
+        assert!(begun.elapsed() < Duration::from_secs(20), "it is sent away");
+    }
     say(&mut other, &json!({ "ask": "next" }));
     assert_eq!(text(&mut other, "figures")["kind"], "figures");
 }
