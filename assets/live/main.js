@@ -106,7 +106,7 @@ function takeStatus(s) {
   show('steps', `${figures(s.steps_per_pose, 3)} steps per pose, ${figures(s.pose_rate_hz, 3)} poses per second`);
   show('latency', s.poses_answered ? `${figures(1e3 * s.latency_p50_s, 2)} ms` : '–');
   show('latency99', s.poses_answered ? `99 % within ${figures(1e3 * s.latency_p99_s, 2)} ms; ${s.poses_coalesced} skipped` : 'from pose to force');
-  show('recorded', s.recorded ? 'This run is being recorded.' : 'This run is not being recorded (start the node with -p record:=FOLDER).');
+  show('recorded', s.recorded ? 'This run is being recorded.' : 'The node itself records nothing (-p record:=FOLDER would).');
   state.curves.band = s.residual_band_n;
 }
 

@@ -266,6 +266,26 @@ fn seats_are_bounded_and_given_back() {
     drop(board);
 }
 
+/// More connections than there is room for, none of which says anything.
+#[test]
+fn silent_connections_keep_the_page_from_others_for_a_few_seconds_only() {
+    let page = page();
+    let silent: Vec<TcpStream> = (0..60).map(|_| TcpStream::connect(page.host()).unwrap()).collect();
+    let answers = || {
+        let mut stream = TcpStream::connect(page.host()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        let mut answer = String::new();
+        let asked = write!(stream, "GET / HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", page.host());
+        asked.is_ok() && stream.read_to_string(&mut answer).is_ok() && answer.starts_with("HTTP/1.1 200")
+    };
+    let begun = Instant::now();
+    while !answers() {
+        assert!(begun.elapsed() < Duration::from_secs(40), "silent connections are closed");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    drop(silent);
+}
+
 #[test]
 fn a_port_that_is_taken_is_said_with_what_to_do() {
     let page = page();
