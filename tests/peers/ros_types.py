@@ -30,6 +30,8 @@ TEXTS = {
     "geometry_msgs/Pose": "Point position\nQuaternion orientation",
     "geometry_msgs/PoseStamped": "std_msgs/Header header\nPose pose",
     "geometry_msgs/PoseArray": "std_msgs/Header header\nPose[] poses",
+    "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/PoseWithCovarianceStamped": "std_msgs/Header header\nPoseWithCovariance pose",
     "geometry_msgs/Wrench": "Vector3 force\nVector3 torque",
     "geometry_msgs/WrenchStamped": "std_msgs/Header header\nWrench wrench",
     "sensor_msgs/JointState":

@@ -1,6 +1,7 @@
 //! What a ROS user expects of a running node beside its topics, seen by an independent DDS implementation.
 
 mod lifecycle;
+mod members;
 mod outputs;
 mod recording;
 mod services;

@@ -82,7 +82,7 @@ impl Comparator {
 
     /// Takes a prediction.
     pub fn predicted(&mut self, answer: Answer) {
-        let predicted = axial(answer.prediction.force_n, answer.axis);
+        let predicted = axial(answer.prediction.force_n, answer.pose.pose.axis);
         self.peak_predicted = self.peak_predicted.max(predicted.abs());
         if self.waiting.len() == KEPT {
             self.waiting.pop_front();
@@ -165,7 +165,7 @@ impl Comparator {
     }
 
     fn compare(&mut self, answer: &Answer, stamp: i64, frame_id: &str, range_n: f64) -> ForceComparison {
-        let predicted_n = axial(answer.prediction.force_n, answer.axis);
+        let predicted_n = axial(answer.prediction.force_n, answer.pose.pose.axis);
         let mut message = ForceComparison {
             header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
             depth_m: answer.prediction.depth_m,
@@ -216,7 +216,7 @@ impl Comparator {
         let net = [force[0] - self.tare_n[0], force[1] - self.tare_n[1], force[2] - self.tare_n[2]];
         message.load_cell = ForceComparison::LOAD_CELL_OK;
         message.valid = true;
-        message.measured_n = axial(net, answer.axis);
+        message.measured_n = axial(net, answer.pose.pose.axis);
         message.residual_n = message.predicted_n - message.measured_n;
         self.squares += message.residual_n * message.residual_n;
         self.max_abs = self.max_abs.max(message.residual_n.abs());
@@ -271,7 +271,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::ros::messages::builtin_interfaces::Time;
-    use crate::twin::{Health, Phase, Prediction, Work};
+    use crate::twin::{Health, Phase, Pose, Prediction, StampedPose, Work};
 
     fn answer(nanos: i64, force: f64) -> Answer {
         let now = Instant::now();
@@ -280,7 +280,7 @@ mod tests {
             received: now,
             begun: now,
             done: now,
-            axis: [0.0, 0.0, -1.0],
+            pose: StampedPose { time_s: 0.0, pose: Pose { tip: [0.0; 3], axis: [0.0, 0.0, -1.0] } },
             prediction: Prediction {
                 time_s: 0.0,
                 depth_m: 0.001,

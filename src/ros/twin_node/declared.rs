@@ -96,6 +96,13 @@ parameters! {
     )
     .checked("material.shear_modulus_pa, instrument.deformation_coefficient, load_cell.offset_n", identification::check)
     .fixed();
+    MEMBERS: i64 = Parameter::integer(
+        "members",
+        0,
+        [0, 1024],
+        "Twins with values of the keys in the scene's [uncertainty], for prediction_band and targets_with_covariance; 0: none.",
+    )
+    .fixed();
     HARDWARE_ID: String = Parameter::new("hardware_id", "needle_twin", "hardware_id of the diagnostics.");
     AUTOSTART: bool = Parameter::new(
         "autostart",

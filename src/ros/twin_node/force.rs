@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
 use super::identification::Identification;
+use super::members::{Answered, Newest};
 use super::shared::{Compared, Live, Reject, Shared};
 use super::solver::{Answer, Event};
 use crate::instrument::reading::COORDINATE_M;
@@ -56,6 +57,7 @@ pub(super) fn run(
     shared: &Shared,
     events: &Receiver<Event>,
     identification: Option<Identification>,
+    members: Option<&Newest>,
 ) {
     let mut comparator = Comparator::new(identification);
     let mut said = Said::default();
@@ -67,6 +69,7 @@ pub(super) fn run(
             Ok(Event::Answer(answer)) => {
                 if answered(outputs, frame_id, shared, &mut comparator, &answer) {
                     said.pose = Some(answer.received);
+                    members.inspect(|newest| newest.put(Answered::of(&answer)));
                     entered(outputs, shared, &mut region);
                 }
             }
@@ -82,6 +85,7 @@ pub(super) fn run(
             }
             Ok(Event::Reset(reason)) => {
                 comparator.reset();
+                members.inspect(|newest| newest.reset());
                 said = Said::default();
                 shared.lock().reset();
                 entered(outputs, shared, &mut region);

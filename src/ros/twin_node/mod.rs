@@ -5,6 +5,7 @@
 //!                                    │
 //!                                    ├──snapshots──► tissue thread ──► tissue_state, tissue_points, ...
 //!                                    └──a double───► look-ahead thread ──► answers of ~/look_ahead
+//! force thread ──newest answered pose──► members' thread ──► prediction_band, targets_with_covariance
 //! housekeeping thread: services, discovery, status, diagnostics, rosout        main thread: signals
 //! page thread: the newest of forces, status and tissue, to browsers
 //! ```
@@ -21,6 +22,7 @@ mod inbox;
 mod inputs;
 mod judgement;
 mod look_ahead;
+mod members;
 mod page;
 mod pulse;
 mod rivals;
@@ -45,6 +47,7 @@ use self::identification::Identification;
 use self::inbox::Inbox;
 use self::inputs::Inputs;
 use self::look_ahead::LookAhead;
+use self::members::{MemberOutputs, Newest};
 use self::page::Page;
 use self::rivals::Rivals;
 use self::shared::Shared;
@@ -58,6 +61,7 @@ use super::participant::Participant;
 use super::recorder::{Recorder, Recording};
 use super::scene_parameters;
 use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
+use crate::compare::ensemble::{self, Member, Size};
 use crate::scene::Scene;
 use ros2_client::ParameterValue;
 use ros2_guarded::signals::Signals;
@@ -153,6 +157,8 @@ struct Node {
     force: ForceOutputs,
     tissue: TissueOutputs,
     look_ahead: LookAhead,
+    /// Where there are members.
+    members: Option<MemberOutputs>,
     housekeeping: Housekeeping,
     shared: Arc<Shared>,
     page: Option<Page>,
@@ -174,6 +180,8 @@ impl Node {
         let mut tissue = TissueOutputs::new(&mut participant)?;
         tissue.page = page.as_ref().map(|page| Arc::clone(&page.board));
         let look_ahead = participant.server("~/look_ahead", "needle_twin", "LookAhead")?;
+        let members = parameters.get(declared::MEMBERS) > 0;
+        let members = members.then(|| MemberOutputs::new(&mut participant)).transpose()?;
         let housekeeping = Housekeeping::new(&mut participant, parameters, &shared, inputs.wishes(), rivals)?;
         for unused in participant.unused_qos_overrides() {
             tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
@@ -181,7 +189,7 @@ impl Node {
         participant.start(Some(parameters))?;
         start.announce(mapping);
         let recording = participant.start_recording()?;
-        Ok(Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared, page })
+        Ok(Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page })
     }
 
     // One thread after the other is wired up, started and, in the order that a clean leave needs, joined: cut into
@@ -190,7 +198,8 @@ impl Node {
         let frame_id = parameters.get(declared::FRAME_ID);
         set_threads(parameters.get(declared::THREADS))?;
         let identification = Identification::new(&scene, &parameters.get(declared::IDENTIFY))?;
-        let Self { recording, participant, inputs, force, tissue, look_ahead, housekeeping, shared, page } = self;
+        let drawn = draw(&scene, parameters.get(declared::MEMBERS))?;
+        let Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page } = self;
         let doubles = parameters.get(declared::LOOK_AHEAD);
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
         let (event_sender, events) = mpsc::sync_channel(EVENTS);
@@ -244,17 +253,27 @@ impl Node {
             let (shared, inbox, frame) = (Arc::clone(&shared), Arc::clone(&inbox), frame_id.clone());
             spawn("input", move || inputs::run(&inputs, &frame, &shared, &inbox, &event_sender, &inputs_stopped))?
         };
-        let force = spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification))?;
+        let newest = Arc::new(Newest::default());
+        let members = members.map(|outputs| {
+            let (shared, newest, frame) = (Arc::clone(&shared), Arc::clone(&newest), frame_id.clone());
+            spawn("members", move || members::run(&outputs, &frame, &drawn, &newest, &shared))
+        });
+        let members = members.transpose()?;
+        let force = {
+            let asked = members.is_some().then(|| Arc::clone(&newest));
+            spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification, asked.as_deref()))?
+        };
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 
         let threads = [&solver, &force, &input, &look_ahead, &housekeeping];
-        let threads: Vec<_> = threads.into_iter().chain(participant.thread()).collect();
+        let threads: Vec<_> = threads.into_iter().chain(&members).chain(participant.thread()).collect();
         let outcome = supervisor.run(signals, &threads);
         // Inputs first, so that nothing new comes while the others finish.
         drop(stop_inputs);
         inbox.stop();
+        newest.stop();
         let deadline = Instant::now() + LEAVING;
-        for thread in [input, look_ahead, solver] {
+        for thread in [input, look_ahead, solver].into_iter().chain(members) {
             let _ = join_before(thread, deadline);
         }
         // The solver says it as well, if it can.
@@ -268,6 +287,17 @@ impl Node {
         let lost = recording.map_or(0, Recording::finish);
         outcome.map(|code| if lost > 0 { LOSSES } else { code })
     }
+}
+
+/// The members that the parameter asks for.
+fn draw(scene: &Scene, members: i64) -> Result<Vec<Member>, NodeError> {
+    let members = usize::try_from(members).unwrap_or(0);
+    if members == 0 {
+        return Ok(Vec::new());
+    }
+    let drawn = ensemble::members(scene, Size { members, seed: 0 });
+    let drawn = drawn.and_then(|drawn| ensemble::check_live(&drawn).map(|()| drawn));
+    drawn.map_err(|error| NodeError::Other(format!("parameter members: {error}")))
 }
 
 fn set_threads(threads: i64) -> Result<(), NodeError> {

@@ -21,8 +21,8 @@ pub(super) struct Answer {
     pub received: Instant,
     pub begun: Instant,
     pub done: Instant,
-    /// Axis of the instrument into the sample.
-    pub axis: [f64; 3],
+    /// The pose itself; its time counts from the first one since the last reset.
+    pub pose: StampedPose,
     pub prediction: Prediction,
     /// What the twin has computed beside forces so far.
     pub work: WorkDone,
@@ -254,7 +254,7 @@ impl Solver {
                     received: input.received,
                     begun,
                     done,
-                    axis: pose.axis,
+                    pose: stamped,
                     prediction,
                     work: self.twin.work(),
                 })

@@ -1,0 +1,93 @@
+//! Members of the scene's uncertain keys, beside the twin: the band of the force and the spread of the targets.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use crate::ros::{COARSE, Peer, Program, TWIN, free_domain, joint_state};
+use serde_json::{Value, json};
+
+const UNCERTAIN: &str = "\n[[targets]]\nname = \"lesion\"\nposition_m = [0.0, 0.0, 0.012]\n\n[[targets]]\nname = \"vessel\"\n\
+    position_m = [0.0, 0.0, 0.008]\n\n[uncertainty]\n\"material.shear_modulus_pa\" = { uniform = [1500, 1900] }\n\
+    \"align.contact_depth_m\" = { uniform = [-1e-4, 1e-4] }\n";
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("not a number: {value}"))
+}
+
+fn scene(folder: &std::path::Path, more: &str) -> String {
+    let mut shown = std::process::Command::new(env!("CARGO_BIN_EXE_needle_twin"));
+    let shown = shown.args(["scene", "show", "compression"]).output().unwrap();
+    let text = String::from_utf8(shown.stdout).unwrap();
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, text + more).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn a_band_holds_the_prediction_and_targets_have_a_covariance() {
+    let (folder, domain) = (tempfile::tempdir().unwrap(), free_domain());
+    let scene = scene(folder.path(), UNCERTAIN);
+    let arguments: Vec<&str> =
+        ["--scene", &scene].into_iter().chain(COARSE[2..].iter().copied()).chain(["-p", "members:=4"]).collect();
+    let node = Program::start(TWIN, &arguments, domain, &[]);
+    let mut peer = Peer::start(domain);
+    for (topic, kind) in [
+        ("/prediction_band", "needle_twin/msg/ForceBand"),
+        ("/targets_with_covariance", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+        ("/predicted_cf", "geometry_msgs/msg/WrenchStamped"),
+    ] {
+        peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": "reliable"}));
+    }
+    peer.ask(json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState"}));
+    let topics = ["/prediction_band", "/targets_with_covariance", "/predicted_cf", "/measured_js"];
+    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": topics}))["missing"], json!([]));
+    // pressed, and held until the members have come there too, however long they were built
+    let (mut i, mut band) = (0, json!(null));
+    while i < 600 && number(&band.get("depth_m").cloned().unwrap_or(json!(0.0))) < 0.00099 {
+        i += 1;
+        let depth = (2.5e-5 * i as f64).min(0.001);
+        let value = joint_state(1_700_000_000 + i / 50, 20_000_000 * (i % 50), depth);
+        peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": value}));
+        std::thread::sleep(std::time::Duration::from_millis(25));
+        if i > 40 && i % 10 == 0 {
+            band = peer.ask(json!({"op": "last", "topic": "/prediction_band", "seconds": 0.3}))["message"].clone();
+        }
+    }
+    let force = peer.ask(json!({"op": "last", "topic": "/predicted_cf", "seconds": 0.3}))["message"].clone();
+    let force = number(&force["wrench"]["force"]["z"]);
+    assert_eq!((&band["members"], &band["header"]["frame_id"]), (&json!(4), &json!("sample")));
+    let [low, mean, high] = ["low_n", "mean_n", "high_n"].map(|name| number(&band[name]));
+    assert!(force > 0.01 && low < force && force < high, "{force} N in {band}");
+    assert!(low < mean && mean < high && number(&band["standard_deviation_n"]) > 0.01 * mean, "{band}");
+    assert!(number(&band["header"]["stamp"]["sec"]) >= 1_700_000_000.0, "the stamp is a pose's");
+    let targets = peer.ask(json!({"op": "take", "topic": "/targets_with_covariance", "timeout": 5.0}));
+    let targets = targets["messages"].as_array().unwrap();
+    let pairs: Vec<_> = targets.chunks_exact(2).collect();
+    let pair = pairs.last().unwrap();
+    assert_eq!(pair[0]["header"], pair[1]["header"], "one message for each target, with one stamp");
+    let height = |target: &Value| number(&target["pose"]["pose"]["position"]["z"]);
+    assert!(height(&pair[0]) > height(&pair[1]), "in the scene's order");
+    let covariance = pair[0]["pose"]["covariance"].as_array().unwrap();
+    assert_eq!(covariance.len(), 36);
+    assert!(number(&covariance[14]) > 0.0, "zz: where the plate touches is not known");
+    assert_eq!(node.stop("INT").0, Some(0));
+}
+
+#[test]
+fn members_of_a_scene_that_is_sure_of_everything_end_the_node_with_the_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let late = "\n[uncertainty]\n\"align.time_offset_s\" = { uniform = [-0.1, 0.1] }\n";
+    for (more, said) in
+        [("", "[uncertainty]"), (late, "align.time_offset_s can't be uncertain while the twin runs live")]
+    {
+        let scene = scene(folder.path(), more);
+        let output = std::process::Command::new(TWIN)
+            .args(["--scene", &scene, "--ros-args", "-p", "members:=4"])
+            .env("ROS_DOMAIN_ID", free_domain().to_string())
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.code() == Some(1) && text.contains("parameter members: ") && text.contains(said),
+            "{text}"
+        );
+    }
+}
