@@ -1,11 +1,14 @@
 //! Options of an ensemble, for the commands that run a scene.
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use clap::Args;
 
 use super::CliError;
-use super::progress::{Bar, Progress};
+use super::progress::Bar;
 use crate::compare::ensemble::{self, Crew, Member, Size};
-use crate::compare::{Reading, Run, Watch as _};
+use crate::compare::{Reading, Run};
 use crate::scene::Scene;
 
 /// How many members, and the seed of their draws.
@@ -44,11 +47,11 @@ impl Drawn {
         scene: &Scene,
         readings: &[Reading],
         at: &[usize],
-        progress: &Progress,
+        stop: Option<Arc<AtomicBool>>,
     ) -> Result<(), CliError> {
         let bar = Bar::new(Some(self.size.members as u64), "members");
         let done = || bar.add(1, "");
-        let crew = Crew { threads: rayon::current_num_threads(), stop: progress.stop_flag(), done: &done };
+        let crew = Crew { threads: rayon::current_num_threads(), stop, done: &done };
         let added = ensemble::add(run, scene, &self.members, readings, at, self.size, &crew);
         bar.finish();
         Ok(added?)

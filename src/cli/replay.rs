@@ -9,7 +9,7 @@ use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
 use crate::compare::ensemble::Answered;
 use crate::compare::scale::mistaken;
-use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run};
+use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run, Watch as _};
 use crate::input::Recording;
 use crate::scene::Scene;
 use crate::twin::Twin;
@@ -88,8 +88,10 @@ fn replay(
     let mut run = compare::drive(&mut twin, again, Some(&measured), collector, &mut answered);
     let at = answered.at;
     progress.finish();
+    let stop = progress.stop_flag();
+    drop(progress); // it says nothing more of poses
     if let Some(members) = members {
-        members.add(&mut run, scene, &readings, &at, &progress)?;
+        members.add(&mut run, scene, &readings, &at, stop)?;
     }
     Ok(run)
 }

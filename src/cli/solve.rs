@@ -7,7 +7,7 @@ use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
 use crate::compare::ensemble::Answered;
-use crate::compare::{self, At, Collector, Keep, Reading, Run};
+use crate::compare::{self, At, Collector, Keep, Reading, Run, Watch as _};
 use crate::scene::{Motion, Override, Scene};
 
 /// Run a scene's own motion: a stream of poses, each answered as the live node would, as fast as the machine allows
@@ -81,8 +81,10 @@ fn solve(scene: &Scene, motion: &Motion, keep: Keep, members: Option<&Drawn>) ->
     let mut run = compare::drive(&mut twin, readings(), None, collector, &mut answered);
     let at = answered.at;
     progress.finish();
+    let stop = progress.stop_flag();
+    drop(progress); // it says nothing more of poses
     if let Some(members) = members {
-        members.add(&mut run, scene, &readings().collect::<Vec<_>>(), &at, &progress)?;
+        members.add(&mut run, scene, &readings().collect::<Vec<_>>(), &at, stop)?;
     }
     Ok(run)
 }

@@ -23,7 +23,7 @@ fn scene(changes: &[(&str, &str)]) -> Scene {
         ("discretisation.spacing_m", "0.003"),
         ("motion.depth_m", "0.001"),
         ("motion.speed_m_per_s", "0.02"),
-        ("uncertainty.material.shear_modulus_pa", "{ normal = [1678, 170] }"),
+        ("uncertainty.instrument.diameter_m", "{ normal = [0.01, 0.0003] }"),
         ("uncertainty.material.poisson_ratio", "{ uniform = [0.45, 0.49] }"),
     ];
     let changes: Vec<_> = few.iter().chain(changes).map(|(path, value)| Override::text(path, value, "test")).collect();
@@ -63,8 +63,8 @@ fn a_member_is_a_single_run_with_its_values_for_any_number_of_threads() {
     for (k, member) in members.iter().enumerate() {
         // as a user would run it
         let key = |path: &str, value: f64| Override::text(path, &format!("{value:?}"), "--set");
-        let [modulus, ratio] = [member.values[0], member.values[1]];
-        let changes = [key("material.shear_modulus_pa", modulus), key("material.poisson_ratio", ratio)];
+        let [diameter, ratio] = [member.values[0], member.values[1]];
+        let changes = [key("instrument.diameter_m", diameter), key("material.poisson_ratio", ratio)];
         let run = single(&scene.with(&changes).unwrap(), &readings);
         let alone: Vec<u64> = run.answers.iter().map(|a| a.predicted_n.to_bits()).collect();
         assert!(run.answers.iter().any(|a| a.predicted_n > 1e-3), "there is a force to compare");
@@ -73,6 +73,29 @@ fn a_member_is_a_single_run_with_its_values_for_any_number_of_threads() {
     let three = paths(&members, &readings, 3);
     assert!(one.of_member.iter().zip(&three.of_member).all(|(a, b)| bits(a) == bits(b)), "the same bits on 3 threads");
     assert!(bits(&one.of_member[0]) != bits(&one.of_member[1]), "members differ");
+}
+
+#[test]
+fn members_that_differ_in_a_modulus_share_a_run_that_is_right_to_a_thousandth() {
+    let modulus = ("uncertainty.material.shear_modulus_pa", "{ normal = [1678, 170] }");
+    let mut scene = scene(&[modulus]);
+    scene.uncertainty.drain(..2);
+    let (readings, members) = (readings(&scene), members(&scene, 4));
+    let found = paths(&members, &readings, 2);
+    assert_eq!(found.runs, 1);
+    for (member, path) in members.iter().zip(&found.of_member) {
+        let own = Override::text("material.shear_modulus_pa", &format!("{:?}", member.values[0]), "--set");
+        let run = single(&scene.with(&[own]).unwrap(), &readings);
+        let peak = run.answers.iter().map(|a| a.predicted_n).fold(0.0, f64::max);
+        let off = run.answers.iter().zip(&path.as_ref().unwrap().force_n).map(|(a, f)| (a.predicted_n - f).abs());
+        let largest = off.fold(0.0, f64::max);
+        assert!(peak > 1e-3 && largest < 1e-3 * peak, "{} Pa: {largest} N of {peak} N", member.values[0]);
+    }
+    // what is not of one material, or may slip or open, has runs of its own
+    for change in [("instrument.contact", "frictionless"), ("sample.base", "frictionless")] {
+        let other = scene.with(&[Override::text(change.0, change.1, "test")]).unwrap();
+        assert!(self::members(&other, 4).iter().all(|m| m.factor == 1.0), "{change:?}");
+    }
 }
 
 #[test]

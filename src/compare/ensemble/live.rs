@@ -9,8 +9,8 @@ use crate::twin::{Pose, StampedPose, Twin};
 pub struct Live {
     /// A twin for each run that members share, and how much less deep its instrument is, m; none where the scene can't be discretised.
     twins: Vec<(Option<Twin>, f64)>,
-    /// Which of them a member has, and what the load cell reads without load, N.
-    members: Vec<(usize, f64)>,
+    /// Which of them a member has, the member's force over its, and what the load cell reads without load, N.
+    members: Vec<(usize, f64, f64)>,
     /// Force of each twin at the last pose, N; not a number where there is none.
     force_n: Vec<f64>,
     /// Positions of targets, m.
@@ -45,7 +45,11 @@ impl Live {
             force_n: vec![f64::NAN; built.len()],
             positions: vec![Vec::new(); built.len()],
             twins: built,
-            members: run_of.into_iter().zip(members.iter().map(|member| member.shift.force_zero_n)).collect(),
+            members: run_of
+                .iter()
+                .zip(members)
+                .map(|(k, member)| (*k, member.factor, member.shift.force_zero_n))
+                .collect(),
         })
     }
 
@@ -67,7 +71,8 @@ impl Live {
     /// Band of the force at the last pose, with the number of members that have an answer; `None` of none.
     #[must_use]
     pub fn band(&self) -> Option<(Band, usize)> {
-        let forces = || self.members.iter().map(|(k, zero)| self.force_n[*k] + zero).filter(|f| f.is_finite());
+        let forces =
+            || self.members.iter().map(|(k, factor, zero)| factor * self.force_n[*k] + zero).filter(|f| f.is_finite());
         Band::of(forces()).map(|band| (band, forces().count()))
     }
 
@@ -75,7 +80,7 @@ impl Live {
     #[must_use]
     pub fn targets(&self) -> Vec<Spread> {
         let count = self.positions.iter().map(Vec::len).max().unwrap_or(0);
-        let of = |t: usize| self.members.iter().filter_map(move |(k, _)| self.positions[*k].get(t).copied());
+        let of = |t: usize| self.members.iter().filter_map(move |(k, ..)| self.positions[*k].get(t).copied());
         (0..count).filter_map(|t| Spread::of(of(t))).collect()
     }
 

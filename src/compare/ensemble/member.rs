@@ -2,7 +2,7 @@
 
 use super::points::{DIMENSIONS, MOST, coordinate};
 use super::{EnsembleError, Size};
-use crate::scene::{Override, Recorded, Scene};
+use crate::scene::{Base, Override, Recorded, Scene};
 
 /// How a recording lies to a member.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,8 +20,11 @@ pub struct Shift {
 pub struct Member {
     /// Values of the uncertain keys, in the scene's order.
     pub values: Vec<f64>,
-    /// The scene with these values, in which nothing is uncertain any more.
+    /// The scene that is run, with these values; of the modulus it has the ensemble's own where `factor` stands for it. Nothing is
+    /// uncertain in it any more.
     pub scene: Scene,
+    /// Force of the member over that of the scene that is run.
+    pub factor: f64,
     /// What of the values is of the recording.
     pub shift: Shift,
 }
@@ -34,6 +37,7 @@ impl Member {
     /// [`EnsembleError::Scene`] where a key can't have its value.
     pub fn new(scene: &Scene, shares: impl IntoIterator<Item = f64>, place: &str) -> Result<Self, EnsembleError> {
         let (mut values, mut changes, mut shift) = (Vec::new(), Vec::new(), Shift::default());
+        let (proportional, mut factor) = (is_proportional(scene), 1.0);
         for (uncertain, share) in scene.uncertainty.iter().zip(shares) {
             let value = uncertain.draw(share, place)?;
             values.push(value);
@@ -41,13 +45,22 @@ impl Member {
                 Some(Recorded::ContactDepth) => shift.contact_depth_m = value,
                 Some(Recorded::TimeOffset) => shift.time_offset_s = value,
                 Some(Recorded::ForceZero) => shift.force_zero_n = value,
+                None if proportional && uncertain.key == MODULUS => factor = value / scene.material.shear_modulus(),
                 None => changes.push(Override::typed(&uncertain.key, value, place)),
             }
         }
         let mut own = scene.with(&changes)?;
         own.uncertainty.clear();
-        Ok(Self { values, scene: own, shift })
+        Ok(Self { values, scene: own, factor, shift })
     }
+}
+
+/// Whether the force is proportional to the shear modulus at a given Poisson's ratio, so that members that differ in it alone need no
+/// runs of their own: one material, nothing but strains decides what the instrument does, and no friction or opening contact. A run
+/// differs from that by less than a thousandth of the peak, since round-off changes how many steps a pose gets (docs/uncertainty.md).
+fn is_proportional(scene: &Scene) -> bool {
+    let instrument = scene.instrument.is_none_or(|i| i.is_bonded() && !i.is_frictional());
+    scene.regions.is_empty() && scene.sample.base == Base::Bonded && instrument
 }
 
 /// The members of a scene: member k has the k-th point of the sequence, one coordinate for each key.
@@ -72,13 +85,13 @@ pub fn check(scene: &Scene, points: usize, dimensions: usize) -> Result<(), Ense
         return Err(EnsembleError::Keys(scene.uncertainty.len()));
     }
     if scene.uncertainty.is_empty() {
-        let mean = scene.material.shear_modulus();
+        let (mean, ratio) = (scene.material.shear_modulus(), scene.material.poisson_ratio.get());
         let own = scene.get(MODULUS).is_some();
-        let (key, mean) = if own { (MODULUS, mean) } else { (DENSITY, scene.material.density.get()) };
-        return Err(EnsembleError::NoUncertainty { scene: scene.name.clone(), key, mean, deviation: 0.1 * mean });
+        let (key, mean, deviation) = if own { (MODULUS, mean, 0.1 * mean) } else { (RATIO, ratio, 0.001) };
+        return Err(EnsembleError::NoUncertainty { scene: scene.name.clone(), key, mean, deviation });
     }
     if (2..=MOST).contains(&points) { Ok(()) } else { Err(EnsembleError::Count(points)) }
 }
 
 const MODULUS: &str = "material.shear_modulus_pa";
-const DENSITY: &str = "material.density_kg_per_m3";
+const RATIO: &str = "material.poisson_ratio";

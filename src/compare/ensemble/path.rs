@@ -1,10 +1,11 @@
 //! The force along a member's run.
 //!
 //! Nothing of the mechanics changes with the load cell's zero and clock, so members that differ in these alone share a run, as do
-//! members with the same values (a design of sensitivity has many).
+//! members with the same values (a design of sensitivity has many), and those that differ in a modulus to which the force is
+//! proportional.
 //!
 //! ```text
-//! F_k(t) = F(d(t - tau_k) - c_k) + b_k      c: contact depth, tau: time offset, b: zero
+//! F_k(t) = a_k F(d(t - tau_k) - c_k) + b_k      a: factor, c: contact depth, tau: time offset, b: zero
 //! ```
 
 use std::collections::BTreeMap;
@@ -99,7 +100,10 @@ fn recorded(member: &Member, readings: &[Reading], run: &MemberPath) -> MemberPa
     let (tau, zero) = (member.shift.time_offset_s, member.shift.force_zero_n);
     let late =
         |i: usize| if tau == 0.0 { run.force_n[i] } else { at(readings, &run.force_n, readings[i].time_s - tau) };
-    MemberPath { force_n: (0..readings.len()).map(|i| late(i) + zero).collect(), targets: run.targets.clone() }
+    MemberPath {
+        force_n: (0..readings.len()).map(|i| member.factor * late(i) + zero).collect(),
+        targets: run.targets.clone(),
+    }
 }
 
 /// Force at a time, linear between readings, as at the first before it and as at the last after it.
