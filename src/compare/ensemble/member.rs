@@ -2,7 +2,7 @@
 
 use super::points::{DIMENSIONS, MOST, coordinate};
 use super::{EnsembleError, Size};
-use crate::scene::{Base, Override, Recorded, Scene};
+use crate::scene::{Base, InstrumentKind, Override, Recorded, Scene};
 
 /// How a recording lies to a member.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,7 +59,10 @@ impl Member {
 /// runs of their own: one material, nothing but strains decides what the instrument does, and no friction or opening contact. A run
 /// differs from that by less than a thousandth of the peak, since round-off changes how many steps a pose gets (docs/uncertainty.md).
 fn is_proportional(scene: &Scene) -> bool {
-    let instrument = scene.instrument.is_none_or(|i| i.is_bonded() && !i.is_frictional());
+    let instrument = scene.instrument.is_none_or(|i| match i.kind {
+        InstrumentKind::Needle(_) => !i.is_frictional(),
+        InstrumentKind::Plate | InstrumentKind::Indenter { .. } => i.is_bonded(),
+    });
     scene.regions.is_empty() && scene.sample.base == Base::Bonded && instrument
 }
 
