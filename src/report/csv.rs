@@ -29,6 +29,21 @@ pub fn force_csv(run: &Run) -> String {
     text
 }
 
+/// Content of `forecast.csv`: `time_s,depth_m,measured_n,forecast_n,forecast_low_n,forecast_high_n`, one line per reading that was forecast
+/// from those up to one horizon before; `None` where nothing was measured or there are no members.
+#[must_use]
+pub(super) fn forecast_csv(run: &Run) -> Option<String> {
+    let (answers, found) = run.ensemble.as_ref()?.assimilated.as_ref()?;
+    let mut text = String::from("time_s,depth_m,measured_n,forecast_n,forecast_low_n,forecast_high_n\n");
+    for (i, forecast) in answers.iter().zip(&found.forecasts) {
+        let (Some(f), a) = (forecast, &run.answers[*i]) else { continue };
+        let row = [a.time_s, a.depth_m, a.measured_n.unwrap_or(f64::NAN), f.mean_n, f.low_n, f.high_n].map(Cell);
+        let [time, depth, measured, mean, low, high] = row;
+        push(&mut text, format_args!("{time},{depth},{measured},{mean},{low},{high}\n"));
+    }
+    Some(text)
+}
+
 /// Content of `targets.csv`, one line per moment and three columns per target, as plotting tools take them:
 /// `time_s,depth_m,NAME_x_m,NAME_y_m,NAME_z_m,...` (present position in frame `sample`).
 #[must_use]

@@ -1,6 +1,7 @@
 //! `metrics.json`: the figures of merit of a run, for programs.
 
 use crate::compare::alignment::{Alignment, Found};
+use crate::compare::ensemble::assimilate::{Forecast, HORIZON_S};
 use crate::compare::ensemble::{Band, Ensemble, Spread};
 use crate::compare::{Answer, ForceMetrics, Run, Verdict};
 use crate::scene::Uncertain;
@@ -191,7 +192,31 @@ fn ensemble_json(run: &Run, ensemble: &Ensemble) -> Value {
         "measured_share_inside": finite(ensemble.share_inside(run)),
         "target_depth_m": ensemble.target_depth_m,
         "targets": run.target_names.iter().zip(&ensemble.targets).map(target).collect::<Vec<_>>(),
+        "assimilated": assimilated_json(run, ensemble),
         "wall_s": ensemble.wall_s,
+    })
+}
+
+/// What the measured force says of the keys, and how its forecasts held; null without a measured force.
+fn assimilated_json(run: &Run, ensemble: &Ensemble) -> Value {
+    let Some((answers, found)) = &ensemble.assimilated else { return Value::Null };
+    let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+    let key = |(one, [mean, deviation]): (&Uncertain, &[f64; 2])| json!({ "key": one.key, "mean": finite(*mean), "standard_deviation": finite(*deviation) });
+    let held = |(i, forecast): (&usize, &Option<Forecast>)| {
+        let (measured, forecast) = (run.answers[*i].measured_n?, (*forecast)?);
+        Some([
+            f64::from(u8::from((forecast.low_n..=forecast.high_n).contains(&measured))),
+            forecast.high_n - forecast.low_n,
+        ])
+    };
+    let held: Vec<[f64; 2]> = answers.iter().zip(&found.forecasts).filter_map(held).collect();
+    let mean = |k: usize| finite(held.iter().map(|row| row[k]).sum::<f64>() / held.len() as f64);
+    json!({
+        "horizon_s": HORIZON_S,
+        "readings": answers.len(),
+        "forecast_share_inside": mean(0),
+        "forecast_mean_width_n": mean(1),
+        "keys": ensemble.keys.iter().zip(&found.keys).map(key).collect::<Vec<_>>(),
     })
 }
 

@@ -65,13 +65,13 @@ use std::path::{Path, PathBuf};
 /// Pixels of `force.png` per px of the picture: 1920 pixels wide.
 const PNG_SCALE: f32 = 2.0;
 
-/// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html` into a
-/// folder, which is made if need be, and returns their paths.
+/// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`, and with members and a measured
+/// force `forecast.csv`, into a folder, which is made if need be, and returns their paths.
 ///
 /// # Errors
 /// [`ReportError`] naming the file and the reason; then no file has been replaced by a half-written one.
 pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
-    let rendered = [
+    let mut rendered = vec![
         Rendered::new("metrics.json", metrics_json(run)),
         Rendered::new("force.csv", force_csv(run)),
         Rendered::new("targets.csv", targets_csv(run)),
@@ -80,6 +80,11 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
         Rendered::new("force.png", force_png(run)?),
         Rendered::new("report.html", report_html(run)?),
     ];
+    match csv::forecast_csv(run) {
+        Some(text) => rendered.push(Rendered::new("forecast.csv", text)),
+        // that of an earlier run is not that of the files beside it
+        None => files::remove_file(&out.join("forecast.csv"))?,
+    }
     files::write(out, &rendered)
 }
 

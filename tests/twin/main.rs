@@ -1,6 +1,7 @@
 //! What the twin computes: each contract a module, one program for all, since linking costs more than running.
 
 mod abuse;
+mod assimilation;
 mod axisymmetric;
 #[path = "../../crates/mtled/tests/clouds/mod.rs"]
 mod clouds;

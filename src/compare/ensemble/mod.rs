@@ -6,6 +6,7 @@
 //! one by one.
 
 mod answered;
+pub mod assimilate;
 mod band;
 mod crew;
 mod error;
@@ -15,6 +16,7 @@ mod path;
 pub mod points;
 
 pub use answered::Answered;
+pub use assimilate::Assimilated;
 pub use band::{Band, Spread};
 pub use crew::Crew;
 pub use error::EnsembleError;
@@ -24,8 +26,10 @@ pub use path::{MemberPath, Paths, paths};
 
 use std::time::Instant;
 
+use super::rows::at_rest;
 use super::{Reading, Run};
 use crate::scene::{Scene, Uncertain};
+use assimilate::Observed;
 
 /// What an ensemble says of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -46,6 +50,8 @@ pub struct Ensemble {
     pub target_depth_m: f64,
     /// Each target of the scene at that depth; empty where no member came there.
     pub targets: Vec<Spread>,
+    /// What the measured force says, where there is one: its readings' answers, and what came of them.
+    pub assimilated: Option<(Vec<usize>, Assimilated)>,
     /// Wall time of all members, building included, s.
     pub wall_s: f64,
 }
@@ -96,6 +102,7 @@ pub fn add(
     let Paths { of_member, runs } = paths(members, readings, crew)?;
     let used: Vec<&MemberPath> = of_member.iter().filter_map(|path| path.as_ref().ok()).collect();
     let spread = |t: usize| Spread::of(used.iter().filter_map(|path| path.targets.get(t).copied()));
+    let assimilated = measured(run, members, &of_member, at);
     run.ensemble = Some(Ensemble {
         members: size.members,
         used: used.len(),
@@ -105,6 +112,7 @@ pub fn add(
         bands: at.iter().map(|&i| Band::of(used.iter().map(|path| path.force_n[i]))).collect(),
         target_depth_m: run.answers.iter().map(|a| a.depth_m).fold(0.0, f64::max),
         targets: (0..scene.targets.len()).filter_map(spread).collect(),
+        assimilated,
         wall_s: begun.elapsed().as_secs_f64(),
     });
     let lost: Vec<(usize, &String)> =
@@ -114,6 +122,28 @@ pub fn add(
         run.losses.push(format!("{count} of {of} members left out of the ensemble; the first, member {first}: {why}"));
     }
     Ok(())
+}
+
+/// Assimilates what was measured while the tissue did not swing behind an instrument that has just let go.
+fn measured(
+    run: &Run,
+    members: &[Member],
+    paths: &[Result<MemberPath, String>],
+    at: &[usize],
+) -> Option<(Vec<usize>, Assimilated)> {
+    let used: Vec<(&Member, &MemberPath)> =
+        members.iter().zip(paths).filter_map(|(member, path)| Some((member, path.as_ref().ok()?))).collect();
+    let observed = |(i, at_rest): (usize, bool)| {
+        let answer = run.answers.get(i)?;
+        let members_n: Vec<f64> = used.iter().map(|(_, path)| path.force_n[at[i]]).collect();
+        let measured_n = answer.measured_n.filter(|m| m.is_finite() && at_rest)?;
+        let complete = members_n.iter().all(|f| f.is_finite());
+        complete.then_some((i, Observed { time_s: answer.time_s, measured_n, members_n }))
+    };
+    let (answers, observed): (Vec<usize>, Vec<Observed>) =
+        at_rest(&run.answers).into_iter().enumerate().filter_map(observed).unzip();
+    let values: Vec<Vec<f64>> = used.iter().map(|(member, _)| member.values.clone()).collect();
+    assimilate::assimilate(&observed, &values).map(|found| (answers, found))
 }
 
 impl Run {
