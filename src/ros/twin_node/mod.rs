@@ -199,7 +199,8 @@ impl Node {
         set_threads(parameters.get(declared::THREADS))?;
         let identification = Identification::new(&scene, &parameters.get(declared::IDENTIFY))?;
         let drawn = draw(&scene, parameters.get(declared::MEMBERS))?;
-        let Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page } = self;
+        let Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page } =
+            self;
         let doubles = parameters.get(declared::LOOK_AHEAD);
         let (inbox, force, tissue) = (Arc::new(Inbox::default()), Arc::new(force), Arc::new(tissue));
         let (event_sender, events) = mpsc::sync_channel(EVENTS);

@@ -31,7 +31,7 @@ pub(super) struct Answer {
 impl Answer {
     /// Force along the instrument, against its motion into the sample, N.
     pub fn predicted_n(&self) -> f64 {
-        -(0..3).map(|k| self.prediction.force_n[k] * self.axis[k]).sum::<f64>()
+        -(0..3).map(|k| self.prediction.force_n[k] * self.pose.pose.axis[k]).sum::<f64>()
     }
 }
 
