@@ -7,6 +7,7 @@ use crate::compare::alignment::{Alignment, Found};
 use crate::compare::ensemble::Ensemble;
 use crate::compare::{Run, Verdict};
 use crate::report::printable;
+use crate::scene::Uncertain;
 use crate::twin::Event;
 
 /// What a user wants to know of a run, at most one screen.
@@ -32,6 +33,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
     }
     lines.extend(run.alignment().map(|found| ("alignment", aligned(&found, [false; 3]))));
     lines.extend(run.ensemble.as_ref().map(|members| ("members", ensemble(run, members))));
+    lines.extend(run.ensemble.as_ref().and_then(learnt).map(|keys| ("learnt", keys)));
     if let Some(radius_m) = run.effective_radius_m {
         lines.push(("needle", format!("effective radius {:.3} mm", 1e3 * radius_m)));
     }
@@ -111,6 +113,13 @@ fn targets(run: &Run) -> Option<String> {
         format!("{name} moved {:.3} mm", 1e3 * farthest)
     });
     Some(moved.collect::<Vec<_>>().join(", ")).filter(|text| !text.is_empty())
+}
+
+/// What the measured force says of the keys.
+fn learnt(ensemble: &Ensemble) -> Option<String> {
+    let (_, found) = ensemble.assimilated.as_ref()?;
+    let key = |(one, [mean, deviation]): (&Uncertain, &[f64; 2])| format!("{} {mean:.4e} ± {deviation:.1e}", one.key);
+    Some(ensemble.keys.iter().zip(&found.keys).map(key).collect::<Vec<_>>().join(", "))
 }
 
 /// What the members say.

@@ -1,8 +1,12 @@
-//! Contract of assimilation: forecasts hold what they say, also where the model is wrong or the load cell drifts; what is found of a
-//! key holds the truth.
+//! Contract of assimilation: forecasts hold what they say, also where the model is wrong; what is found of a key holds the truth where it
+//! is right.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::compare::ensemble::assimilate::{Assimilated, HORIZON_S, Observed, assimilate};
+use needle_twin::compare::ensemble::{self, Crew, Member, Size};
+use needle_twin::compare::{At, Reading};
+use needle_twin::scene::{Override, Scene};
+use needle_twin::study::reference;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -59,7 +63,8 @@ fn ninety_five_per_cent_bands_hold_and_intervals_have_the_truth() {
         }
         println!("{name}: {shares:.3} of the readings, {widths:.2e} N wide, truth in {hit} of 20");
         assert!((0.93..0.985).contains(&shares), "{name}: {shares}");
-        assert!(hit >= 18, "{name}: {hit} of 20");
+        // of a law that is wrong the one number is none
+        assert!(wrong > 0.0 || hit >= 18, "{name}: {hit} of 20");
         // noise alone would make them 3.92 standard deviations wide
         let narrow = 3.92 * NOISE_N;
         assert!(if wrong == 0.0 { widths < 2.0 * narrow } else { widths > 2.0 * narrow }, "{name}: {widths} N");
@@ -84,4 +89,105 @@ fn what_is_forecast_comes_from_before() {
     let after = gap.iter().position(|o| o.time_s >= 3.0).unwrap();
     assert_eq!(assimilate(&gap, &values).unwrap().forecasts[after], None);
     assert!(assimilate(&observed, &values[..3]).is_none() && assimilate(&[], &values).is_none());
+}
+
+/// The needle preset to 8 mm at 100 Hz with changes, with its members and readings.
+fn needle(changes: &[(&str, &str)], members: usize) -> (Scene, Vec<Member>, Vec<Reading>) {
+    let common = [("motion.depth_m", "0.008"), ("motion.pose_hz", "100")];
+    let changes: Vec<_> =
+        common.iter().chain(changes).map(|(path, value)| Override::text(path, value, "test")).collect();
+    let scene = Scene::preset("needle_insertion").unwrap().with(&changes).unwrap();
+    let readings =
+        scene.motion.unwrap().poses().map(|(time_s, depth_m)| Reading { time_s, at: At::Depth(depth_m) }).collect();
+    let drawn = if members > 0 { ensemble::members(&scene, Size { members, seed: 0 }).unwrap() } else { Vec::new() };
+    (scene, drawn, readings)
+}
+
+/// The force of one scene at the readings, N.
+fn truth(changes: &[(&str, &str)]) -> Vec<f64> {
+    let sure = ("uncertainty.align.force_zero_n", "{uniform=[-1e-12, 1e-12]}");
+    let (_, members, readings) = needle(&[changes, &[sure]].concat(), 2);
+    let crew = Crew { threads: 1, stop: None, done: &|| {} };
+    ensemble::paths(&members, &readings, &crew).unwrap().of_member[0].as_ref().unwrap().force_n.clone()
+}
+
+/// Bands and intervals over twenty seeds and six samples, of which four are none that a member can be. The result is in docs/uncertainty.md.
+#[test]
+#[ignore = "a study: two minutes"]
+fn bands_over_seeds_and_samples() {
+    let priors = [
+        ("uncertainty.material.shear_modulus_pa", "{normal=[1678, 250]}"),
+        ("uncertainty.instrument.deformation_coefficient", "{uniform=[0.3, 0.5]}"),
+        ("uncertainty.align.force_zero_n", "{normal=[0, 0.003]}"),
+    ];
+    let (_, members, readings) = needle(&priors, MEMBERS);
+    let crew = Crew { threads: 2, stop: None, done: &|| {} };
+    let paths = ensemble::paths(&members, &readings, &crew).unwrap();
+    let forces: Vec<&Vec<f64>> = paths.of_member.iter().map(|path| &path.as_ref().unwrap().force_n).collect();
+    let values: Vec<Vec<f64>> = members.iter().map(|member| member.values.clone()).collect();
+    let gel = truth(&[]);
+    let elements = reference::force("needle_insertion").unwrap();
+    let by_elements = |depth_m: f64| {
+        let after = elements.partition_point(|(d, _)| *d < depth_m).clamp(1, elements.len() - 1);
+        let ((d0, f0), (d1, f1)) = (elements[after - 1], elements[after]);
+        f0 + (depth_m - d0) / (d1 - d0) * (f1 - f0)
+    };
+    let friction = [
+        ("instrument.interaction", "frictional"),
+        ("instrument.friction_n_per_m", "3.0"),
+        ("instrument.cutting_force_n", "0.003"),
+    ];
+    let scaled = |f: &dyn Fn(f64) -> f64| (0..gel.len()).map(|i| f(readings[i].time_s) + gel[i]).collect::<Vec<f64>>();
+    let samples: [(&str, Vec<f64>, Option<[f64; 2]>); 7] = [
+        ("gel", gel.clone(), Some([1678.0, 0.4])),
+        ("modulus 30 % off", truth(&[("material.shear_modulus_pa", "2181.4")]), Some([2181.4, 0.4])),
+        ("finite elements", readings.iter().map(|r| by_elements(1e-3 * r.time_s)).collect(), Some([1678.0, 0.4])),
+        ("drift of 0.5 mN/s", scaled(&|t| 5e-4 * t), Some([1678.0, 0.4])),
+        (
+            "wavy force, 15 %",
+            scaled(&|t| 0.15 * (1.25 * t).sin() * gel[(100.0 * t).round() as usize]),
+            Some([1678.0, 0.4]),
+        ),
+        ("layers", layered(), None),
+        ("friction", truth(&friction), None),
+    ];
+    for (name, force, found_to_be) in samples {
+        let (mut shares, mut widths, mut hits) = (Vec::new(), 0.0, [0; 2]);
+        for seed in 1..=20 {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let zero = 2e-3 * normal(&mut random);
+            let row = |i: usize| Observed {
+                time_s: readings[i].time_s,
+                measured_n: force[i] + zero + NOISE_N * normal(&mut random),
+                members_n: forces.iter().map(|f| f[i]).collect(),
+            };
+            let observed: Vec<Observed> = (0..force.len()).map(row).collect();
+            let found = assimilate(&observed, &values).unwrap();
+            let (share, width) = held(&observed, &found);
+            shares.push(share);
+            widths += width / 20.0;
+            for (k, truth) in found_to_be.into_iter().flatten().enumerate() {
+                hits[k] += usize::from((found.keys[k][0] - truth).abs() < 1.96 * found.keys[k][1]);
+            }
+        }
+        let mean = shares.iter().sum::<f64>() / 20.0;
+        let least = shares.iter().copied().fold(1.0, f64::min);
+        println!("{name}: {mean:.3} (at least {least:.3}), {:.2} mN wide, truth in {hits:?} of 20", 1e3 * widths);
+    }
+}
+
+/// A stiff skin on the gel.
+fn layered() -> Vec<f64> {
+    let text = Scene::preset("needle_insertion").unwrap().to_toml()
+        + "\n[materials.skin]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 8390.0\n\n[[regions]]\nname = \"skin\"\nmaterial = \"skin\"\n\
+           shape = \"layer\"\nto_depth_m = 0.002\n";
+    let scene = Scene::from_toml(&text, "layered").unwrap();
+    let zero = Override::text("uncertainty.align.force_zero_n", "{uniform=[-1e-12, 1e-12]}", "test");
+    let [depth, rate] =
+        [("motion.depth_m", "0.008"), ("motion.pose_hz", "100")].map(|(k, v)| Override::text(k, v, "test"));
+    let scene = scene.with(&[zero, depth, rate]).unwrap();
+    let members = ensemble::members(&scene, Size { members: 2, seed: 0 }).unwrap();
+    let (_, _, readings) = needle(&[], 0);
+    let crew = Crew { threads: 1, stop: None, done: &|| {} };
+    ensemble::paths(&members, &readings, &crew).unwrap().of_member[0].as_ref().unwrap().force_n.clone()
 }
