@@ -32,6 +32,7 @@ pub mod size;
 mod stepping;
 mod symmetry;
 mod target;
+mod tie;
 mod uncertainty;
 mod units;
 mod value;

@@ -99,6 +99,19 @@ fn members_that_differ_in_a_modulus_share_a_run_that_is_right_to_a_thousandth() 
 }
 
 #[test]
+fn keys_that_are_equal_stay_equal_unless_both_are_uncertain() {
+    let prior = ("uncertainty.instrument.deformation_coefficient", "{ uniform = [0.3, 0.5] }");
+    let back = ("uncertainty.instrument.retraction_coefficient", "{ uniform = [0.3, 0.5] }");
+    let drawn = |priors: &[(&str, &str)]| {
+        let changes: Vec<_> = priors.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
+        members(&Scene::preset("needle_insertion").unwrap().with(&changes).unwrap(), 8)
+    };
+    let pair = |m: &Member| ["deformation", "retraction"].map(|k| m.scene.get(&format!("instrument.{k}_coefficient")));
+    assert!(drawn(&[prior]).iter().map(pair).all(|[forth, back]| forth == back));
+    assert!(drawn(&[prior, back]).iter().map(pair).any(|[forth, back]| forth != back));
+}
+
+#[test]
 fn a_scene_computes_the_same_with_what_is_uncertain_and_without() {
     let scene = scene(&[("uncertainty.align.force_zero_n", "{normal=[0,0.01]}")]);
     assert_eq!(scene.uncertainty.len(), 3);

@@ -46,7 +46,12 @@ impl Member {
                 Some(Recorded::TimeOffset) => shift.time_offset_s = value,
                 Some(Recorded::ForceZero) => shift.force_zero_n = value,
                 None if proportional && uncertain.key == MODULUS => factor = value / scene.material.shear_modulus(),
-                None => changes.push(Override::typed(&uncertain.key, value, place)),
+                None => {
+                    let tied =
+                        scene.tied_to(&uncertain.key).filter(|key| scene.uncertainty.iter().all(|u| u.key != *key));
+                    let keys = [Some(uncertain.key.as_str()), tied];
+                    changes.extend(keys.into_iter().flatten().map(|key| Override::typed(key, value, place)));
+                }
             }
         }
         let mut own = scene.with(&changes)?;

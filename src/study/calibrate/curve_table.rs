@@ -16,7 +16,6 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::paths;
-use super::tie::tied_to;
 use super::{CalibrateError, Wanted};
 use crate::compare::{Answer, At, ForceSeries, Reading, Run, Watch};
 use crate::scene::{ContactLaw, InstrumentKind, Override, Scene};
@@ -140,7 +139,7 @@ impl CurveTable {
         for (axis, x) in self.axes.iter().zip(coordinates) {
             let value = if axis.pressure { x * modulus } else { *x };
             changes.push(Override::typed(&axis.key, value, "--fit"));
-            let tied = tied_to(&self.scene, &axis.key).map(|key| Override::typed(key, value, "--fit"));
+            let tied = self.scene.tied_to(&axis.key).map(|key| Override::typed(key, value, "--fit"));
             changes.extend(tied);
         }
         // mu_0 = 2 (C10 + C01)

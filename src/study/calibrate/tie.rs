@@ -13,21 +13,10 @@ const PRESSURES: [&str; 6] = [
     "material.c20_pa",
     "material.c30_pa",
 ];
-/// Where a scene has the first equal to the second, and only the second is sought, they stay equal.
-const TIED: [(&str, &str); 2] = [
-    ("instrument.retraction_coefficient", "instrument.deformation_coefficient"),
-    ("sample.base_friction_coefficient", "instrument.friction_coefficient"),
-];
-
-/// The key that stays equal to another one of a scene.
-pub(super) fn tied_to(scene: &Scene, other: &str) -> Option<&'static str> {
-    let same = |key| scene.get(key).is_some() && scene.get(key) == scene.get(other);
-    TIED.iter().find(|(key, of)| *of == other && same(key)).map(|(key, _)| *key)
-}
 
 /// The keys that go with unknowns, with the indices of these.
 pub(super) fn tied(scene: &Scene, sought: &[Sought]) -> Vec<(&'static str, usize)> {
-    let of = |(k, s): (usize, &Sought)| tied_to(scene, s.name()).map(|key| (key, k));
+    let of = |(k, s): (usize, &Sought)| scene.tied_to(s.name()).map(|key| (key, k));
     let alone = |key: &str| sought.iter().all(|s| s.name() != key);
     sought.iter().enumerate().filter_map(of).filter(|(key, _)| alone(key)).collect()
 }
