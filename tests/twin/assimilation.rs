@@ -113,7 +113,7 @@ fn truth(changes: &[(&str, &str)]) -> Vec<f64> {
 
 /// Bands and intervals over twenty seeds and six samples, of which four are none that a member can be. The result is in docs/uncertainty.md.
 #[test]
-#[ignore = "a study: two minutes"]
+#[ignore = "a study: half a minute"]
 fn bands_over_seeds_and_samples() {
     let priors = [
         ("uncertainty.material.shear_modulus_pa", "{normal=[1678, 250]}"),
