@@ -2,7 +2,7 @@
 //!
 //! The short run is a part of the tests. The long one, `SWEEP=10000 cargo test --release --test twin sweep -- --ignored --nocapture`,
 //! says of each scene that fails which it is, and its count stands in `docs/lab/faults.md`. `SWEEP_OF=contact_and_regions` sweeps the keys
-//! of contact, capture and regions instead of those of the presets.
+//! of contact, capture, regions and of a needle with friction instead of those of the presets.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::sync::mpsc;
@@ -151,7 +151,7 @@ impl Base {
             }
         };
         let pair = |path: &str, value: &str| (path.to_owned(), value.to_owned());
-        let homogeneous = (!scene.materials.is_empty()).then(|| {
+        let homogeneous = (!scene.materials.is_empty() && !rubs(&scene)).then(|| {
             let paths = scene.materials.iter().map(|m| format!("materials.{}.shear_modulus_pa", m.name));
             let paths: Vec<String> = paths.chain(["material.shear_modulus_pa".to_owned()]).collect();
             [SOFT, STIFF].map(|modulus| force(&paths.iter().map(|p| pair(p, modulus)).collect::<Vec<_>>()))
@@ -168,6 +168,7 @@ impl Base {
     fn allowed(&self, key: &str, scene: &Scene) -> Option<(f64, f64)> {
         let over = |[low, high]: [f64; 2]| (0.9 * low / self.force, 1.1 * high / self.force);
         Some(match key {
+            _ if rubs(scene) => (-0.02, 1.1 * most_of_a_needle(scene) / self.force),
             "material.density_kg_per_m3"
             | "motion.speed_m_per_s"
             | "motion.pose_hz"
@@ -203,6 +204,23 @@ impl Base {
             _ => return None,
         })
     }
+}
+
+fn rubs(scene: &Scene) -> bool {
+    scene.get("instrument.interaction").is_some_and(|word| word.to_string().contains("frictional"))
+}
+
+/// What holds a needle back at most, with friction along all that is in: friction, cutting, and a membrane not yet through, N.
+fn most_of_a_needle(scene: &Scene) -> f64 {
+    let real = |path: String| scene.get(&path).and_then(|value| value.as_real()).unwrap_or(0.0);
+    let largest = |key: &str| {
+        let regions = scene.materials.iter().map(|m| real(format!("materials.{}.{key}", m.name)));
+        regions.fold(real(format!("instrument.{key}")), f64::max)
+    };
+    // half a millimetre of undeformed tissue may have been drawn along
+    let length = real("motion.depth_m".to_owned()) + 5e-4;
+    let toughness = largest("fracture_toughness_j_per_m2") * real("instrument.diameter_m".to_owned());
+    largest("friction_n_per_m") * length + largest("cutting_force_n").max(toughness) + largest("puncture_force_n")
 }
 
 /// Moduli of the materials of regions, Pa.
@@ -244,7 +262,27 @@ fn contact_and_regions() -> Vec<Base> {
     let ball = with(&flat, &[("instrument.tip", "sphere")]);
     let plate = with(&base("compression"), &rough);
     let plate = with(&plate, &[("sample.base", "coulomb"), ("sample.base_friction_coefficient", "0.3")]);
+    let needle = with(
+        &in_parts("needle_insertion", layers()),
+        &[
+            ("instrument.interaction", "frictional"),
+            ("instrument.friction_n_per_m", "1.0"),
+            ("instrument.cutting_force_n", "0.003"),
+            ("materials.soft.friction_n_per_m", "0.5"),
+            ("materials.soft.cutting_force_n", "0.002"),
+            ("materials.stiff.friction_n_per_m", "2.0"),
+            ("materials.stiff.cutting_force_n", "0.005"),
+            ("discretisation.edge_refinement", "0.12"),
+            ("motion.depth_m", "0.003"),
+        ],
+    );
+    let of_friction = |key: &str| {
+        let last = key.rsplit('.').next().unwrap_or(key);
+        let keys = ["friction_n_per_m", "cutting_force_n", "puncture_force_n", "fracture_toughness_j_per_m2"];
+        keys.contains(&last) || key.starts_with("materials.") || key.starts_with("regions.")
+    };
     vec![
+        Base::of(needle, of_friction),
         Base::of(flat, of_contact),
         Base::of(ball, of_contact),
         Base::of(plate, of_contact),

@@ -36,6 +36,10 @@ fn cells(line: &str, separator: char) -> Vec<String> {
     if separator == ' ' {
         return line.split_whitespace().map(str::to_owned).collect();
     }
+    // a reader makes its tables of states anew for each line: 20 us
+    if !line.contains(['"', '\r']) {
+        return line.split(separator).map(|cell| cell.trim().to_owned()).collect();
+    }
     let mut reader = super::reader(line.as_bytes(), separator);
     let mut record = csv::StringRecord::new();
     match reader.read_record(&mut record) {

@@ -9,7 +9,9 @@
 //! The owner may read and write everything of a phase before it opens and after it has waited. A helper that comes too
 //! late finds the gate closed and misses the phase: nobody waits for a thread that has no processor.
 
-use super::sync::{AtomicBool, AtomicU64, AtomicUsize, Ordering, UnsafeCell, relax};
+use std::time::Duration;
+
+use super::sync::{AtomicBool, AtomicU64, AtomicUsize, Ordering, UnsafeCell, Wait};
 
 /// One helper inside; the lowest 31 bits count them.
 const HELPER: u64 = 1;
@@ -18,6 +20,14 @@ const INSIDE: u64 = CLOSED - 1;
 const CLOSED: u64 = 1 << 31;
 /// One phase; the upper 32 bits count them, round and round.
 const PHASE: u64 = 1 << 32;
+
+/// How a phase ended.
+pub struct Ended {
+    /// A helper panicked.
+    pub panicked: bool,
+    /// Time for which the owner waited for a helper that had most likely lost its processor; zero for the usual short wait.
+    pub lost: Duration,
+}
 
 /// The gate of one team. `J` is what a phase's owner tells its helpers.
 pub struct Gate<J> {
@@ -43,21 +53,22 @@ impl<J: Copy> Gate<J> {
         }
     }
 
-    /// Opens the gate for one phase, calls `own` on this thread, and returns when no helper is inside any more; true
-    /// if one of them panicked. If `own` unwinds, it does so after that.
+    /// Opens the gate for one phase, calls `own` on this thread, and returns when no helper is inside any more. If `own`
+    /// unwinds, it does so after that.
     ///
     /// # Safety
     /// One phase at a time: not while another thread is in this function, and not from within a phase.
-    pub unsafe fn phase(&self, job: J, own: impl FnOnce()) -> bool {
+    pub unsafe fn phase(&self, job: J, own: impl FnOnce()) -> Ended {
         // SAFETY: the gate is closed and nobody inside: it was made so, or the last phase left it so.
         self.job.with_mut(|at| unsafe { *at = Some(job) });
         self.next.store(0, Ordering::Relaxed);
         let before = self.state.load(Ordering::Relaxed);
         self.state.store((before & !(PHASE - 1)).wrapping_add(PHASE), Ordering::Release);
-        let closing = Closing(self);
+        let mut wait = Wait::default();
+        let closing = Closing(self, &mut wait);
         own();
         drop(closing);
-        self.panicked.swap(false, Ordering::Relaxed)
+        Ended { panicked: self.panicked.swap(false, Ordering::Relaxed), lost: wait.lost() }
     }
 
     /// Enters the present phase if it is open and not the one `seen` last.
@@ -89,17 +100,16 @@ impl<J: Copy> Gate<J> {
 }
 
 /// Closes the gate and waits for the helpers, however the owner leaves: they hold references into its frame.
-struct Closing<'a, J>(&'a Gate<J>);
+struct Closing<'a, J>(&'a Gate<J>, &'a mut Wait);
 
 impl<J> Drop for Closing<'_, J> {
     fn drop(&mut self) {
         let state = &self.0.state;
-        let mut spins = 0;
         if state.fetch_or(CLOSED, Ordering::Acquire) & INSIDE == 0 {
             return;
         }
         while state.load(Ordering::Acquire) & INSIDE != 0 {
-            relax(&mut spins);
+            self.1.turn();
         }
     }
 }
@@ -166,7 +176,7 @@ mod model {
                 data.input.with_mut(|at| unsafe { *at += job });
                 expected += job * (1..=job).sum::<u64>();
                 // SAFETY: one owner, one phase at a time.
-                let panicked = unsafe { data.gate.phase(job, || data.work(job)) };
+                let panicked = unsafe { data.gate.phase(job, || data.work(job)) }.panicked;
                 assert!(!panicked || job == 2);
                 for output in &data.output {
                     // SAFETY: as above.

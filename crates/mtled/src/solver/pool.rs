@@ -5,6 +5,9 @@
 //! same bits. The work is borrowed exclusively for the phase, and the pool too, so neither a second pool on the same
 //! memory nor a phase within a phase compiles.
 //!
+//! On a busy machine a helper may lose its processor within a part, and the caller waits for as long as others run there.
+//! What such a wait cost says for how long the caller goes on alone (see [`super::backoff`]).
+//!
 //! A phase that panics poisons the pool: the panic goes on in the caller, the helpers wait, and every later phase panics.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,6 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
+use super::backoff::Backoff;
 use super::disjoint::{Disjoint, Each};
 use super::gate::Gate;
 use super::sync::relax;
@@ -52,6 +56,7 @@ struct Shared {
 pub struct Pool {
     shared: Arc<Shared>,
     helpers: Vec<JoinHandle<()>>,
+    backoff: Backoff,
     poisoned: bool,
 }
 
@@ -71,7 +76,7 @@ impl Pool {
             thread::Builder::new().name(format!("solver-{rank}")).spawn(move || help(&shared, rank)).ok()
         };
         let helpers = (1..threads).map_while(start).collect();
-        Self { shared, helpers, poisoned: false }
+        Self { shared, helpers, backoff: Backoff::default(), poisoned: false }
     }
 
     /// Number of threads, the caller's included.
@@ -86,7 +91,7 @@ impl Pool {
     /// If `f` panicked on any thread, now or in an earlier phase.
     pub(crate) fn each<D: Disjoint>(&mut self, work: D, f: impl Fn(usize, D::Part) + Sync) {
         let count = work.len();
-        if self.helpers.is_empty() {
+        if self.helpers.is_empty() || self.backoff.is_on() {
             // SAFETY: each index once; `work` is used up.
             return self.alone(|| (0..count).for_each(|i| f(i, unsafe { work.part(i) })));
         }
@@ -110,7 +115,7 @@ impl Pool {
     ) {
         assert!(memory.len() >= self.threads(), "memory for {} of {} threads", memory.len(), self.threads());
         let count = work.len();
-        if self.helpers.is_empty() {
+        if self.helpers.is_empty() || self.backoff.is_on() {
             let own = &mut memory[0];
             // SAFETY: as in `each`.
             return self.alone(|| (0..count).for_each(|i| f(own, i, unsafe { work.part(i) })));
@@ -126,7 +131,7 @@ impl Pool {
         });
     }
 
-    /// Runs a phase that has no helper: without the gate, whose atomic instructions are a twentieth of a half plane's step.
+    /// Runs a phase without helpers, and without the gate, whose atomic instructions are a twentieth of a half plane's step.
     fn alone(&mut self, work: impl FnOnce()) {
         self.begin();
         work();
@@ -147,8 +152,9 @@ impl Pool {
             helper.thread().unpark();
         }
         // SAFETY: `&mut self` keeps other threads out, and `f` of `each` has no pool to call. The job outlives the call.
-        let panicked = unsafe { gate.phase(Job::new(job), || job(gate, 0)) };
-        assert!(!panicked, "a solver thread panicked");
+        let ended = unsafe { gate.phase(Job::new(job), || job(gate, 0)) };
+        assert!(!ended.panicked, "a solver thread panicked");
+        self.backoff.after(ended.lost);
         self.poisoned = false;
     }
 }
@@ -251,6 +257,34 @@ mod tests {
             // helpers end: this returns
             drop(pool);
         }
+    }
+
+    /// A helper that stays away in the middle of its part is left out of the phases after it, for many times as long.
+    #[test]
+    #[cfg(not(miri))]
+    fn a_helper_that_kept_the_team_waiting_is_left_out_for_a_while() {
+        let mut pool = Pool::new(2);
+        let helps = || thread::current().name().is_some_and(|name| name.starts_with("solver-"));
+        let helped = AtomicUsize::new(0);
+        let mut parts = [0; 64];
+        pool.each(Each::new(&mut parts), |_, _| {
+            if helps() {
+                helped.fetch_add(1, Ordering::Relaxed);
+                thread::sleep(std::time::Duration::from_millis(500));
+            }
+            while helped.load(Ordering::Relaxed) == 0 {
+                thread::yield_now();
+            }
+        });
+        assert!(helped.swap(0, Ordering::Relaxed) > 0);
+        for _ in 0..100 {
+            pool.each(Each::new(&mut parts), |_, part| {
+                helped.fetch_add(usize::from(helps()), Ordering::Relaxed);
+                *part += 1;
+            });
+        }
+        assert_eq!(helped.load(Ordering::Relaxed), 0);
+        assert_eq!(parts, [100; 64]);
     }
 
     #[test]

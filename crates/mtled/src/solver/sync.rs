@@ -50,3 +50,30 @@ pub fn relax(spins: &mut u32) {
 pub fn relax(_: &mut u32) {
     loom::thread::yield_now();
 }
+
+/// A wait for another thread that measures itself once it gets long: a short one reads no clock.
+#[derive(Default)]
+pub struct Wait {
+    spins: u32,
+    #[cfg(not(all(test, loom)))]
+    since: Option<std::time::Instant>,
+}
+
+impl Wait {
+    /// One turn of the loop that waits.
+    pub fn turn(&mut self) {
+        relax(&mut self.spins);
+        #[cfg(not(all(test, loom)))]
+        if self.spins == SPINS {
+            self.since = Some(std::time::Instant::now());
+        }
+    }
+
+    /// Time since the spins were used up; zero for a short wait.
+    pub fn lost(&self) -> std::time::Duration {
+        #[cfg(not(all(test, loom)))]
+        return self.since.map_or(std::time::Duration::ZERO, |since| since.elapsed());
+        #[cfg(all(test, loom))]
+        std::time::Duration::ZERO
+    }
+}
