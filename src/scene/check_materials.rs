@@ -8,6 +8,8 @@ use super::{Material, MaterialModel, Region, RegionShape, SceneError, Shape};
 const LEAST_EXPONENT: f64 = 0.01;
 /// Largest sum of the Prony shares.
 const MOST_RELAXING: f64 = 0.999;
+/// Thinnest layer over the height of the sample: the cloud follows both of its faces, and its nodes grow with the inverse.
+const THINNEST: f64 = 1.0 / 400.0;
 /// Most materials of a scene.
 const MOST_MATERIALS: usize = 60;
 
@@ -75,7 +77,40 @@ impl Check<'_> {
     }
 
     pub(super) fn regions(&self) -> Result<(), SceneError> {
-        self.scene.regions.iter().try_for_each(|region| self.region(region))
+        self.scene.regions.iter().try_for_each(|region| self.region(region))?;
+        self.layers()
+    }
+
+    /// Layers, and what they leave of the sample between them, are thick enough for a cloud.
+    fn layers(&self) -> Result<(), SceneError> {
+        let Some(height) = self.scene.sample.shape.height().map(|h| h.get()) else { return Ok(()) };
+        let layers: Vec<(&str, [f64; 2])> = self.scene.regions.iter().filter_map(layer).collect();
+        let ends = layers.iter().flat_map(|(_, ends)| *ends).filter(|end| *end < height);
+        let mut depths: Vec<f64> = ends.chain([0.0, height]).collect();
+        depths.sort_by(f64::total_cmp);
+        depths.dedup();
+        let owner = |depth: f64| layers.iter().position(|(_, [from, to])| (*from..*to).contains(&depth));
+        let mut begun = 0.0;
+        for (i, to) in depths.iter().enumerate().skip(1) {
+            let of = owner(depths[i - 1]);
+            if depths.get(i + 1).is_some_and(|_| owner(*to) == of) {
+                continue; // no interface
+            }
+            if to - begun < THINNEST * height {
+                // what is left of the sample is so thin because of a layer that ends beside it
+                let beside = || layers.iter().position(|(_, ends)| ends.contains(&begun) || ends.contains(to));
+                let Some((name, _)) = of.or_else(beside).and_then(|of| layers.get(of)) else { return Ok(()) };
+                let reason = format!(
+                    "the tissue between the depths {begun} and {to} m would be {:.3e} m thick; at least {:.3e} m ({THINNEST} of the \
+                     sample's height) is needed, since the cloud follows both faces of a layer",
+                    to - begun,
+                    THINNEST * height
+                );
+                return self.refuse(&format!("regions.{name}.to_depth_m"), reason);
+            }
+            begun = *to;
+        }
+        Ok(())
     }
 
     fn region(&self, region: &Region) -> Result<(), SceneError> {
@@ -109,5 +144,13 @@ impl Check<'_> {
             ),
             _ => Ok(()),
         }
+    }
+}
+
+/// Name and depths of a layer.
+fn layer(region: &Region) -> Option<(&str, [f64; 2])> {
+    match &region.shape {
+        RegionShape::Layer { from_depth, to_depth } => Some((&region.name, [from_depth.get(), to_depth.get()])),
+        _ => None,
     }
 }

@@ -223,6 +223,12 @@ fn wrong_regions_are_refused_by_name() {
         (layer("top", "fat", 0.003, 0.002), &["regions.top.to_depth_m", "0.003"]),
         (layer("deep", "fat", 0.02, 0.03), &["regions.deep.from_depth_m", "below the sample"]),
         (layer("a.b", "fat", 0.0, 0.002), &["letters, digits"]),
+        (layer("top", "fat", 0.0, 4e-8), &["regions.top.to_depth_m", "4.000e-8 m thick", "4.250e-5 m"]),
+        (layer("top", "fat", 1e-5, 0.002), &["regions.top.to_depth_m", "0 and 0.00001 m"]),
+        (
+            layer("top", "fat", 0.0, 0.002) + &layer("low", "skin", 0.00201, 0.004),
+            &["regions.top.to_depth_m", "between the depths 0.002 and 0.00201 m"],
+        ),
         (layer("top", "fat", 0.0, 0.002).repeat(2), &["two regions"]),
         (group.to_owned(), &["regions.t.shape", "mesh"]),
         (layer("top", "fat", 0.0, 0.002).replace("to_depth_m", "to_dept_m"), &["to_dept_m", "regions.NAME.to_depth_m"]),
@@ -230,6 +236,13 @@ fn wrong_regions_are_refused_by_name() {
         let message = refused(&text);
         assert!(wanted.iter().all(|w| message.contains(w)), "{message}");
     }
+}
+
+/// The first that fits wins, so a second layer may begin a little above the end of the first.
+#[test]
+fn layers_may_overlap_by_next_to_nothing() {
+    let two = layer("top", "skin", 0.0, 0.002) + &layer("low", "fat", 0.00199, 0.004);
+    scene(&[SAMPLE, &material("fat", 500.0), &material("skin", 9e3), &two, DISC]).unwrap();
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! How the text of a table is laid out: what separates its cells, how numbers are written, where headers and data stand.
 
+use std::cell::OnceCell;
+
 use super::super::TableLayout;
 use super::super::unit::is_unit;
 
@@ -32,25 +34,49 @@ pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     if decimal_comma && cell.contains(',') { cell.replace(',', ".").parse().ok() } else { cell.parse().ok() }
 }
 
-fn cells(line: &str, separator: char) -> Vec<String> {
-    if separator == ' ' {
-        return line.split_whitespace().map(str::to_owned).collect();
+/// What separates the cells of a line. The reader of quoted cells is made at the first of them, once: its table of states costs 20 us.
+struct Splitter {
+    separator: char,
+    quoted: OnceCell<csv_core::Reader>,
+}
+
+impl Splitter {
+    fn new(separator: char) -> Self {
+        Self { separator, quoted: OnceCell::new() }
     }
-    // a reader makes its tables of states anew for each line: 20 us
-    if !line.contains(['"', '\r']) {
-        return line.split(separator).map(|cell| cell.trim().to_owned()).collect();
+
+    fn cells(&self, line: &str) -> Vec<String> {
+        if self.separator == ' ' {
+            return line.split_whitespace().map(str::to_owned).collect();
+        }
+        if line.contains(['"', '\r']) {
+            return self.quoted(line);
+        }
+        line.split(self.separator).map(|cell| cell.trim().to_owned()).collect()
     }
-    let mut reader = super::reader(line.as_bytes(), separator);
-    let mut record = csv::StringRecord::new();
-    match reader.read_record(&mut record) {
-        Ok(true) => record.iter().map(|cell| cell.trim().to_owned()).collect(),
-        _ => Vec::new(),
+
+    /// Cells of a line of which some may stand in quotation marks.
+    fn quoted(&self, line: &str) -> Vec<String> {
+        let delimiter = super::delimiter(self.separator);
+        let mut reader =
+            self.quoted.get_or_init(|| csv_core::ReaderBuilder::new().delimiter(delimiter).build()).clone();
+        let (mut text, mut ends) = (vec![0; line.len() + 1], vec![0; line.len() + 1]);
+        let (read, _, _, mut cells) = reader.read_record(line.as_bytes(), &mut text, &mut ends);
+        if read == csv_core::ReadRecordResult::InputEmpty {
+            // the end of the input ends the record
+            cells += reader.read_record(&[], &mut text, &mut ends[cells..]).3;
+        }
+        let begins = std::iter::once(&0).chain(&ends);
+        begins
+            .zip(&ends[..cells])
+            .map(|(from, to)| String::from_utf8_lossy(&text[*from..*to]).trim().to_owned())
+            .collect()
     }
 }
 
 /// A line of data: two cells or more, none of them a word, at least two of them numbers; how many cells it has.
-fn data(line: &str, separator: char, decimal_comma: bool) -> Option<usize> {
-    let cells = cells(line, separator);
+fn data(line: &str, split: &Splitter, decimal_comma: bool) -> Option<usize> {
+    let cells = split.cells(line);
     let numbers = cells.iter().filter(|cell| number(cell, decimal_comma).is_some_and(f64::is_finite)).count();
     let all = cells.iter().all(|cell| cell.is_empty() || number(cell, decimal_comma).is_some());
     (numbers >= 2 && all).then_some(cells.len())
@@ -62,17 +88,19 @@ impl Layout {
         let lines: Vec<&str> = text.split('\n').take(LOOKED_AT).map(|line| line.trim_end_matches('\r')).collect();
         let separators = said.separator.map_or_else(|| SEPARATORS.to_vec(), |c| vec![c]);
         let decimals = said.decimal_comma.map_or_else(|| vec![false, true], |comma| vec![comma]);
-        let ways = separators.iter().flat_map(|&s| decimals.iter().map(move |&d| (s, d)));
-        let ways = ways.filter(|&(s, d)| said.separator.is_some() || !(d && s == ','));
+        let splitters: Vec<Splitter> = separators.into_iter().map(Splitter::new).collect();
+        let ways = splitters.iter().flat_map(|s| decimals.iter().map(move |&d| (s, d)));
+        let ways = ways.filter(|&(s, d)| said.separator.is_some() || !(d && s.separator == ','));
         let comment = said.comment.as_deref();
-        let seen = ways.filter_map(|(separator, comma)| {
-            let (first, columns) = Self::first_row(&lines, separator, comma, comment, said.header_line)?;
-            Some((first, columns, separator, comma))
+        let seen = ways.filter_map(|(split, comma)| {
+            let (first, columns) = Self::first_row(&lines, split, comma, comment, said.header_line)?;
+            Some((first, columns, split, comma))
         });
         // the reading that finds data first, then the one with the most columns
-        let (first_row, columns, separator, decimal_comma) =
+        let (first_row, columns, split, decimal_comma) =
             seen.min_by_key(|(first, columns, ..)| (*first, std::cmp::Reverse(*columns)))?;
-        let headers = Self::headers(&lines, first_row, columns, separator, said.header_line);
+        let headers = Self::headers(&lines, first_row, columns, split, said.header_line);
+        let separator = split.separator;
         let offset = lines[first_row].as_ptr() as usize - text.as_ptr() as usize;
         let comment = said.comment.clone();
         Some(Self { separator, decimal_comma, headers, first_row, offset, columns, comment })
@@ -80,7 +108,7 @@ impl Layout {
 
     fn first_row(
         lines: &[&str],
-        separator: char,
+        split: &Splitter,
         comma: bool,
         comment: Option<&str>,
         header_line: Option<usize>,
@@ -88,7 +116,7 @@ impl Layout {
         let kept: Vec<usize> = (header_line.unwrap_or(0)..lines.len())
             .filter(|&i| !lines[i].trim().is_empty() && !is_comment(lines[i], comment))
             .collect();
-        let of = |i: usize| data(lines[i], separator, comma);
+        let of = |i: usize| data(lines[i], split, comma);
         kept.iter().enumerate().find_map(|(k, &i)| {
             let columns = of(i)?;
             let rows = &kept[k..(k + ROWS).min(kept.len())];
@@ -101,13 +129,13 @@ impl Layout {
         lines: &[&str],
         first_row: usize,
         columns: usize,
-        separator: char,
+        splitter: &Splitter,
         said: Option<usize>,
     ) -> Option<Vec<String>> {
         let split = |i: usize| {
             let line = lines[i].trim_start_matches(['\u{feff}', '#', '%']);
-            let split = cells(line, separator);
-            if separator == ' ' && split.len() != columns { by_gaps(line) } else { split }
+            let split = splitter.cells(line);
+            if splitter.separator == ' ' && split.len() != columns { by_gaps(line) } else { split }
         };
         if let Some(line) = said {
             return (line > 0).then(|| split(line - 1));

@@ -91,13 +91,9 @@ pub struct Table {
     pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
 }
 
-/// A reader of the cells of a text.
-pub(super) fn reader(bytes: &[u8], separator: char) -> csv::Reader<&[u8]> {
-    let mut builder = csv::ReaderBuilder::new();
-    let separator = u8::try_from(separator).unwrap_or(b',');
-    // a line is read by a reader of its own
-    builder.buffer_capacity(bytes.len().clamp(64, 1 << 16));
-    builder.has_headers(false).flexible(true).delimiter(separator).from_reader(bytes)
+/// What separates cells, to a reader.
+fn delimiter(separator: char) -> u8 {
+    u8::try_from(separator).unwrap_or(b',')
 }
 
 /// UTF-8, UTF-16 with its mark, or else Latin-1: the units µm and °C stand in old files.
@@ -164,7 +160,9 @@ impl Table {
             (data, layout.separator)
         };
         let columns = self.columns.clone();
-        let mut reader = reader(data.as_bytes(), separator);
+        let mut reader = csv::ReaderBuilder::new();
+        let mut reader =
+            reader.has_headers(false).flexible(true).delimiter(delimiter(separator)).from_reader(data.as_bytes());
         let mut record = csv::ByteRecord::new();
         let mut rows = 0;
         while reader.read_byte_record(&mut record).unwrap_or(false) {
