@@ -18,6 +18,8 @@ pub struct Along {
     names: Vec<String>,
     /// Depth at which each stretch begins, m, and its region; ascending.
     stretches: Vec<(f64, u8)>,
+    /// Depth at which the tip would come to what is rigid, m, and its region.
+    rigid: Option<(f64, u8)>,
 }
 
 impl Along {
@@ -25,13 +27,24 @@ impl Along {
     pub(super) fn of(scene: &Scene, tissue: &Tissue, top: f64) -> Self {
         let names = std::iter::once(REST.to_owned()).chain(scene.regions.iter().map(|r| r.name.clone())).collect();
         let Some(instrument) = scene.instrument.as_ref().filter(|_| !tissue.region.is_empty()) else {
-            return Self { names, stretches: vec![(0.0, 0)] };
+            return Self { names, stretches: vec![(0.0, 0)], rigid: None };
         };
         let mut stretches = stretches(instrument, tissue, top);
         if !matches!(instrument.kind, InstrumentKind::Needle(_)) {
             stretches.truncate(1);
         }
-        Self { names, stretches }
+        let of_rigid = |region: u8| {
+            let name = usize::from(region).checked_sub(1).map(|r| &scene.regions[r].material);
+            name.is_some_and(|name| scene.materials.iter().any(|m| m.rigid && m.name == *name))
+        };
+        let rigid = stretches.iter().copied().find(|(_, region)| of_rigid(*region));
+        Self { names, stretches, rigid }
+    }
+
+    /// Depth at which the tip would come to a rigid region, m, and its name: no instrument goes further.
+    #[must_use]
+    pub fn rigid(&self) -> Option<(f64, &str)> {
+        self.rigid.map(|(depth, region)| (depth, self.names[usize::from(region)].as_str()))
     }
 
     /// Names of the regions, [`REST`] first.

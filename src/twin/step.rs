@@ -212,6 +212,11 @@ impl Twin {
                 self.fixed.reach
             ));
         }
+        if let Some((at, region)) = self.along().rigid().filter(|(at, _)| depth > *at) {
+            return refuse(format!(
+                "depth {depth:.6} m is within region \"{region}\", which is rigid and begins at {at:.6} m on this path"
+            ));
+        }
         let side = (0..2).map(|k| (offset[k] + path.slope[k] * offset[2]).powi(2)).sum::<f64>().sqrt();
         if side > self.side_reach() && depth > 0.0 {
             return refuse(format!(

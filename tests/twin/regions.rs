@@ -3,7 +3,7 @@
 
 use crate::coarse::{alone, travel};
 use needle_twin::scene::{Dimension, Override, Scene, SceneError};
-use needle_twin::twin::{Phase, Twin};
+use needle_twin::twin::{Phase, StampedPose, Twin};
 
 const SAMPLE: &str = "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017\n[material]\nmodel = \
     \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\ndensity_kg_per_m3 = 970.0\n";
@@ -183,6 +183,20 @@ fn bone_stands_still() {
     let mut twin = alone(|| Twin::new(&scene(&[&thinner, DISC]).unwrap()).unwrap());
     let expected = travel(&mut twin, 0.0, 0.001, 1000).last().unwrap().force_n[2];
     assert!((force(&bone) / expected - 1.0).abs() < 0.01, "{} {expected}", force(&bone));
+}
+
+/// Neither a plate on bone nor a needle into it has a force.
+#[test]
+fn no_instrument_goes_into_bone() {
+    let bone = |from: f64, to: f64| "[materials.bone]\nrigid = true\n".to_owned() + &layer("bone", "bone", from, to);
+    for (tool, from, reached) in [(DISC, 0.0, 0.0), (PLATE, 0.0, 0.0), (NEEDLE, 0.004, 0.0039)] {
+        let coarse = tool.replace("0.08\n", "0.4\n").replace("0.11\n", "0.4\n");
+        let mut twin = alone(|| Twin::new(&scene(&[SAMPLE, &bone(from, from + 0.002), &coarse]).unwrap()).unwrap());
+        let mut step = |depth: f64| twin.step(StampedPose { time_s: 0.0, pose: twin.pose_at_depth(depth) });
+        assert!(step(reached).is_ok(), "{tool}");
+        let refused = step(from + 1e-4).unwrap_err().to_string();
+        assert!(refused.contains("bone") && refused.contains("rigid"), "{refused}");
+    }
 }
 
 #[test]
