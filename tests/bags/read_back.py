@@ -41,6 +41,8 @@ def compare(where, found, wanted):
         for key, value in wanted.items():
             compare(f"{where}.{key}", found[key], value)
     elif isinstance(wanted, list):
+        if wanted and isinstance(wanted[0], list):  # rows and columns of a covariance are one array in a message
+            wanted = [value for row in wanted for value in row]
         assert len(found) == len(wanted), f"{where}: {len(found)} elements instead of {len(wanted)}"
         for i, (f, w) in enumerate(zip(found, wanted)):
             compare(f"{where}[{i}]", f, w)

@@ -16,7 +16,6 @@ pub const TYPES: [fn(&[u8]); 13] = [
     one::<WrenchStamped>,
     one::<Clock>,
     one::<TwinStatus>,
-    one::<ForceBand>,
     one::<ForceComparison>,
     one::<TissueModel>,
     one::<TissueState>,
@@ -24,6 +23,7 @@ pub const TYPES: [fn(&[u8]); 13] = [
     one::<Marker>,
     one::<DiagnosticArray>,
     one::<PoseArray>,
+    one::<ForceBand>,
 ];
 
 /// The first byte says which type the others are taken for.
