@@ -165,13 +165,20 @@ impl Drop for Judge {
 }
 
 /// The half-plane needle scene with one target.
-fn scene(folder: &std::path::Path) -> String {
+fn scene() -> String {
     let text = include_str!("../src/scene/presets/needle_insertion.toml");
     let text = text.split("[[targets]]").next().unwrap();
-    let target = format!("[[targets]]\nname = \"lesion\"\nposition_m = [0.0015, 0.0, {}]\n", TOP_M - TARGET_DEPTH_M);
-    let path = folder.join("scene.toml");
-    std::fs::write(&path, format!("{text}{target}")).unwrap();
-    path.display().to_string()
+    format!("{text}[[targets]]\nname = \"lesion\"\nposition_m = [0.0015, 0.0, {}]\n", TOP_M - TARGET_DEPTH_M)
+}
+
+/// The same with another region from 3 mm down.
+fn layered() -> String {
+    let deep = "[materials.deep]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\n\
+        density_kg_per_m3 = 970.0\n[[regions]]\nname = \"deep\"\nmaterial = \"deep\"\nshape = \"layer\"\n\
+        from_depth_m = 0.003\nto_depth_m = 0.017\n";
+    // coarse, so that a busy machine keeps up
+    let scene = scene().replace("capture_radius_m = 0.0005", "capture_radius_m = 0.002");
+    scene.replace("spacing_m = 2.33e-3", "spacing_m = 4e-3") + deep
 }
 
 struct Loop {
@@ -184,6 +191,10 @@ struct Loop {
 
 /// Starts everything; the sensors reach guard and twin through the judge if `through` says so.
 fn start(through: bool, rig: &[&str], twin: &[&str], guard: &[&str]) -> Loop {
+    start_in(&scene(), through, rig, twin, guard)
+}
+
+fn start_in(scene: &str, through: bool, rig: &[&str], twin: &[&str], guard: &[&str]) -> Loop {
     let domain = free_domain();
     let folder = tempfile::tempdir().unwrap();
     let judge = Judge::start(domain);
@@ -191,7 +202,9 @@ fn start(through: bool, rig: &[&str], twin: &[&str], guard: &[&str]) -> Loop {
     let force: &[&str] = if through { &["-r", "predicted_cf:=cable_cf"] } else { &[] };
     let driver = ["--ros-args", "-p", "mode:=driver", "-p", "driver_rate_hz:=500.0", "-p", "command_timeout_s:=0.03"];
     let rig = Program::start(RIG, &[&driver[..], rig].concat(), domain, &[]);
-    let scene = scene(folder.path());
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, scene).unwrap();
+    let scene = path.display().to_string();
     let model = ["--scene", &scene, "--ros-args", "-p", "threads:=1", "-p", "tissue_rate_hz:=50.0"];
     let twin = Program::start(TWIN, &[&model[..], cable, twin].concat(), domain, &[]);
     let task = ["guard", "--ros-args"];
@@ -254,6 +267,25 @@ fn it_reaches_a_target_where_the_tissue_has_taken_it() {
     assert!((depth_m - target_m).abs() < 2e-4, "{depth_m} {target_m}");
     let beyond = heard.motion.iter().map(|m| m.1).fold(0.0, f64::max) - depth_m;
     assert!(beyond < 5e-5, "passed by {beyond} m");
+}
+
+#[test]
+fn it_stops_before_a_region() {
+    let _alone = alone();
+    let task = ["-p", "goal_depth_m:=0.008", "-p", "force_limit_n:=10.0", "-p", "resume_after_s:=0.3"];
+    let region = ["-p", "stop_before_region:=deep", "-p", "stop_before_m:=0.0003"];
+    let run = start_in(&layered(), false, &[], &[], &[&task[..], &region].concat());
+    run.judge.wait_for(0.002, "region");
+    let mut before = 0.0;
+    // trouble of a busy machine makes a pause of 0.3 s
+    while run.judge.depth_m() > before + 1e-9 {
+        before = run.judge.depth_m();
+        sleep(Duration::from_millis(1500));
+    }
+    let (_, log, _) = run.guard.stop("INT");
+    assert!(log.contains("the region of stop_before_region begins at 0.003000 m, as the scene has it"), "{log}");
+    println!("it stands at {before} m, the region begins at 0.003 m");
+    assert!((before - 0.0027).abs() < 1.5e-4, "{before}");
 }
 
 #[test]

@@ -128,7 +128,7 @@ fn accuracy_percent(share: f64) -> String {
 /// Runs the scene's insertion as `solve` does.
 fn shown(scene: &Scene) -> Result<Run, CliError> {
     let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
-    let motion = Motion { hold: Seconds(0.0), retract: false, ..motion };
+    let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..motion };
     let (mut twin, build_s) =
         compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);

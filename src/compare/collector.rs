@@ -3,7 +3,7 @@
 use crate::scene::Word as _;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::{Answer, FinalState, Run, Snapshot, TargetRow};
+use super::{Answer, FinalState, Occurrence, Run, Snapshot, TargetRow};
 use crate::twin::{Prediction, Twin};
 
 /// Snapshots that a run of known length gets.
@@ -108,6 +108,7 @@ impl Collector {
             latency_s,
         };
         self.run.answers.push(answer);
+        self.note_events(twin, time_s, axis);
         self.run.steps += u64::from(prediction.steps);
         self.run.wall_s += latency_s;
         self.run.simulated_s = self.run.simulated_s.max(time_s);
@@ -117,6 +118,17 @@ impl Collector {
         }
         self.observe(twin, &answer);
         answer
+    }
+
+    fn note_events(&mut self, twin: &Twin, time_s: f64, axis: [f64; 3]) {
+        self.run.events.extend(twin.happened().iter().map(|h| Occurrence {
+            time_s,
+            kind: h.event.kind().to_owned(),
+            region: twin.along().name_of(h.event.region()).to_owned(),
+            depth_m: h.event.depth_m(),
+            force_before_n: 0.0 - dot(h.force_before_n, axis),
+            force_after_n: 0.0 - dot(h.force_after_n, axis),
+        }));
     }
 
     /// Says whether force and position were stamped by one clock.

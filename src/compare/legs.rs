@@ -5,6 +5,9 @@ use super::Run;
 /// Part of the largest depth within which the instrument counts as held at it.
 const HOLD_BAND: f64 = 0.002;
 
+/// Share of the depth below which the instrument has left it: several insertions are no hold.
+const LEAVES: f64 = 0.9;
+
 /// Where a run's answers fall into insertion, hold and retraction. Any of them may be empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Legs {
@@ -41,6 +44,9 @@ impl Run {
         let (first, last) = (self.answers.get(hold)?, self.answers.get(retraction.checked_sub(1)?)?);
         let whole = self.answers.last()?.time_s - self.answers.first()?.time_s;
         let duration = last.time_s - first.time_s;
+        if self.answers[hold..retraction].iter().any(|a| a.depth_m < LEAVES * first.depth_m) {
+            return None;
+        }
         let depth = self.answers[hold..retraction].iter().map(|a| a.depth_m).fold(first.depth_m, f64::max);
         (duration.is_finite() && duration > 0.02 * whole.max(0.0)).then_some((depth, duration))
     }
@@ -96,6 +102,8 @@ mod tests {
         assert_eq!(turn.hold(), None);
         let held = run(ramp().chain(vec![49.0; 30]).chain(ramp().rev()).collect());
         assert_eq!(held.hold(), Some((49.0, 31.0)));
+        let twice = run(ramp().chain(ramp().rev()).chain(ramp()).collect());
+        assert_eq!(twice.hold(), None);
         assert_eq!(Run::default().hold(), None);
     }
 

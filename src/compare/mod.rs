@@ -68,6 +68,23 @@ impl Answer {
     }
 }
 
+/// Something that happened to the tissue, with the predicted force on either side of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Occurrence {
+    /// Of the pose that saw it, s since the first pose.
+    pub time_s: f64,
+    /// `puncture`, `layer` or `slip`.
+    pub kind: String,
+    /// Region that the tip came into, or is in.
+    pub region: String,
+    /// Tip depth, m.
+    pub depth_m: f64,
+    /// Force against the insertion, N.
+    pub force_before_n: f64,
+    /// Force against the insertion, N.
+    pub force_after_n: f64,
+}
+
 /// Positions of all targets at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetRow {
@@ -130,6 +147,8 @@ pub struct Run {
     pub integration_points: usize,
     /// One row per answered pose.
     pub answers: Vec<Answer>,
+    /// What happened to the tissue, in its order.
+    pub events: Vec<Occurrence>,
     /// Names of the targets.
     pub target_names: Vec<String>,
     /// Their positions over time.

@@ -6,7 +6,7 @@
 
 use super::rows::Rows;
 use super::{At, ForceSeries, Reading};
-use crate::scene::{Dimension, PRESETS, Scene};
+use crate::scene::{Dimension, Preset, Scene};
 use crate::twin::{StampedPose, Twin};
 
 /// Units that positions and forces come in, in m and N, and how unlikely each is (in factors of e).
@@ -248,7 +248,7 @@ fn likely(twin: &Twin, ratio: f64, measured: f64, depth_m: f64, named: Option<&s
         let predicted = probe(&other, depth_m).filter(|f| *f > 0.0)?;
         Some((name.to_owned(), (measured / predicted).ln().abs() + OTHER_SCENE))
     };
-    let scenes = PRESETS.iter().map(|p| p.name).filter(|name| name != own).filter_map(off);
+    let scenes = Preset::of_the_paper().iter().map(|p| p.name).filter(|name| name != own).filter_map(off);
     let scene = scenes.min_by(|a, b| a.1.total_cmp(&b.1));
     let (unit, far) = unit_of(ratio);
     match scene {

@@ -23,6 +23,9 @@ pub const SLOWS_AT: f64 = 0.8;
 /// Share of the force limit at which the guard stops; the rest is for what braking adds.
 pub const STOPS_AT: f64 = 0.97;
 
+/// Largest age of where a region begins, s: the twin's status comes ten times a second.
+const REGION_TIMEOUT_S: f64 = 0.5;
+
 /// What the guard is to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orders {
@@ -44,6 +47,8 @@ pub struct Orders {
     pub following_error_m: f64,
     /// Share of the speed while the twin warns.
     pub slow_factor: f64,
+    /// Stop so far before a region's boundary, m; `None`: no region is forbidden.
+    pub stop_before_m: Option<f64>,
     /// After a stop, go on by itself when all has been well for so long, s; 0: never.
     pub resume_after_s: f64,
 }
@@ -55,6 +60,15 @@ pub struct Heard<T> {
     pub value: T,
     /// s
     pub age_s: f64,
+}
+
+/// Where a region begins on the needle's way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Boundary {
+    /// Depth of the tip at which it comes into the region, m.
+    pub depth_m: f64,
+    /// Whether that is where the twin has the deformed boundary; otherwise as in the scene.
+    pub predicted: bool,
 }
 
 /// What the guard has heard; `None`: never.
@@ -70,6 +84,8 @@ pub struct Sight {
     pub warned: bool,
     /// Depth to go to, m.
     pub goal_m: Option<Heard<f64>>,
+    /// Where the region begins that must not be entered.
+    pub boundary: Option<Heard<Boundary>>,
     /// Whether the goal is a target of the twin, whose position can become outdated.
     pub goal_moves: bool,
 }
@@ -88,6 +104,10 @@ pub enum Trouble {
     TargetLost,
     /// The predicted force, N.
     ForceLimit(f64),
+    /// Where the region begins that must not be entered is not known.
+    RegionUnknown,
+    /// The region that must not be entered begins here.
+    RegionAhead(Boundary),
     /// The driver is not where it was told to be, by so much, m.
     NotFollowing(f64),
 }
@@ -100,6 +120,16 @@ impl fmt::Display for Trouble {
             Self::NotVouched => write!(f, "the twin does not vouch for its prediction (see its status)"),
             Self::TargetLost => write!(f, "targets is silent or has no such target"),
             Self::ForceLimit(force) => write!(f, "the predicted force, {force:.4} N, is at the limit"),
+            Self::RegionUnknown => {
+                write!(
+                    f,
+                    "the twin's status is silent, or has no region on the needle's path of the name in stop_before_region"
+                )
+            }
+            Self::RegionAhead(Boundary { depth_m, predicted }) => {
+                let of = if *predicted { "as the twin predicts its boundary" } else { "as the scene has it" };
+                write!(f, "the region of stop_before_region begins at {depth_m:.6} m, {of}")
+            }
             Self::NotFollowing(gap) => write!(f, "the driver is {gap:.6} m away from where it was told to be"),
         }
     }
@@ -205,12 +235,26 @@ impl Guard {
         let share = if sight.warned { slow_factor } else { 1.0 };
         self.trajectory.limit_speed(motion.speed_m_per_s * share * self.force_share(sight));
         let (Some(goal), Some(depth)) = (sight.goal_m, sight.depth_m) else { return };
-        self.trajectory.go_to(goal.value);
+        self.trajectory.go_to(self.before_region(sight).map_or(goal.value, |limit| goal.value.min(limit)));
         let here = (depth.value - goal.value).abs() <= tolerance_m;
         self.at_goal_s = if here { self.at_goal_s + step_s } else { 0.0 };
         if self.at_goal_s >= dwell_s {
             self.phase = Phase::Arrived;
         }
+    }
+
+    /// Deepest place that lies before the forbidden region, m; `None` if there is none.
+    fn before_region(&self, sight: &Sight) -> Option<f64> {
+        Some(sight.boundary?.value.depth_m - self.orders.stop_before_m?)
+    }
+
+    /// Whether the forbidden region is near, or where it is can't be said.
+    fn region_trouble(&self, sight: &Sight, depth: f64) -> Option<Trouble> {
+        self.orders.stop_before_m?;
+        let boundary = fresh(sight.boundary, REGION_TIMEOUT_S).filter(|b| b.depth_m.is_finite());
+        let Some(boundary) = boundary else { return Some(Trouble::RegionUnknown) };
+        let limit = self.before_region(sight)?;
+        (depth >= limit - self.orders.tolerance_m).then_some(Trouble::RegionAhead(boundary))
     }
 
     /// Counts the time without trouble.
@@ -246,6 +290,9 @@ impl Guard {
         let goal_timeout = if sight.goal_moves { target_timeout_s } else { f64::INFINITY };
         if fresh(sight.goal_m, goal_timeout).is_none_or(|goal| !goal.is_finite()) {
             return Some(Trouble::TargetLost);
+        }
+        if let Some(trouble) = self.region_trouble(sight, depth) {
+            return Some(trouble);
         }
         let gap = (depth - self.trajectory.position_m()).abs();
         let follows = matches!(self.phase, Phase::Waiting(_) | Phase::Stopped(_)) || gap <= following_error_m;

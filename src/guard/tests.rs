@@ -10,6 +10,7 @@ const ORDERS: Orders = Orders {
     dwell_s: 0.1,
     following_error_m: 5e-4,
     slow_factor: 0.5,
+    stop_before_m: None,
     resume_after_s: 0.0,
 };
 
@@ -24,6 +25,7 @@ fn well(depth_m: f64) -> Sight {
         safe: now(true),
         warned: false,
         goal_m: now(0.005),
+        boundary: None,
         goal_moves: true,
     }
 }
@@ -149,4 +151,43 @@ fn leaving_brakes_first() {
     let places: Vec<f64> = std::iter::from_fn(|| guard.leave()).collect();
     assert!((2..=4).contains(&places.len()) && places.iter().all(|p| *p >= depth_m), "{places:?}");
     assert_eq!(guard.speed_m_per_s(), 0.0);
+}
+
+#[test]
+fn it_stops_before_a_region_that_moves_and_not_without_knowing_where_it_is() {
+    let orders = Orders { stop_before_m: Some(3e-4), ..ORDERS };
+    let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
+    run(&mut guard, &mut depth_m, 10, |_| {});
+    assert_eq!(guard.phase(), Phase::Waiting(Some(Trouble::RegionUnknown)));
+    // the needle pushes the boundary ahead of it
+    let at = |depth_m: f64, s: &mut Sight| {
+        s.boundary = now(Boundary { depth_m: 3e-3 + 0.1 * (depth_m - 1e-3), predicted: true });
+        s.depth_m = now(depth_m);
+    };
+    for _ in 0..1000 {
+        let mut sight = well(depth_m);
+        at(depth_m, &mut sight);
+        depth_m = guard.tick(&sight).unwrap_or(depth_m);
+    }
+    let Phase::Stopped(Trouble::RegionAhead(boundary)) = guard.phase() else { panic!("{:?}", guard.phase()) };
+    assert!(boundary.predicted && boundary.depth_m > 3.1e-3, "{boundary:?}");
+    let left = boundary.depth_m - depth_m;
+    assert!(left > 3e-4 - 1e-6 && left < 4.2e-4, "{left} m before it");
+    assert!(Trouble::RegionAhead(boundary).to_string().contains("predicts"));
+    // nor does it go on
+    assert!(guard.resume());
+    let held = depth_m;
+    for _ in 0..100 {
+        let mut sight = well(depth_m);
+        at(depth_m, &mut sight);
+        depth_m = guard.tick(&sight).unwrap_or(depth_m);
+    }
+    assert_eq!(depth_m, held);
+    // a boundary that is not heard of any more
+    let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
+    let far = Boundary { depth_m: 0.01, predicted: false };
+    run(&mut guard, &mut depth_m, 100, |s| s.boundary = now(far));
+    assert_eq!(guard.phase(), Phase::Moving);
+    run(&mut guard, &mut depth_m, 1, |s| s.boundary = Some(Heard { value: far, age_s: 0.6 }));
+    assert_eq!(guard.phase(), Phase::Stopped(Trouble::RegionUnknown));
 }

@@ -43,15 +43,48 @@ pub enum Event {
         /// As of a puncture.
         region: u8,
     },
+    /// The whole shaft of a frictional needle began to slip along the tissue, after it had stuck or slipped the other way.
+    Slip {
+        /// Tip depth, m.
+        depth_m: f64,
+        /// Where the tip is, as of a puncture.
+        region: u8,
+    },
 }
 
 impl Event {
+    /// The word used in files and messages: `puncture`, `layer`, `slip`.
+    #[must_use]
+    pub const fn kind(self) -> &'static str {
+        match self {
+            Self::Puncture { .. } => "puncture",
+            Self::Entered { .. } => "layer",
+            Self::Slip { .. } => "slip",
+        }
+    }
+
+    /// Tip depth, m.
+    #[must_use]
+    pub const fn depth_m(self) -> f64 {
+        match self {
+            Self::Puncture { depth_m, .. } | Self::Entered { depth_m, .. } | Self::Slip { depth_m, .. } => depth_m,
+        }
+    }
+
+    /// Region: 0 for what lies in none of the scene's, otherwise one more than its place there.
+    #[must_use]
+    pub const fn region(self) -> u8 {
+        match self {
+            Self::Puncture { region, .. } | Self::Entered { region, .. } | Self::Slip { region, .. } => region,
+        }
+    }
+
     /// Depth of a puncture, m.
     #[must_use]
     pub const fn puncture_depth(self) -> Option<f64> {
         match self {
             Self::Puncture { depth_m, .. } => Some(depth_m),
-            Self::Entered { .. } => None,
+            Self::Entered { .. } | Self::Slip { .. } => None,
         }
     }
 }

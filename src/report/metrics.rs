@@ -3,9 +3,9 @@
 use crate::compare::alignment::{Alignment, Found};
 use crate::compare::ensemble::assimilate::{Forecast, HORIZON_S};
 use crate::compare::ensemble::{Band, Ensemble, Spread};
-use crate::compare::{Answer, ForceMetrics, Run, Verdict};
+use crate::compare::{ForceMetrics, Occurrence, Run, Verdict};
 use crate::scene::Uncertain;
-use crate::twin::{Event, Phase, REST};
+use crate::twin::Event;
 use serde_json::{Map, Value, json};
 
 /// Content of `metrics.json`: counts, force, timing, stability, checksum. Keys are only ever added.
@@ -135,35 +135,20 @@ impl Nulls<'_> {
     }
 }
 
-/// Region of the tissue that a puncture at a depth opens.
-fn region(run: &Run, depth_m: f64) -> &str {
-    match run.along.name(depth_m, Phase::Penetration) {
-        "" => REST,
-        name => name,
-    }
-}
-
-/// What happened to the tissue: kind, where, and the predicted force at the pose before and at the pose that saw it.
+/// What happened to the tissue: kind, where, and the predicted force before and after it.
 fn events(run: &Run) -> Value {
-    let force = |i: Option<usize>| i.and_then(|i| run.answers.get(i)).map(|a| a.predicted_n).filter(|f| f.is_finite());
-    let event = |(i, a): (usize, &Answer)| {
-        let (kind, depth_m, number) = match a.event? {
-            Event::Puncture { depth_m, region } => ("puncture", depth_m, region),
-            Event::Entered { depth_m, region } => ("layer", depth_m, region),
-        };
-        // a needle with friction pushes a boundary ahead of it: it knows what it has come into
-        let known = run.instrument.is_some_and(|i| i.is_frictional());
-        let named = run.along.names().get(usize::from(number)).filter(|_| known);
-        let region = named.map_or_else(|| region(run, depth_m), String::as_str);
-        Some(json!({
-            "kind": kind,
-            "region": region,
-            "depth_m": Some(depth_m).filter(|d| d.is_finite()),
-            "force_before_n": force(i.checked_sub(1)),
-            "force_after_n": force(Some(i)),
-        }))
+    let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+    let event = |e: &Occurrence| {
+        json!({
+            "kind": e.kind,
+            "region": e.region,
+            "depth_m": finite(e.depth_m),
+            "time_s": finite(e.time_s),
+            "force_before_n": finite(e.force_before_n),
+            "force_after_n": finite(e.force_after_n),
+        })
     };
-    run.answers.iter().enumerate().filter_map(event).collect()
+    run.events.iter().map(event).collect()
 }
 
 /// What members say; only of runs that have some.

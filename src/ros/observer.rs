@@ -8,7 +8,7 @@ use super::environment::Environment;
 use super::messages::RosMessage;
 use super::messages::diagnostic_msgs::DiagnosticArray;
 use super::messages::geometry_msgs::{PoseArray, WrenchStamped};
-use super::messages::needle_twin::{ForceComparison, TissueModel, TissueState, TwinStatus};
+use super::messages::needle_twin::{ForceComparison, TissueEvent, TissueModel, TissueState, TwinStatus};
 use super::messages::rosbag2_interfaces::Empty;
 use super::messages::sensor_msgs::{JointState, PointCloud2};
 use super::names::Names;
@@ -54,6 +54,8 @@ pub struct Observations {
     pub predicted: Vec<Heard<[f64; 3]>>,
     /// State of the twin.
     pub status: Vec<Heard<TwinStatus>>,
+    /// What happened to the tissue.
+    pub events: Vec<Heard<TissueEvent>>,
     /// Displacements.
     pub tissue: Vec<Heard<TissueState>>,
     /// Fields at the points.
@@ -98,6 +100,7 @@ pub struct Observer {
     force: Input<WrenchStamped>,
     comparison: Input<ForceComparison>,
     status: Input<TwinStatus>,
+    events: Input<TissueEvent>,
     model: Input<TissueModel>,
     tissue: Input<TissueState>,
     points: Input<PointCloud2>,
@@ -127,6 +130,7 @@ impl Observer {
             force: participant.subscription("predicted_cf", qos::reliable(DEPTH))?,
             comparison: participant.subscription("comparison", qos::reliable(DEPTH))?,
             status: participant.subscription("status", qos::reliable(DEPTH))?,
+            events: participant.subscription("events", qos::latest(100))?,
             model: participant.subscription("tissue_model", qos::latched())?,
             tissue: participant.subscription("tissue_state", qos::sensor(100))?,
             points: participant.subscription("tissue_points", qos::sensor(100))?,
@@ -180,6 +184,9 @@ impl Observer {
         drain(&self.comparison, recorder, &reliable, |_, _| heard.comparisons += 1);
         drain(&self.status, recorder, &reliable, |m, [received, _]| {
             heard.status.push(Heard { stamp_ns: m.header.stamp.nanos(), received_ns: received, value: m });
+        });
+        drain(&self.events, recorder, &Qos::transient_local(100), |m, [received, _]| {
+            heard.events.push(Heard { stamp_ns: m.header.stamp.nanos(), received_ns: received, value: m });
         });
         drain(&self.model, recorder, &Qos::transient_local(1), |m, _| heard.model = Some(m));
         drain(&self.tissue, recorder, &best_effort, |m, [received, _]| {

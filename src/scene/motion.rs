@@ -19,32 +19,38 @@ section! {
         hold: Seconds = Key::real("motion.hold_s", Range::closed(0.0, 1e6), "s").or("0.0"),
         /// Whether the instrument then goes back to where it started.
         retract: bool = Key::boolean("motion.retract").or("false"),
+        /// How often it goes to depth; between two times it goes back to where it started.
+        insertions: u32 = Key::integer("motion.insertions", 1, 10).or("1"),
     }
 }
 
 impl Motion {
-    /// Pose intervals of insertion, hold and retraction. The last pose of the insertion is at full depth, so the
+    /// Pose intervals of one insertion and of its hold; a retraction takes as many as an insertion. The last pose of the insertion is at full depth, so the
     /// insertion takes the time of a whole number of intervals.
-    fn intervals(&self) -> [f64; 3] {
+    fn intervals(&self) -> [f64; 2] {
         let rate = self.pose_rate.get();
         // A hair less, so that 0.01 m / 0.001 m/s * 1000 Hz is 10,000 intervals and not 10,001.
         let insertion = ((self.depth.get() - self.start_depth.get()) / self.speed.get() * rate * (1.0 - 1e-12)).ceil();
-        [insertion, (self.hold.get() * rate).round(), if self.retract { insertion } else { 0.0 }]
+        [insertion, (self.hold.get() * rate).round()]
     }
 
     /// Number of poses, the one at the start and time 0 included. A float, since nonsense can exceed every integer.
     #[must_use]
     pub fn pose_count(&self) -> f64 {
-        self.intervals().iter().sum::<f64>() + 1.0
+        let [insertion, hold] = self.intervals();
+        let last = insertion + hold + if self.retract { insertion } else { 0.0 };
+        f64::from(self.insertions - 1) * (2.0 * insertion + hold) + last + 1.0
     }
 
-    /// Time in s and depth in m of every pose: from the start to depth at speed, hold, and back if it retracts.
+    /// Time in s and depth in m of every pose: from the start to depth at speed, hold, and back if it retracts or goes again.
     pub fn poses(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
         let motion = *self;
-        let [insertion, hold, _] = self.intervals();
+        let [insertion, hold] = self.intervals();
+        let (cycle, last) = (2.0 * insertion + hold, f64::from(self.insertions - 1));
         let (rate, start, depth) = (self.pose_rate.get(), self.start_depth.get(), self.depth.get());
         (0..self.pose_count() as u64).map(move |k| {
-            let k = k as f64;
+            let pose = k as f64;
+            let k = if cycle > 0.0 { pose - (pose / cycle).floor().min(last) * cycle } else { 0.0 };
             let down = |intervals: f64| (start + motion.speed.get() * intervals / rate).min(depth);
             let at = if k < insertion {
                 down(k)
@@ -54,7 +60,7 @@ impl Motion {
                 // The mirror image of the insertion, so that the last pose is at the first one's depth exactly.
                 down(2.0 * insertion + hold - k)
             };
-            (k / rate, at)
+            (pose / rate, at)
         })
     }
 }

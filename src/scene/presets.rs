@@ -17,9 +17,16 @@ pub static PRESETS: &[Preset] = &[
     Preset { name: "compression", text: include_str!("presets/compression.toml") },
     Preset { name: "indentation", text: include_str!("presets/indentation.toml") },
     Preset { name: "needle_insertion", text: include_str!("presets/needle_insertion.toml") },
+    Preset { name: "layered_tissue", text: include_str!("presets/layered_tissue.toml") },
 ];
 
 impl Preset {
+    /// Those of the source paper, which have a reference solution.
+    #[must_use]
+    pub fn of_the_paper() -> &'static [Self] {
+        &PRESETS[..3]
+    }
+
     /// The preset of a name.
     ///
     /// # Errors

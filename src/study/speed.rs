@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::csv;
 use crate::compare::Watch;
-use crate::scene::{Override, PRESETS, Preset, Scene, SceneError};
+use crate::scene::{Override, Preset, Scene, SceneError};
 use crate::twin::{BuildError, Halt, StampedPose, Twin};
 use mtled::solver::StepWork;
 
@@ -76,10 +76,10 @@ pub fn cases(threads: usize, quick: bool) -> Vec<Case> {
     while counts.last().is_some_and(|&n| 2 * n <= threads) {
         counts.push(2 * counts[counts.len() - 1]);
     }
-    for Preset { name: preset, .. } in PRESETS {
+    for Preset { name: preset, .. } in Preset::of_the_paper() {
         cases.push(case("as shipped", preset, &[], 1));
     }
-    for Preset { name: preset, .. } in PRESETS {
+    for Preset { name: preset, .. } in Preset::of_the_paper() {
         for &threads in &counts {
             cases.push(case("three dimensions", preset, std::slice::from_ref(&full), threads));
         }

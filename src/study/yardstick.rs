@@ -3,7 +3,7 @@
 
 use super::accuracy::{Case, Steps, StudyError};
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
-use crate::scene::{Motion, PRESETS, Scene, Target};
+use crate::scene::{Motion, Preset, Scene, Target};
 
 /// Spacing of the own fine cloud over the scene's, in a half plane.
 const FINE: f64 = 0.5;
@@ -119,7 +119,7 @@ pub fn preset_of(scene: &Scene) -> Option<&'static str> {
     let same = |preset: &Scene| {
         preset.sample == scene.sample && preset.material == scene.material && preset.instrument == scene.instrument
     };
-    PRESETS.iter().find(|p| p.scene().is_ok_and(|preset| same(&preset))).map(|p| p.name)
+    Preset::of_the_paper().iter().find(|p| p.scene().is_ok_and(|preset| same(&preset))).map(|p| p.name)
 }
 
 /// How deep the accuracy study takes a scene, m: the indentation to where displacements are known and the reference's

@@ -3,8 +3,9 @@
 use crate::scene::{Instrument, InstrumentKind, Scene};
 use mtled::cloud::Axis;
 
-use super::Phase;
 use super::tissue::Tissue;
+use super::{Phase, Twin};
+use crate::instrument::Contact;
 
 /// What lies in no region: of `[material]`.
 pub const REST: &str = "sample";
@@ -66,10 +67,43 @@ impl Along {
         self.stretches.get(after.saturating_sub(1)).map(|(_, region)| *region)
     }
 
+    /// Boundaries below one depth down to another, m, each with the region that begins there.
+    pub fn boundaries(&self, above_m: f64, to_m: f64) -> impl Iterator<Item = (f64, u8)> + '_ {
+        self.stretches.iter().copied().filter(move |(from, _)| *from > above_m && *from <= to_m)
+    }
+
+    /// Name of each region that the path comes into, and the depth at which it does in the undeformed sample, m.
+    pub fn stretches(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.stretches.iter().map(|(from, region)| (self.name_of(*region), *from))
+    }
+
+    /// Name of a region by its place among the [`Along::names`].
+    #[must_use]
+    pub fn name_of(&self, region: u8) -> &str {
+        self.names.get(usize::from(region)).map_or(REST, String::as_str)
+    }
+
     /// Name of the region that the tip is in; empty outside of the sample.
     #[must_use]
     pub fn name(&self, depth_m: f64, phase: Phase) -> &str {
         self.region(depth_m, phase).map_or("", |region| &self.names[usize::from(region)])
+    }
+}
+
+/// Regions whose boundaries are followed.
+pub const FOLLOWED: usize = 8;
+
+impl Twin {
+    /// Depths of the tip at which it comes into the first regions of its path as the deformed tissue has them now, m; NaN where there is
+    /// none. `None` but for a needle with friction: others come into a region where the scene has it.
+    #[must_use]
+    pub fn boundaries_m(&self) -> Option<[f64; FOLLOWED]> {
+        let Some(Contact::Frictional(needle)) = &self.contact else { return None };
+        let mut depths = [f64::NAN; FOLLOWED];
+        for (depth, (from, _)) in depths.iter_mut().zip(&self.fixed.along.stretches) {
+            *depth = needle.deformed(*from, &self.solver);
+        }
+        Some(depths)
     }
 }
 

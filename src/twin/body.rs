@@ -29,7 +29,7 @@ const WALL_GROWTH: f64 = 0.15;
 const PLANE_REFINEMENT: f64 = 0.5;
 const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
 /// Largest spacing along a needle's path through several regions in a half plane, over the capture radius: where the shear on
-/// the needle jumps with the modulus, the force's error falls in proportion to it.
+/// the needle jumps with the modulus, the force's error falls in proportion to it. Where tissue slips, the shear does not.
 const REGIONS_PATH_SPACING: f64 = 0.1;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
@@ -128,7 +128,7 @@ impl Layout {
         };
         let spacing = Metres(finer * grading.spacing.get());
         let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, POINT_REFINEMENT);
-        if !scene.regions.is_empty() {
+        if !scene.regions.is_empty() && !scene.instrument.is_some_and(|i| i.is_frictional()) {
             layout.spacing.features.iter_mut().for_each(refine_path);
         }
         if scene.instrument.is_some_and(|i| surface::has_wall(&i)) {

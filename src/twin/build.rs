@@ -56,6 +56,7 @@ impl Twin {
             contact,
             progress: Progress::new(pace),
             counters: Counters::default(),
+            happened: super::Happened::default(),
         };
         twin.begin();
         Ok(twin)

@@ -63,6 +63,7 @@ impl Twin {
             progress: self.progress.clone(),
             saved: self.saved.clone(),
             counters: super::Counters::default(),
+            happened: super::Happened::default(),
         }
     }
 

@@ -5,6 +5,7 @@ mod axisymmetric;
 mod body;
 mod build;
 mod contain;
+mod happened;
 mod look_ahead;
 mod mesh;
 mod observe;
@@ -27,11 +28,13 @@ use crate::scene::{Dimension, Instrument, Resolved, Scene};
 use mtled::cloud::Axis;
 use mtled::solver::{Solver, StepWork};
 
-pub use along::{Along, REST};
+pub use along::{Along, FOLLOWED, REST};
 pub use body::{Body, PATH_SPACING};
+pub use happened::Happening;
 pub use look_ahead::Motion;
 pub use work::Work;
 
+use happened::Happened;
 use pace::Pace;
 use recover::{Lost, Saved};
 use tissue::Tissue;
@@ -84,7 +87,7 @@ pub struct Prediction {
     pub torque_nm: [f64; 3],
     /// Phase of the interaction.
     pub phase: Phase,
-    /// What happened since the last pose, if anything.
+    /// What happened since the last pose, if anything; of several ([`Twin::happened`]) the first puncture, or else the first.
     pub event: Option<Event>,
     /// Explicit steps that this pose took.
     pub steps: u32,
@@ -195,6 +198,8 @@ pub struct Twin {
     saved: Saved,
     /// What was computed beside the force.
     counters: Counters,
+    /// Events of the last pose.
+    happened: Happened,
 }
 
 /// What never changes of a twin; shared with its branches.

@@ -25,6 +25,8 @@ const QUIET: f64 = 0.1;
 const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
+/// The same where tissue slips along a needle, which goes in many short strides.
+const LARGEST_BOOST_OF_SLIP: f64 = 4.0;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
 /// The same where tissue slips along a needle: how far it lags decides about what slips.
@@ -50,6 +52,8 @@ pub(super) struct Pace {
     boost: f64,
     /// [`LAG`] of the scene.
     lag: f64,
+    /// [`LARGEST_BOOST`] of the scene.
+    largest: f64,
     /// Most steps that there is time for.
     pub limit: u32,
     /// Relative stress relaxation since the last step.
@@ -59,6 +63,8 @@ pub(super) struct Pace {
 impl Pace {
     /// `height`: of the sample, m.
     pub fn new(scene: &Scene, height: f64) -> Self {
+        let slips = scene.instrument.is_some_and(|i| i.is_frictional());
+        let largest = if slips { LARGEST_BOOST_OF_SLIP } else { LARGEST_BOOST };
         Self {
             stepping: scene.stepping,
             length: LENGTH * height,
@@ -67,8 +73,9 @@ impl Pace {
             imbalance: 0.0,
             gap: 0.0,
             unsettled: 0.0,
-            boost: LARGEST_BOOST,
-            lag: if scene.instrument.is_some_and(|i| i.is_frictional()) { LAG_OF_SLIP } else { LAG },
+            boost: largest,
+            lag: if slips { LAG_OF_SLIP } else { LAG },
+            largest,
             limit: u32::MAX,
             pending: 0.0,
         }
@@ -107,7 +114,7 @@ impl Pace {
         let error = balance.error_estimate.max(gap);
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
         self.unsettled = self.gap.max(FADE * self.unsettled);
-        self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
+        self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, self.largest);
     }
 
     /// Makes the next pose take steps even if the instrument rests: the forces of the present state are not known.
@@ -120,7 +127,7 @@ impl Pace {
         self.imbalance = 0.0;
         self.gap = 0.0;
         self.unsettled = 0.0;
-        self.boost = LARGEST_BOOST;
+        self.boost = self.largest;
         self.pending = 0.0;
     }
 }

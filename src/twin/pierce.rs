@@ -1,15 +1,23 @@
 //! A needle with friction in the twin: fine strides, the tissue's springing back after a puncture, and what can be asked of it.
 
-use crate::instrument::{Contact, Event, Tip};
+use crate::instrument::{Contact, Tip};
 use mtled::solver::Balance;
 
 use super::{Halt, Phase, Twin};
 
-/// Longest stride in layers of nodes: the front and the shaft's length are brought up to date between two.
-pub(super) const STRIDE: f64 = 0.05;
+/// Longest stride in radii of the needle, at any rate of poses: the front and the shaft's length are brought up to date between two, and
+/// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
+const STRIDE: f64 = 0.0025;
+const STRIDES: f64 = 40.0;
 /// Explicit steps between two looks at a front that runs, and most looks.
 const LOOK: u32 = 8;
 const LOOKS: u32 = 64;
+
+/// Length of a stride of a way, m.
+pub(super) fn stride(radius: f64, length: f64) -> f64 {
+    let shortest = STRIDE * radius;
+    (length / STRIDES).clamp(shortest, 10.0 * shortest)
+}
 
 impl Twin {
     /// Takes further steps at the same pose while the front runs through tissue that springs back after a puncture.
@@ -19,8 +27,8 @@ impl Twin {
         tip: &Tip,
         phase: Phase,
         time_s: f64,
-    ) -> Result<Option<(Balance, u32, Option<Event>)>, Halt> {
-        let (mut last, mut taken, mut event) = (None, 0, None);
+    ) -> Result<Option<(Balance, u32)>, Halt> {
+        let (mut last, mut taken) = (None, 0);
         for _ in 0..LOOKS {
             let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
             let balance: &Balance = last.as_ref().unwrap_or(first);
@@ -28,11 +36,11 @@ impl Twin {
                 break;
             }
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
-            event = event.or(seen);
+            self.note(seen, tip, phase);
             last = Some(self.advance_safely(LOOK, [0.0; 3], tip, phase, time_s)?);
             taken += LOOK;
         }
-        Ok(last.map(|balance| (balance, taken, event)))
+        Ok(last.map(|balance| (balance, taken)))
     }
 
     /// Depth of the material to which a needle with friction has cut, m; `None` for other instruments.

@@ -56,24 +56,25 @@ impl Twin {
     }
 
     fn walk(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
-        let (mut steps, mut event) = (0_u32, None);
+        let mut steps = 0_u32;
+        self.happened.begin();
         for between in self.way(&tip).places() {
-            let prediction = self.go(pose, between)?;
-            steps = steps.saturating_add(prediction.steps);
-            event = event.or(prediction.event);
+            steps = steps.saturating_add(self.go(pose, between)?.steps);
         }
         let last = self.go(pose, tip)?;
-        Ok(Prediction { steps: steps.saturating_add(last.steps), event: event.or(last.event), ..last })
+        Ok(Prediction { steps: steps.saturating_add(last.steps), event: self.happened.first(), ..last })
     }
 
     /// Takes the tissue to a place at once.
     fn go(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
         let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.progress.tip[k]);
-        let (mut phase, mut event) = (Phase::Approach, None);
+        let mut phase = Phase::Approach;
         let mut taken = 0;
         let mut advanced = None;
         if let Some(contact) = &mut self.contact {
-            (phase, event) = contact.impose(&tip, &mut self.solver);
+            let (now, event) = contact.impose(&tip, &mut self.solver);
+            phase = now;
+            self.note(event, &tip, phase);
             // a needle that tilts moves the tissue even if its tip stays
             let shaft = tip.axis_at(0.0);
             let swung = [0, 1].map(|k| shaft[k] - self.progress.shaft[k]);
@@ -90,16 +91,16 @@ impl Twin {
                 self.progress.pace.judge(&balance, distance > 0.0);
                 advanced = Some(balance);
                 taken = steps;
-                if let Some((balance, further, seen)) = self.spring_back(&balance, &tip, phase, pose.time_s)? {
+                if let Some((balance, further)) = self.spring_back(&balance, &tip, phase, pose.time_s)? {
                     advanced = Some(balance);
                     taken += further;
-                    event = event.or(seen);
                 }
             } else {
                 self.solver.rest(pose.time_s);
             }
         }
         let balance = advanced.unwrap_or_else(|| self.solver.balance());
+        self.happened.close(balance.instrument);
         self.progress.tip = tip.offset;
         self.progress.shaft = tip.axis_at(0.0);
         self.progress.phase = phase;
@@ -115,7 +116,7 @@ impl Twin {
             base_force_n: balance.base,
             torque_nm: self.torque(&balance, &tip),
             phase,
-            event,
+            event: None,
             steps: taken,
             health: self.health(&balance),
         })
@@ -161,6 +162,7 @@ impl Twin {
     pub fn reset(&mut self) {
         self.undeform();
         self.progress = Progress::new(self.progress.pace.clone());
+        self.happened.reset();
         self.begin();
     }
 

@@ -9,7 +9,7 @@ use crate::instrument::{Contact, Tip};
 
 use super::{Twin, pierce};
 
-/// Length of a stride over the height of the body; a jump of less than two strides is made at once.
+/// Length of a stride over the height of the body; a jump of less than two strides is made at once (but for a needle with friction).
 const STRIDE: f64 = 0.0125;
 /// Fastest motion that is accepted, over the speed of the scene's own motion.
 const OWN_SPEED: f64 = 2.0;
@@ -54,16 +54,17 @@ impl Twin {
         let end = if leaves { [self.progress.shaft[0], self.progress.shaft[1], 0.0] } else { to.offset };
         let length = (0..3).map(|k| (end[k] - from[k]).powi(2)).sum::<f64>().sqrt();
         let length = if above && leaves { 0.0 } else { length };
-        let stride = self.care() * self.stride();
-        let strides = if length > 2.0 * stride { (length / stride).ceil() as u32 } else { 0 };
+        let (stride, once) = self.stride(length);
+        let stride = self.care() * stride;
+        let strides = if length > once * stride { (length / stride).ceil() as u32 } else { 0 };
         Way { ends: [from, end], enters: above, to: *to, length, strides }
     }
 
-    /// Length of a stride, m.
-    fn stride(&self) -> f64 {
+    /// Length of a stride of a way, m, and how many of them are made at once.
+    fn stride(&self, length: f64) -> (f64, f64) {
         match &self.contact {
-            Some(Contact::Frictional(n)) => pierce::STRIDE * n.layer(),
-            _ => STRIDE * self.fixed.height,
+            Some(Contact::Frictional(n)) => (pierce::stride(n.radius(), length), 1.0),
+            _ => (STRIDE * self.fixed.height, 2.0),
         }
     }
 

@@ -88,6 +88,7 @@ fn every_message_type_is_read_by_others() {
         diagnostic_msgs::DiagnosticArray,
         own::TissueModel,
         own::TissueState,
+        own::TissueEvent,
         own::ForceBand,
         own::ForceComparison,
         own::TwinStatus,

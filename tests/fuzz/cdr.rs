@@ -3,14 +3,14 @@
 use ros2_messages::RosMessage;
 use ros2_messages::diagnostic_msgs::DiagnosticArray;
 use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
-use ros2_messages::needle_twin::{ForceBand, ForceComparison, TissueModel, TissueState, TwinStatus};
+use ros2_messages::needle_twin::{ForceBand, ForceComparison, TissueEvent, TissueModel, TissueState, TwinStatus};
 use ros2_messages::rosgraph_msgs::Clock;
 use ros2_messages::sensor_msgs::{JointState, PointCloud2};
 use ros2_messages::visualization_msgs::Marker;
 use ros2_messages::{from_cdr, to_cdr};
 
 /// The types, in the order of their numbers.
-pub const TYPES: [fn(&[u8]); 13] = [
+pub const TYPES: [fn(&[u8]); 14] = [
     one::<JointState>,
     one::<PoseStamped>,
     one::<WrenchStamped>,
@@ -24,6 +24,7 @@ pub const TYPES: [fn(&[u8]); 13] = [
     one::<DiagnosticArray>,
     one::<PoseArray>,
     one::<ForceBand>,
+    one::<TissueEvent>,
 ];
 
 /// The first byte says which type the others are taken for.

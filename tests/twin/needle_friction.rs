@@ -61,8 +61,7 @@ fn an_embedded_needle_is_held_as_the_reference_has_it() {
         "largest error: force {force:.4} of the plateau, displacement beside {beside:.4}, below the tip {below:.4}"
     );
     assert!(force < 0.02 && beside < 0.02, "{force} {beside}");
-    // the tip's pressure is spread otherwise than the reference's
-    assert!(below < 0.09, "{below}");
+    assert!(below < 0.035, "{below}");
 }
 
 #[test]
@@ -71,7 +70,7 @@ fn without_friction_the_force_is_that_of_cutting() {
     let mut smooth = built(&[SAMPLE, NEEDLE, "cutting_force_n = 0.003\n", CLOUD, motion]);
     let forces = travel(&mut smooth, 0.0, 5e-3, 1000);
     for a in forces.iter().skip(400).step_by(50) {
-        assert!((a.force_n[2] / 0.003 - 1.0).abs() < 0.06, "{} m: {} N", a.depth_m, a.force_n[2]);
+        assert!((a.force_n[2] / 0.003 - 1.0).abs() < 0.05, "{} m: {} N", a.depth_m, a.force_n[2]);
     }
     // out again, nothing holds it
     let back = travel(&mut smooth, 5e-3, 3e-3, 400);
@@ -93,7 +92,7 @@ fn the_curve_does_not_depend_on_the_pose_rate() {
         let coarse = run(poses);
         let worst = fine.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         println!("{poses} poses for a millimetre: {:.4} of the plateau", worst / 0.015);
-        assert!(worst < 0.035 * 0.015, "{poses}: {coarse:?} {fine:?}");
+        assert!(worst < 0.01 * 0.015, "{poses}: {coarse:?} {fine:?}");
     }
 }
 
@@ -145,11 +144,53 @@ fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let parts = twin.needle_forces().unwrap();
     let rubbed = twin.cut_depth().unwrap() - 0.25e-3;
     println!("{parts:?} N at {:?} m, {rubbed} m rubbed", answers.last().unwrap().depth_m);
-    assert!((parts[1] / 0.003 - 1.0).abs() < 0.08 && parts[0] < 3.0 * rubbed * 1.001, "{parts:?}");
+    assert!((parts[1] / 0.003 - 1.0).abs() < 0.03 && parts[0] < 3.0 * rubbed * 1.001, "{parts:?}");
     assert!(
         answers.iter().any(|a| matches!(a.event, Some(Event::Entered { region: 0, .. }))),
         "what lies under the skin"
     );
+}
+
+/// A skin and a deeper layer, each behind a membrane.
+const LAYERS: &str = "[materials.skin]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 5000.0\nfriction_n_per_m = 2.0\n\
+    cutting_force_n = 0.002\npuncture_force_n = 0.008\n[materials.deep]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 1678.0\n\
+    friction_n_per_m = 2.0\ncutting_force_n = 0.002\npuncture_force_n = 0.005\n[[regions]]\nname = \"skin\"\nmaterial = \"skin\"\n\
+    shape = \"layer\"\nto_depth_m = 0.0005\n[[regions]]\nname = \"deep\"\nmaterial = \"deep\"\nshape = \"layer\"\n\
+    from_depth_m = 0.0015\nto_depth_m = 0.017\n";
+
+#[test]
+fn one_pose_through_three_layers_brings_all_of_their_events() {
+    let softly = "friction_n_per_m = 2.0\ncutting_force_n = 0.002\n";
+    let run = |poses: u32| {
+        let mut twin = built(&[SAMPLE, LAYERS, NEEDLE, softly, CLOUD, "[motion]\ndepth_m = 0.006\n"]);
+        let mut seen = Vec::new();
+        for k in 1..=poses {
+            let deep_m = twin.boundaries_m().unwrap()[2];
+            let answer = at_depth(&mut twin, 3e-3 * f64::from(k) / f64::from(poses));
+            if poses > 1 && twin.happened().iter().any(|h| h.event.region() == 2 && h.event.puncture_depth().is_some())
+            {
+                println!("the deep layer is pierced at {} m; its boundary was at {deep_m} m", answer.depth_m);
+                // it is that of the tissue around the needle, which the tip pushes less: the needle would stop before
+                let beyond = answer.depth_m - deep_m;
+                assert!(deep_m > 1.6e-3 && beyond > 0.0 && beyond < 3e-4, "{deep_m} {}", answer.depth_m);
+            }
+            assert_eq!(answer.event.is_some(), !twin.happened().is_empty());
+            seen.extend(twin.happened().iter().filter(|h| h.event.kind() != "slip").copied());
+        }
+        seen
+    };
+    let [once, often] = [run(1), run(300)];
+    let said = |all: &[needle_twin::twin::Happening]| -> Vec<(&str, u8)> {
+        all.iter().map(|h| (h.event.kind(), h.event.region())).collect()
+    };
+    assert_eq!(said(&once), [("puncture", 1), ("layer", 0), ("puncture", 2)], "{once:?}");
+    assert_eq!(said(&once), said(&often), "{often:?}");
+    for (a, b) in once.iter().zip(&often) {
+        println!("{a:?} in one pose, {b:?} in 300");
+        assert!((a.event.depth_m() - b.event.depth_m()).abs() < 1e-4, "{a:?} {b:?}");
+    }
+    let skin = &once[0];
+    assert!((skin.force_before_n[2] / 0.008 - 1.0).abs() < 0.05 && skin.force_after_n[2] < 0.5 * 0.008, "{skin:?}");
 }
 
 #[test]

@@ -41,8 +41,11 @@ fn assert_names(message: &str, parts: &[&str]) {
 
 #[test]
 fn presets_hold_what_the_paper_states() {
-    assert_eq!(PRESETS.iter().map(|p| p.name).collect::<Vec<_>>(), ["compression", "indentation", "needle_insertion"]);
-    for preset in PRESETS {
+    assert_eq!(
+        PRESETS.iter().map(|p| p.name).collect::<Vec<_>>(),
+        ["compression", "indentation", "needle_insertion", "layered_tissue"]
+    );
+    for preset in &PRESETS[..3] {
         let scene = preset.scene().unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(scene.name, preset.name);
         assert!(!scene.description.is_empty());
@@ -424,6 +427,11 @@ fn motion_reaches_depth_holds_and_comes_back() {
     assert_eq!(depths.iter().filter(|d| **d == 0.00105).count(), 3, "full depth, then held for two intervals");
     assert!(depths.windows(2).all(|w| (w[1] - w[0]).abs() <= 1.0001e-4), "never faster than the speed");
     assert_eq!(depths.last(), Some(&0.0));
+    scene.set("motion.insertions", "2").unwrap();
+    let twice: Vec<_> = scene.motion.unwrap().poses().collect();
+    assert_eq!(twice.len() as f64, scene.motion.unwrap().pose_count());
+    assert!(twice.windows(2).all(|w| w[1].0 > w[0].0), "time goes on");
+    assert!(twice.iter().map(|(_, depth)| *depth).eq(depths.iter().chain(&depths[1..]).copied()), "once more the same");
     let mirrored: Vec<f64> = depths.iter().rev().copied().collect();
     assert_eq!(depths, mirrored);
 }
@@ -462,6 +470,7 @@ fn random_scene() -> impl Strategy<Value = Vec<(String, Value)>> {
                 ("stepping.max_steps_per_pose", _) => Value::Integer(11 + (1e5 * f) as i64),
                 (_, Kind::Word(words)) => Value::from(words[pick(words.len())]),
                 (_, Kind::OneOf(choices)) => Value::Integer(choices[pick(choices.len())]),
+                ("motion.insertions", _) => Value::Integer(1 + (2.0 * f) as i64),
                 (_, Kind::Integer(low, high)) => Value::Integer(low + ((high - low) as f64 * f) as i64),
                 (_, Kind::Boolean) => Value::Boolean(pick(2) == 0),
                 (_, Kind::Point) => Value::Point([height * 0.3 * (f - 0.5), height * 0.1 * f, height * f]),

@@ -1,6 +1,6 @@
 //! The twin, pose by pose.
 
-use needle_twin::twin::{self, Event, Motion, Phase, Pose, StampedPose};
+use needle_twin::twin::{self, Motion, Phase, Pose, StampedPose};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -285,10 +285,7 @@ impl Prediction {
     /// needle with friction came into a region that no membrane closes.
     #[getter]
     fn event(&self) -> Option<(&'static str, f64)> {
-        self.prediction.event.map(|event| match event {
-            Event::Puncture { depth_m, .. } => ("puncture", depth_m),
-            Event::Entered { depth_m, .. } => ("layer", depth_m),
-        })
+        self.prediction.event.map(|event| (event.kind(), event.depth_m()))
     }
 
     /// Explicit steps that this pose took.

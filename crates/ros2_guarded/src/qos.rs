@@ -17,7 +17,13 @@ pub const fn reliable(depth: usize) -> QosProfile {
 /// What is published once and must reach those who come later.
 #[must_use]
 pub const fn latched() -> QosProfile {
-    reliable(1).durability(Durability::TransientLocal)
+    latest(1)
+}
+
+/// The last few messages, which reach those who come later too.
+#[must_use]
+pub const fn latest(depth: usize) -> QosProfile {
+    reliable(depth).durability(Durability::TransientLocal)
 }
 
 /// Services: reliable both ways.

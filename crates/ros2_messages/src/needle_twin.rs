@@ -62,6 +62,36 @@ pub struct ForceBand {
     pub members: u32,
 }
 
+/// Something that happened to the tissue at a needle (`msg/TissueEvent.msg`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TissueEvent {
+    /// Stamp of the pose that saw it, and the frame.
+    pub header: Header,
+    /// Of the events since the last reset, from 1.
+    pub number: u64,
+    /// One of the constants.
+    pub kind: String,
+    /// Region that the tip came into, or is in.
+    pub region: String,
+    /// Depth of the tip, m.
+    pub depth_m: f64,
+    /// Predicted force against the direction of insertion before it, N.
+    pub force_before_n: f64,
+    /// And after it, N.
+    pub force_after_n: f64,
+    /// From the stamp of the pose before to this one, s.
+    pub interval_s: f64,
+}
+
+impl TissueEvent {
+    /// The surface, or the membrane of a region, was broken.
+    pub const PUNCTURE: &str = "puncture";
+    /// The tip came into a region that no membrane closes.
+    pub const LAYER: &str = "layer";
+    /// The whole shaft began to slip.
+    pub const SLIP: &str = "slip";
+}
+
 /// Measured against predicted force (`msg/ForceComparison.msg`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ForceComparison {
@@ -195,6 +225,12 @@ pub struct TwinStatus {
     pub instance: String,
     /// Region of the tissue that the tip is in; empty outside of the sample.
     pub region: String,
+    /// Regions on the instrument's path, in the order in which it comes into them.
+    pub region_names: Vec<String>,
+    /// Depth of the tip at which it comes into each, m.
+    pub region_depths_m: Vec<f64>,
+    /// Whether these are where the deformed tissue has them now; otherwise as in the scene.
+    pub region_depths_predicted: bool,
 }
 
 impl TwinStatus {
@@ -251,4 +287,4 @@ pub struct LookAheadResponse {
     pub computed_s: f64,
 }
 
-ros_messages!("needle_twin": TissueModel, TissueState, ForceBand, ForceComparison, TwinStatus);
+ros_messages!("needle_twin": TissueModel, TissueState, TissueEvent, ForceBand, ForceComparison, TwinStatus);

@@ -126,6 +126,11 @@ static DEFINITIONS: &[Definition] = &[
         "RIHS01_1ef2c83fff1754d4b1877fdcfa87fc0c4b1c69bef9ac43859f3d6ea4f8c5afd0",
     ),
     definition(
+        "needle_twin/TissueEvent",
+        include_str!("../msg/TissueEvent.msg"),
+        "RIHS01_d2f7e60c1b38f27fef81ab8bf153436d5911bb5a12a7b4319f25d8e91224295d",
+    ),
+    definition(
         "needle_twin/ForceBand",
         include_str!("../msg/ForceBand.msg"),
         "RIHS01_dcab8f8d2907e70dc3349f009d9b89bb9dcdd1e34dd2cf1ec2c8d9b5b156a967",
@@ -138,7 +143,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/TwinStatus",
         include_str!("../msg/TwinStatus.msg"),
-        "RIHS01_fb7b55ea7981f62e6bf5aa347716710f9709a111f77e4e452c31af7c817e5eb1",
+        "RIHS01_e294bdb3978698e45e68b18a8087ebb6f6e9d2229cec7d10cdc7010480ea9af5",
     ),
 ];
 

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::compare::{Answer, FinalState, ForceSeries, Run, Snapshot, TargetRow};
+use crate::compare::{Answer, FinalState, ForceSeries, Occurrence, Run, Snapshot, TargetRow};
 use crate::ros::observer::{Heard, Observations, PointFields};
 use crate::scene::Scene;
 use crate::twin::{Event, Phase};
-use ros2_messages::needle_twin::{TissueModel, TissueState, TwinStatus};
+use ros2_messages::needle_twin::{TissueEvent, TissueModel, TissueState, TwinStatus};
 
 /// Snapshots that a report takes.
 const SNAPSHOTS: usize = 96;
@@ -35,6 +35,7 @@ pub(super) fn run(heard: &Observations, scene: &Scene, source: &str) -> Run {
         source.clone_into(&mut run.measured_source);
     }
     run.answers = answers(heard, origin_ns);
+    run.events = events(heard, origin_ns);
     run.simulated_s = run.answers.last().map_or(0.0, |a| a.time_s);
     run.targets = heard
         .targets
@@ -91,6 +92,18 @@ fn answers(heard: &Observations, origin_ns: i64) -> Vec<Answer> {
             })
         })
         .collect()
+}
+
+fn events(heard: &Observations, origin_ns: i64) -> Vec<Occurrence> {
+    let occurrence = |e: &Heard<TissueEvent>| Occurrence {
+        time_s: (e.stamp_ns - origin_ns) as f64 * 1e-9,
+        kind: e.value.kind.clone(),
+        region: e.value.region.clone(),
+        depth_m: e.value.depth_m,
+        force_before_n: e.value.force_before_n,
+        force_after_n: e.value.force_after_n,
+    };
+    heard.events.iter().map(occurrence).collect()
 }
 
 fn phase(status: &TwinStatus) -> Phase {

@@ -6,9 +6,17 @@ use mtled::solver::{End, Solver};
 
 /// What counts as having come to a boundary, in layers.
 const AT: f64 = 1e-3;
-/// Way of the front in one advance, in layers, from which the tissue springs back and further steps are due.
-const RUNS: f64 = 0.1;
+/// Way of the front in one advance, in radii, from which the tissue springs back and further steps are due.
+const RUNS: f64 = 0.05;
+/// Looks after which the tissue has sprung back in any case.
+const PATIENCE: u32 = 192;
 
+/// Share of the shaft's whole friction from which on all of it slips, and below which it sticks again.
+const SLIPS: [f64; 2] = [0.98, 0.5];
+/// How far the tip's spring gives at its cutting force at most, in radii.
+const GIVES: f64 = 0.1;
+/// Length of shaft in the tissue below which its slip is no event, in radii.
+const SHORT: f64 = 2.0;
 /// Force that is not at rest, over that of the puncture, below which the tissue has sprung back.
 const REST: f64 = 0.05;
 
@@ -27,7 +35,7 @@ impl Frictional {
         let layer = self.next_boundary()?;
         solver.mend();
         self.progress.entered = Some(layer);
-        self.progress.released = Some(force);
+        self.progress.released = Some((force, 0));
         Some(Event::Puncture { depth_m, region: self.shaft.under[layer].region })
     }
 
@@ -54,6 +62,21 @@ impl Frictional {
         Some(if first { Event::Puncture { depth_m, region } } else { Event::Entered { depth_m, region } })
     }
 
+    /// The beginning of slip along the whole shaft, seen from the last advance.
+    pub(super) fn slip(&mut self, depth_m: f64, solver: &Solver) -> Option<Event> {
+        let [pull, _] = solver.slip().forces();
+        let p = &mut self.progress;
+        let share = if p.friction > 0.0 { pull / p.friction } else { 0.0 };
+        let (before, long) = (p.slips, p.shoulder > SHORT * self.shaft.radius);
+        if share.abs() < SLIPS[1] {
+            p.slips = 0.0;
+        } else if share.abs() > SLIPS[0] && long {
+            p.slips = share.signum();
+        }
+        let begins = p.slips != 0.0 && p.slips != before;
+        begins.then(|| Event::Slip { depth_m, region: self.region().unwrap_or(0) })
+    }
+
     /// The tip at the front.
     pub(super) fn end(&self, upper: usize, share: f64) -> End {
         let z = &self.shaft.depths;
@@ -71,17 +94,22 @@ impl Frictional {
                 beyond = next.cutting;
             }
         }
-        let spring = TIP_STIFFNESS * STICKING * mu * 0.5 * self.shaft.radius;
-        End { upper, share, spring, limit, stop, puncture, beyond, lag: LAG * self.shaft.radius }
+        let radius = self.shaft.radius;
+        let cutting = if limit.is_finite() { limit.max(beyond) } else { 0.0 };
+        let spring = (STICKING * mu * 0.5 * radius).max(cutting / (GIVES * radius));
+        let stiff = TIP_STIFFNESS * spring;
+        End { upper, share, spring, stiff, limit, stop, puncture, beyond, lag: LAG * self.shaft.radius }
     }
 
     /// Whether the tissue springs back along the needle, with a residual force of so many N: then the pose is worth further steps.
     pub fn springs_back(&mut self, solver: &Solver, residual: f64) -> bool {
-        let z = &self.shaft.depths;
-        let runs = Self::cut(solver) - self.progress.front > RUNS * (z[1] - z[0]);
-        if self.progress.released.is_some_and(|force| residual < REST * force) {
-            self.progress.released = None;
-        }
-        runs || self.progress.released.is_some()
+        let runs = Self::cut(solver) - self.progress.front > RUNS * self.shaft.radius;
+        self.progress.released = self
+            .progress
+            .released
+            .filter(|(force, looks)| residual >= REST * force && *looks < PATIENCE)
+            .map(|(force, looks)| (force, looks + 1));
+        // what has broken is seen within the same pose
+        runs || solver.slip().broken.is_some() || self.progress.released.is_some()
     }
 }

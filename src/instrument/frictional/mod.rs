@@ -27,8 +27,8 @@ use mtled::solver::{End, Grip, Model, Role, Solver, Wall};
 /// Stiffness of sticking over the shear modulus: force per length of shaft and displacement. Forces are 1.8 % below those of a rigid
 /// bond, and slip begins after some micrometres rather than at once.
 const STICKING: f64 = 200.0;
-/// Stiffness of the tip over that of as much sticking shaft as would have its area: it is rigid, its force lags by no step.
-const TIP_STIFFNESS: f64 = 2500.0;
+/// Stiffness of the tip at a membrane over that with which it cuts: next to rigid.
+const TIP_STIFFNESS: f64 = 50.0;
 /// Length of the tip over the radius of the shaft.
 const TIP_LENGTH: f64 = 0.5;
 /// How far a ring of the tip may be behind the mean, in radii.
@@ -68,8 +68,12 @@ cloned_field_by_field! {
         filled: Vec<f64>,
         deepest: f64,
         withdrawn: bool,
-        /// Force at a puncture from which the tissue springs back, N.
-        released: Option<f64>,
+        /// Force at a puncture from which the tissue springs back, N, and looks at that so far.
+        released: Option<(f64, u32)>,
+        /// Friction of the whole shaft where all of it slips, N.
+        friction: f64,
+        /// Sign of the friction with which the whole shaft slips, 0 where it sticks.
+        slips: f64,
     }
 }
 
@@ -103,6 +107,8 @@ impl Frictional {
             deepest: 0.0,
             withdrawn: false,
             released: None,
+            friction: 0.0,
+            slips: 0.0,
         };
         let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
         Self { areas: shaft.areas(), shaft, inner, start, effective_radius, progress }
@@ -126,12 +132,25 @@ impl Frictional {
         self.progress.front
     }
 
+    /// Where material that lay at a depth is now, m: as the tissue around the needle has gone.
+    #[must_use]
+    pub fn deformed(&self, depth: f64, solver: &Solver) -> f64 {
+        let (layer, share) = self.shaft.place(depth);
+        depth + (1.0 - share) * solver.of_layer(layer) + share * solver.of_layer(layer + 1)
+    }
+
     /// Region that the tip is in, as [`Resistance::region`]; `None` before the puncture.
     #[must_use]
     pub fn region(&self) -> Option<u8> {
         self.progress.entered?;
         let (layer, _) = self.shaft.place(self.progress.tip);
         Some(self.shaft.under[layer].region)
+    }
+
+    /// R, m.
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        self.shaft.radius
     }
 
     /// Distance between layers of nodes, m.
@@ -179,7 +198,7 @@ impl Frictional {
         }
         self.progress.deepest = self.progress.deepest.max(depth);
         self.progress.withdrawn = is_withdrawn(self.progress.withdrawn, self.progress.deepest - depth);
-        let event = event.or_else(|| self.enter_without_membrane(tip.depth));
+        let event = event.or_else(|| self.enter_without_membrane(tip.depth)).or_else(|| self.slip(tip.depth, solver));
         self.hold(tip, solver);
         solver.drag_to(depth);
         let phase = match (self.progress.entered, self.progress.withdrawn) {
@@ -215,11 +234,13 @@ impl Frictional {
     /// Roles of the nodes, friction of the layers, push of the tip, cells that the needle fills.
     fn hold(&mut self, tip: &Tip, solver: &mut Solver) {
         let (front, at) = (self.progress.front, self.progress.shoulder);
-        let (upper, share) = self.shaft.place(self.shoulder(front));
         let pushes = self.progress.tip > front - self.layer();
+        let (upper, share) = self.shaft.place(if pushes { self.shoulder(front) } else { at });
+        self.progress.friction = 0.0;
         for layer in 0..self.shaft.depths.len() {
             let above = layer.checked_sub(1).map_or(0.0, |k| self.shaft.depths[k]);
-            let grip = if pushes && (layer == upper || layer == upper + 1) {
+            let ends = layer == upper || layer == upper + 1;
+            let grip = if ends && (pushes || at > above) {
                 Grip::Apart
             } else if at > above || (layer == 0 && self.progress.entered.is_some()) {
                 Grip::Tied
@@ -230,6 +251,7 @@ impl Frictional {
             if grip != Grip::Free {
                 wall.spring = STICKING * self.shaft.share(layer, at, |r| r.shear_modulus);
                 wall.limit = self.shaft.share(layer, at, |r| r.friction);
+                self.progress.friction += wall.limit;
             }
             solver.grip(layer, wall);
             self.guide(layer, grip, tip, solver);
@@ -327,7 +349,7 @@ impl Frictional {
         (p.front, p.entered, p.tip, p.shoulder, p.deepest, p.withdrawn) = (0.0, None, 0.0, 0.0, 0.0, false);
         // a solver that was reset has all cells filled with tissue again
         p.filled.fill(0.0);
-        p.released = None;
+        (p.released, p.friction, p.slips) = (None, 0.0, 0.0);
         self.release(solver);
         self.place(solver);
     }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::{Goal, Line};
-use crate::guard::{Guard, Heard, Phase, Sight, Trouble};
+use crate::guard::{Boundary, Guard, Heard, Phase, Sight, Trouble};
 use crate::ros::clock::wall_nanos;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{PoseArray, WrenchStamped};
@@ -93,6 +93,8 @@ pub(super) struct Task {
     pub guard: Guard,
     pub goal: Goal,
     pub line: Line,
+    /// Must not be entered.
+    pub region: Option<String>,
     pub joint: String,
     pub period: Duration,
     pub exit_when_done: bool,
@@ -176,6 +178,7 @@ struct Ears {
     warned: bool,
     twin_says: Arc<str>,
     goal_m: Option<(f64, Instant)>,
+    boundary: Option<(Boundary, Instant)>,
 }
 
 impl Ears {
@@ -192,6 +195,7 @@ impl Ears {
         }
         while let Some(message) = endpoints.status.take() {
             self.warned = message.health != TwinStatus::HEALTH_OK;
+            self.boundary = boundary(&message, task).map(|boundary| (boundary, now));
             let says = message.reasons.join("; ");
             if *says != *self.twin_says {
                 self.twin_says = says.into();
@@ -215,6 +219,7 @@ impl Ears {
             safe: self.safe.map(|(value, then)| Heard { value, age_s: (now - then).as_secs_f64() }),
             warned: self.warned,
             goal_m,
+            boundary: self.boundary.map(|(value, then)| Heard { value, age_s: (now - then).as_secs_f64() }),
             goal_moves,
         }
     }
@@ -227,6 +232,13 @@ fn position(message: &JointState, joint: &str) -> Option<f64> {
         found => found?,
     };
     message.position.get(index).copied()
+}
+
+/// Where the region begins that must not be entered.
+fn boundary(status: &TwinStatus, task: &Task) -> Option<Boundary> {
+    let place = status.region_names.iter().position(|name| Some(name) == task.region.as_ref())?;
+    let depth_m = status.region_depths_m.get(place).copied()?;
+    Some(Boundary { depth_m, predicted: status.region_depths_predicted })
 }
 
 fn depth_of_target(message: &PoseArray, task: &Task) -> Option<f64> {

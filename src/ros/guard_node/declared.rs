@@ -104,6 +104,19 @@ parameters! {
         "After a stop go on when all has been well for so long; 0: only after ~/resume.",
     )
     .fixed();
+    STOP_BEFORE_REGION: String = Parameter::new(
+        "stop_before_region",
+        "",
+        "Name of a region of the twin's scene that the tip must not come into; empty: none.",
+    )
+    .fixed();
+    STOP_BEFORE_M: f64 = Parameter::real(
+        "stop_before_m",
+        5e-4,
+        [0.0, 1.0],
+        "How far before that region the needle stops.",
+    )
+    .fixed();
     RATE_HZ: f64 = Parameter::real(
         "rate_hz",
         250.0,
@@ -140,6 +153,11 @@ pub(super) fn goal(parameters: &Parameters) -> Goal {
         Ok(index) => Goal::Target(index),
         Err(_) => Goal::Depth(parameters.get(GOAL_DEPTH_M)),
     }
+}
+
+/// The region that must not be entered.
+pub(super) fn region(parameters: &Parameters) -> Option<String> {
+    Some(parameters.get(STOP_BEFORE_REGION)).filter(|name| !name.is_empty())
 }
 
 /// The line on which the needle moves, frame `sample`.
@@ -185,6 +203,7 @@ pub(super) fn orders(parameters: &Parameters) -> Orders {
         dwell_s: parameters.get(DWELL_S),
         following_error_m: parameters.get(FOLLOWING_ERROR_M),
         slow_factor: parameters.get(SLOW_FACTOR),
+        stop_before_m: region(parameters).map(|_| parameters.get(STOP_BEFORE_M)),
         resume_after_s: parameters.get(RESUME_AFTER_S),
     }
 }

@@ -79,6 +79,7 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
         guard: Guard::new(orders),
         goal: declared::goal(&parameters),
         line: declared::line(&parameters).map_err(NodeError::Usage)?,
+        region: declared::region(&parameters),
         joint: parameters.get(declared::JOINT_NAME),
         period: Duration::from_secs_f64(orders.step_s),
         exit_when_done: parameters.get(declared::EXIT_WHEN_DONE),

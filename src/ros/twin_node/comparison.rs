@@ -293,6 +293,7 @@ mod tests {
                 health: Health::default(),
             },
             work: Work::default(),
+            boundaries_m: None,
         }
     }
 

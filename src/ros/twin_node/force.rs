@@ -7,12 +7,13 @@ use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
 use super::identification::Identification;
 use super::members::{Answered, Newest};
-use super::shared::{Compared, Live, Reject, Shared};
-use super::solver::{Answer, Event};
+use super::shared::{Compared, Live, Noted, Reject, Shared};
+use super::solver::{Answer, Event, Sighting};
 use crate::instrument::reading::COORDINATE_M;
 use crate::ros::logging::Throttle;
+use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
-use crate::ros::messages::needle_twin::ForceComparison;
+use crate::ros::messages::needle_twin::{ForceComparison, TissueEvent};
 use crate::ros::messages::std_msgs::{Header, String as Text};
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
@@ -27,11 +28,15 @@ const SAID_AGAIN: Duration = Duration::from_secs(1);
 /// Time between two looks whether somebody has come to listen to `safe_to_go_on`.
 const UNHEARD: Duration = Duration::from_millis(100);
 
+/// Events that a late subscriber still gets.
+const EVENTS: usize = 100;
+
 /// The publishers.
 pub(super) struct ForceOutputs {
     pub force: Output<WrenchStamped>,
     pub comparison: Output<ForceComparison>,
     region: Output<Text>,
+    events: Output<TissueEvent>,
     assurance: Assurance,
 }
 
@@ -41,12 +46,13 @@ impl ForceOutputs {
             force: participant.publisher("predicted_cf", qos::reliable(10))?,
             comparison: participant.publisher("comparison", qos::reliable(10))?,
             region: participant.publisher("region", qos::latched())?,
+            events: participant.publisher("events", qos::latest(EVENTS))?,
             assurance: Assurance::new(participant)?,
         })
     }
 
     pub fn failed(&self) -> u64 {
-        self.force.failed() + self.comparison.failed() + self.region.failed()
+        self.force.failed() + self.comparison.failed() + self.region.failed() + self.events.failed()
     }
 }
 
@@ -64,6 +70,7 @@ pub(super) fn run(
     let mut refusals = Throttle::new(SAID_AGAIN);
     let mut due = Instant::now();
     let mut region: Option<String> = None;
+    let mut number = 0;
     loop {
         match events.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok(Event::Answer(answer)) => {
@@ -72,6 +79,10 @@ pub(super) fn run(
                     members.inspect(|newest| newest.put(Answered::of(&answer)));
                     entered(outputs, shared, &mut region);
                 }
+            }
+            Ok(Event::Happened(sighting)) => {
+                number += 1;
+                happened(outputs, frame_id, shared, number, &sighting);
             }
             Ok(Event::Measured { stamp_nanos, force_n }) => {
                 shared.lock().measured += 1;
@@ -87,6 +98,7 @@ pub(super) fn run(
                 comparator.reset();
                 members.inspect(|newest| newest.reset());
                 said = Said::default();
+                number = 0;
                 shared.lock().reset();
                 entered(outputs, shared, &mut region);
                 tracing::info!("back in the undeformed state ({reason})");
@@ -175,6 +187,39 @@ fn entered(outputs: &ForceOutputs, shared: &Shared, said: &mut Option<String>) {
         drop(live);
         outputs.region.send(Text { data: region.clone() });
         *said = Some(region);
+    }
+}
+
+/// Notes an event for the page; the name of its region.
+fn noted(shared: &Shared, stamp: Time, event: &crate::twin::Event) -> String {
+    let mut live = shared.lock();
+    let region = live.along.name_of(event.region()).to_owned();
+    let (depth_m, kind, text) = (event.depth_m(), event.kind(), region.clone());
+    live.note(Noted { stamp_nanos: stamp.nanos(), depth_m, kind, text });
+    region
+}
+
+/// Publishes an event, unless the node is to be silent.
+fn happened(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, number: u64, sighting: &Sighting) {
+    if !shared.is_active() {
+        return;
+    }
+    let Sighting { stamp, interval_s, axis, happening } = *sighting;
+    let against = |force: [f64; 3]| 0.0 - (0..3).map(|k| force[k] * axis[k]).sum::<f64>();
+    let message = TissueEvent {
+        header: Header { stamp, frame_id: frame_id.to_owned() },
+        number,
+        kind: happening.event.kind().to_owned(),
+        region: noted(shared, stamp, &happening.event),
+        depth_m: happening.event.depth_m(),
+        force_before_n: against(happening.force_before_n),
+        force_after_n: against(happening.force_after_n),
+        interval_s,
+    };
+    let finite = [message.depth_m, message.force_before_n, message.force_after_n, message.interval_s];
+    if finite.iter().all(|x| x.is_finite()) {
+        tracing::info!("{} at {:.6} m, in {}", message.kind, message.depth_m, message.region);
+        outputs.events.send(message);
     }
 }
 

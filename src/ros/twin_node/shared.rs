@@ -122,7 +122,7 @@ impl Compared {
 pub(super) struct Noted {
     pub stamp_nanos: i64,
     pub depth_m: f64,
-    /// `puncture`, `entered` or `mark`.
+    /// `puncture`, `layer`, `slip` or `mark`.
     pub kind: &'static str,
     /// The region that the tip came into, or what a viewer has written.
     pub text: String,
@@ -251,12 +251,6 @@ impl Live {
         self.steps += u64::from(answer.prediction.steps);
         if let Some(Event::Puncture { depth_m, .. }) = answer.prediction.event {
             self.puncture_depth_m = Some(depth_m);
-        }
-        if let Some(event) = answer.prediction.event {
-            let kind = if event.puncture_depth().is_some() { "puncture" } else { "entered" };
-            let (Event::Puncture { depth_m, region } | Event::Entered { depth_m, region }) = event;
-            let text = self.along.names().get(usize::from(region)).cloned().unwrap_or_default();
-            self.note(Noted { stamp_nanos: answer.stamp.nanos(), depth_m, kind, text });
         }
         self.queue.record(answer.begun - answer.received);
         self.stepping.record(answer.done - answer.begun);

@@ -12,7 +12,7 @@ use super::look_ahead::{Departure, Double};
 use super::tissue::{Model, Snapshot};
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::scene::Scene;
-use crate::twin::{Halt, Prediction, StampedPose, Twin, Work as WorkDone};
+use crate::twin::{FOLLOWED, Halt, Happening, Prediction, StampedPose, Twin, Work as WorkDone};
 
 /// An answered pose.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +26,19 @@ pub(super) struct Answer {
     pub prediction: Prediction,
     /// What the twin has computed beside forces so far.
     pub work: WorkDone,
+    /// [`Twin::boundaries_m`]
+    pub boundaries_m: Option<[f64; FOLLOWED]>,
+}
+
+/// An event as the solver has seen it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sighting {
+    pub stamp: Time,
+    /// Since the pose before, s.
+    pub interval_s: f64,
+    /// Axis of the instrument into the sample.
+    pub axis: [f64; 3],
+    pub happening: Happening,
 }
 
 impl Answer {
@@ -40,6 +53,8 @@ impl Answer {
 pub(super) enum Event {
     /// A pose was answered.
     Answer(Answer),
+    /// Something happened to the tissue at the pose that was answered.
+    Happened(Sighting),
     /// A pose was refused by the twin.
     Refused { depth_m: f64, reason: String },
     /// The solution is lost, until the twin has come back or is reset.
@@ -170,12 +185,17 @@ impl Solver {
     fn take(&mut self, work: Work, events: &SyncSender<Event>, snapshots: &Sender<Box<Snapshot>>) {
         match work {
             Work::Pose(pose) => {
+                let before = self.pose;
                 let event = self.answer(&pose);
                 if self.halted && matches!(event, Event::Answer(_)) {
                     self.halted = false;
                     send(events, Event::Recovered);
                 }
+                let answered = matches!(event, Event::Answer(_));
                 send(events, event);
+                if answered {
+                    self.say_what_happened(before, events);
+                }
             }
             Work::Snapshot(mut snapshot) => {
                 snapshot.take(&self.twin, self.stamp, self.depth_m);
@@ -194,6 +214,16 @@ impl Solver {
             }
             // Of the thread, not of a twin.
             Work::Build | Work::Discard | Work::Stop | Work::LookAhead | Work::Back(_) => {}
+        }
+    }
+
+    /// Events are rare, and must not be lost: the solver waits for the force thread if it must.
+    fn say_what_happened(&self, before: Option<StampedPose>, events: &SyncSender<Event>) {
+        let Some(pose) = self.pose else { return };
+        let interval_s = before.map_or(0.0, |b| pose.time_s - b.time_s);
+        for happening in self.twin.happened() {
+            let sighting = Sighting { stamp: self.stamp, interval_s, axis: pose.pose.axis, happening: *happening };
+            send(events, Event::Happened(sighting));
         }
     }
 
@@ -257,6 +287,7 @@ impl Solver {
                     pose: stamped,
                     prediction,
                     work: self.twin.work(),
+                    boundaries_m: self.twin.boundaries_m(),
                 })
             }
             Err(Halt::Pose { reason }) => Event::Refused { depth_m: self.depth(input), reason },

@@ -64,6 +64,13 @@ pub(super) fn status(
         region: live.region().to_owned(),
         ..TwinStatus::default()
     };
+    let predicted = live.last.as_ref().and_then(|a| a.boundaries_m);
+    message.region_depths_predicted = predicted.is_some();
+    for (i, (name, depth_m)) in live.along.stretches().enumerate() {
+        let now = predicted.and_then(|depths| depths.get(i).copied()).filter(|d| d.is_finite());
+        message.region_names.push(name.to_owned());
+        message.region_depths_m.push(now.unwrap_or(depth_m));
+    }
     if let Some(answer) = &live.last {
         let p = &answer.prediction;
         message.phase = phase(p.phase);

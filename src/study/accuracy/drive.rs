@@ -101,7 +101,7 @@ impl Run<'_> {
     /// The scene's own motion, in, to the last depth.
     fn move_through(&mut self, motion: &Motion, depths: &[f64]) -> Result<(), End> {
         let deepest = depths.last().copied().unwrap_or(0.0);
-        let motion = Motion { hold: Seconds(0.0), retract: false, ..*motion };
+        let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..*motion };
         for (time_s, depth) in motion.poses() {
             let (force, _) = self.pose(time_s, depth)?;
             self.driven.path.push((depth, force));

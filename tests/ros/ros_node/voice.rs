@@ -40,6 +40,7 @@ fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
         (publisher, "rt/targets", "geometry_msgs::msg::dds_::PoseArray_ reliable"),
         (publisher, "rt/comparison", "needle_twin::msg::dds_::ForceComparison_ reliable"),
         (publisher, "rt/status", "needle_twin::msg::dds_::TwinStatus_ reliable"),
+        (publisher, "rt/events", "needle_twin::msg::dds_::TissueEvent_ reliable latched"),
         (publisher, "rt/region", "std_msgs::msg::dds_::String_ reliable latched"),
         (publisher, "rt/safe_to_go_on", "std_msgs::msg::dds_::Bool_ reliable"),
         (publisher, "rt/diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_ reliable"),
