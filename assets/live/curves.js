@@ -2,6 +2,10 @@
 
 /// Points that are kept; then every second of the older half goes.
 const KEPT = 2400;
+/// A gap in the members' band that is bridged, s.
+const LONGEST_S = 1;
+
+function thinned(rows) { return rows.filter((_, i) => i >= KEPT / 2 || i % 2 === 0); }
 
 class Curves {
   constructor() { this.clear(undefined); }
@@ -9,6 +13,7 @@ class Curves {
   clear(run) {
     Object.assign(this, { run, events: [], band: 0 });
     this.rows = [];
+    this.bands = [];
   }
 
   /// Takes figures of the node; whether a new run has begun.
@@ -19,9 +24,30 @@ class Curves {
     const point = figures.point, last = this.rows.at(-1);
     if (point && (!last || point.time_s > last.time_s)) {
       this.rows.push(point);
-      if (this.rows.length > KEPT) this.rows = this.rows.filter((_, i) => i >= KEPT / 2 || i % 2 === 0);
+      if (this.rows.length > KEPT) this.rows = thinned(this.rows);
+    }
+    const band = figures.band, latest = this.bands.at(-1);
+    if (band && (!latest || band.time_s > latest.time_s)) {
+      this.bands.push(band);
+      if (this.bands.length > KEPT) this.bands = thinned(this.bands);
     }
     return fresh;
+  }
+
+  /// The members' band at each point: they answer later than the twin, and not every pose.
+  fan(factor) {
+    const low = new Float64Array(this.rows.length), high = new Float64Array(this.rows.length), mask = [];
+    let k = 0;
+    this.rows.forEach(({ time_s: at }, i) => {
+      while (k + 1 < this.bands.length && this.bands[k + 1].time_s < at) k++;
+      const [a, b] = [this.bands[k], this.bands[k + 1]];
+      mask[i] = Boolean(b) && a.time_s <= at && at <= b.time_s && b.time_s - a.time_s < LONGEST_S;
+      if (!mask[i]) return;
+      const t = (at - a.time_s) / (b.time_s - a.time_s);
+      low[i] = factor * (a.low_n + t * (b.low_n - a.low_n));
+      high[i] = factor * (a.high_n + t * (b.high_n - a.high_n));
+    });
+    return { low, high, mask };
   }
 
   column(f) { return Float64Array.from(this.rows, f); }
@@ -35,8 +61,9 @@ class Curves {
     const predicted = this.column((r) => factor * r.predicted_n), measured = this.column((r) => factor * (r.measured_n || 0));
     const residual = this.column((r) => (r.measured_n === null ? 0 : factor * (r.predicted_n - r.measured_n)));
     const line = (values, cls, colour, mask) => ({ values, cls, colour: `var(--${colour})`, mask });
+    const fan = this.bands.length > 1 && this.fan(factor);
     const force = (height) => ({
-      title: `Force against insertion in ${unit}`, height, zero: true,
+      title: `Force against insertion in ${unit}`, height, zero: true, fans: fan ? [fan] : [],
       series: [...(any ? [line(measured, 'measured', 'measured', has)] : []), line(predicted, 'predicted', 'accent')],
     });
     const band = factor * this.band;
@@ -46,6 +73,7 @@ class Curves {
       if (!r) return '';
       const parts = [`<b>${r.time_s.toFixed(2)}</b> s`, `depth <b>${minus(depth[i].toFixed(2))}</b> mm`, `predicted <b>${figures(predicted[i], 3)}</b> ${unit}`];
       if (has[i]) parts.push(`measured <b>${figures(measured[i], 3)}</b> ${unit}`, `residual <b>${figures(residual[i], 3)}</b> ${unit}`);
+      if (fan && fan.mask[i]) parts.push(`95 %: <b>${figures(fan.low[i], 3)}</b> to <b>${figures(fan.high[i], 3)}</b>`);
       return spans([...parts, escaped(r.phase), ...(r.region ? [`in <b>${escaped(r.region)}</b>`] : [])]);
     };
     const marks = (f) => this.events.map((e) => ({ x: f(e), text: e.kind === 'mark' ? e.text || 'mark' : e.kind }));

@@ -7,7 +7,7 @@ use crossbeam_channel::Receiver;
 use serde_json::{Value, json};
 
 use super::declared;
-use super::shared::{Compared, Live, Shared};
+use super::shared::{Banded, Compared, Live, Shared};
 use super::tissue::{Model, Snapshot};
 use crate::live::{self, Asked, Board, Server};
 use crate::ros::messages::needle_twin::TwinStatus;
@@ -114,6 +114,9 @@ fn figures(live: &Live) -> Value {
         .map(|e| json!({ "time_s": seconds(e.stamp_nanos), "depth_m": e.depth_m, "kind": e.kind, "text": e.text }))
         .collect();
     let mut figures = json!({ "kind": "figures", "run": origin.to_string(), "events": events });
+    if let Some(Banded { stamp_nanos, low_n, high_n }) = live.band {
+        figures["band"] = json!({ "time_s": seconds(stamp_nanos), "low_n": low_n, "high_n": high_n });
+    }
     let Some(answer) = &live.last else { return figures };
     let stamp = answer.stamp.nanos();
     let compared = live.compared.filter(|c| stamp - c.stamp_nanos < OLD_NANOS);

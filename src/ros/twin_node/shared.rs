@@ -117,6 +117,14 @@ impl Compared {
     }
 }
 
+/// The members' band at a pose.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Banded {
+    pub stamp_nanos: i64,
+    pub low_n: f64,
+    pub high_n: f64,
+}
+
 /// Something that happened, for whoever looks at the page.
 #[derive(Clone, Debug)]
 pub(super) struct Noted {
@@ -172,6 +180,8 @@ pub(super) struct Live {
     pub residual: Option<(f64, f64, f64)>,
     pub measured: u64,
     pub compared: Option<Compared>,
+    /// What the members said last.
+    pub band: Option<Banded>,
     /// The latest [`NOTED`] of them.
     pub events: VecDeque<Noted>,
     /// Stamp of the first answer.
