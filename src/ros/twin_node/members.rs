@@ -9,7 +9,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::shared::Shared;
+use super::shared::{Banded, Shared};
 use super::solver::Answer;
 use crate::compare::ensemble::{Band, Live, Member, Spread};
 use crate::ros::messages::builtin_interfaces::Time;
@@ -145,6 +145,8 @@ pub(super) fn run(outputs: &MemberOutputs, frame_id: &str, members: &[Member], n
             );
         }
         most = count;
+        let Band { low_n, high_n, .. } = band;
+        shared.lock().band = Some(Banded { stamp_nanos: answered.stamp.nanos(), low_n, high_n });
         if outputs.band.is_wanted() {
             outputs.band.send(force_band(header(), answered.depth_m, &band, count));
         }

@@ -114,11 +114,13 @@ fn figures(live: &Live) -> Value {
         .map(|e| json!({ "time_s": seconds(e.stamp_nanos), "depth_m": e.depth_m, "kind": e.kind, "text": e.text }))
         .collect();
     let mut figures = json!({ "kind": "figures", "run": origin.to_string(), "events": events });
-    if let Some(Banded { stamp_nanos, low_n, high_n }) = live.band {
-        figures["band"] = json!({ "time_s": seconds(stamp_nanos), "low_n": low_n, "high_n": high_n });
-    }
     let Some(answer) = &live.last else { return figures };
     let stamp = answer.stamp.nanos();
+    // One that the members found before a reset is not of this run.
+    let of_run = |band: &Banded| (origin..=stamp).contains(&band.stamp_nanos);
+    if let Some(Banded { stamp_nanos, low_n, high_n }) = live.band.filter(of_run) {
+        figures["band"] = json!({ "time_s": seconds(stamp_nanos), "low_n": low_n, "high_n": high_n });
+    }
     let compared = live.compared.filter(|c| stamp - c.stamp_nanos < OLD_NANOS);
     let point = compared.unwrap_or_else(|| Compared {
         stamp_nanos: stamp,
