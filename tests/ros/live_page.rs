@@ -12,7 +12,7 @@ use crate::chromium::Browser;
 use crate::ros::{Peer, Program, TWIN, coarse_twin, free_domain};
 
 /// The page's address with its token, from the node's log file.
-fn address(logs: &tempfile::TempDir) -> String {
+pub fn address(logs: &tempfile::TempDir) -> String {
     let begun = Instant::now();
     loop {
         for file in std::fs::read_dir(logs.path()).unwrap().flatten() {
@@ -37,7 +37,7 @@ fn twin() -> (Program, Peer, String) {
     (node, peer, address)
 }
 
-fn view(address: &str) -> WebSocket<TcpStream> {
+pub fn view(address: &str) -> WebSocket<TcpStream> {
     let host = address.trim_start_matches("http://").split('/').next().unwrap();
     let stream = TcpStream::connect(host).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
@@ -49,7 +49,7 @@ fn say(viewer: &mut WebSocket<TcpStream>, request: &Value) {
 }
 
 /// Asks until a message of a kind fits.
-fn until(viewer: &mut WebSocket<TcpStream>, kind: &str, fits: impl Fn(&Value) -> bool) -> Value {
+pub fn until(viewer: &mut WebSocket<TcpStream>, kind: &str, fits: impl Fn(&Value) -> bool) -> Value {
     let begun = Instant::now();
     let mut last = Value::Null;
     while begun.elapsed() < Duration::from_secs(60) {

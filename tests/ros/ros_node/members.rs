@@ -1,6 +1,7 @@
 //! Members of the scene's uncertain keys, beside the twin: the band of the force and the spread of the targets.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use crate::live_page::{address, until, view};
 use crate::ros::{COARSE, Peer, Program, TWIN, free_domain, joint_state};
 use serde_json::{Value, json};
 
@@ -25,9 +26,11 @@ fn scene(folder: &std::path::Path, more: &str) -> String {
 fn a_band_holds_the_prediction_and_targets_have_a_covariance() {
     let (folder, domain) = (tempfile::tempdir().unwrap(), free_domain());
     let scene = scene(folder.path(), UNCERTAIN);
-    let arguments: Vec<&str> =
-        ["--scene", &scene].into_iter().chain(COARSE[2..].iter().copied()).chain(["-p", "members:=4"]).collect();
-    let node = Program::start(TWIN, &arguments, domain, &[]);
+    let more = ["-p", "members:=4", "-p", "page:=true", "-p", "page_port:=0"];
+    let arguments: Vec<&str> = ["--scene", &scene].into_iter().chain(COARSE[2..].iter().copied()).chain(more).collect();
+    let logs = tempfile::tempdir().unwrap();
+    let node = Program::start(TWIN, &arguments, domain, &[("ROS_LOG_DIR", logs.path().to_str().unwrap())]);
+    let mut viewer = view(&address(&logs));
     let mut peer = Peer::start(domain);
     for (topic, kind) in [
         ("/prediction_band", "needle_twin/msg/ForceBand"),
@@ -58,6 +61,8 @@ fn a_band_holds_the_prediction_and_targets_have_a_covariance() {
     assert!(force > 0.01 && low < force && force < high, "{force} N in {band}");
     assert!(low < mean && mean < high && number(&band["standard_deviation_n"]) > 0.01 * mean, "{band}");
     assert!(number(&band["header"]["stamp"]["sec"]) >= 1_700_000_000.0, "the stamp is a pose's");
+    let seen = until(&mut viewer, "figures", |f| f["band"]["high_n"] == band["high_n"]);
+    assert_eq!(seen["band"]["low_n"], band["low_n"], "the live page shows the same");
     let targets = peer.ask(json!({"op": "take", "topic": "/targets_with_covariance", "timeout": 5.0}));
     let targets = targets["messages"].as_array().unwrap();
     let pairs: Vec<_> = targets.chunks_exact(2).collect();
