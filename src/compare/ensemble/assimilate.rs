@@ -12,7 +12,7 @@
 //! The error of a block's mean is what the innovations d show beyond the members' own spread: R = mean(d^2 - s^2), no less than noise alone
 //! would make it, times (1 + r) / (1 - r) for the correlation r of neighbouring innovations, since a model that is wrong is wrong for a while.
 //! Means forget with `MEMORY` blocks. The band of what comes next has the spread of the members and of the last forecasts' errors. So a model that
-//! is wrong, or a load cell that drifts, makes bands and intervals wide.
+//! is wrong, or a load cell that drifts, makes forecast bands wide; intervals of the keys hold where the model is right.
 
 use nalgebra::{DMatrix, DVector};
 
