@@ -138,7 +138,9 @@ fn bands_over_seeds_and_samples() {
         ("instrument.cutting_force_n", "0.003"),
     ];
     let scaled = |f: &dyn Fn(f64) -> f64| (0..gel.len()).map(|i| f(readings[i].time_s) + gel[i]).collect::<Vec<f64>>();
-    let samples: [(&str, Vec<f64>, Option<[f64; 2]>); 7] = [
+    /// Name, force of each reading, modulus and coefficient if a member can have them.
+    type Sample = (&'static str, Vec<f64>, Option<[f64; 2]>);
+    let samples: [Sample; 7] = [
         ("gel", gel.clone(), Some([1678.0, 0.4])),
         ("modulus 30 % off", truth(&[("material.shear_modulus_pa", "2181.4")]), Some([2181.4, 0.4])),
         ("finite elements", readings.iter().map(|r| by_elements(1e-3 * r.time_s)).collect(), Some([1678.0, 0.4])),
