@@ -13,7 +13,7 @@
 //!        compare, input, rig, guard, study, report, live, ros, cli   ◄──────────┘   the outer ring
 //! ```
 //!
-//! The inner ring (`scene` to `twin`) is numbers only: no sockets, no clocks, and no files but those of the scene. The outer
+//! The inner ring (`scene` to `twin`) is numbers only: no sockets, no files but those of the scene, and no clock that a result depends on. The outer
 //! ring is input and output around the same [`twin::Twin`]. A room uses only rooms before it: scene, mesh, instrument, twin,
 //! compare, input, rig, guard, study, report, live, ros, cli (`tests/rooms.rs`).
 //!

@@ -45,8 +45,11 @@ const FORBIDDEN: [&str; 15] = [
     "thread::spawn",
 ];
 
-/// A scene and its mesh are files, read once before the first step; a packed mesh is unpacked in memory.
-const ALLOWED: [(&str, &str); 4] = [
+/// A scene and its mesh are files, read once before the first step; a packed mesh is unpacked in memory. What waiting for a
+/// thread has cost is told by a clock: it says who computes a part, never what comes out.
+const ALLOWED: [(&str, &str); 6] = [
+    ("crates/mtled/src/solver/backoff.rs", "Instant::now"),
+    ("crates/mtled/src/solver/sync.rs", "Instant::now"),
     ("src/scene/file.rs", "std::fs"),
     ("src/scene/file.rs", "std::io"),
     ("src/mesh/mod.rs", "std::fs"),

@@ -25,8 +25,8 @@ const LOOK: u64 = 64;
 impl Twin {
     /// Advances the tissue to a pose and predicts the force.
     ///
-    /// Allocates nothing, takes no lock, reads no clock. The same poses give the same bits, whatever the number of
-    /// threads.
+    /// Allocates nothing, takes no lock. The same poses give the same bits, whatever the number of threads; a clock is read only
+    /// after a thread has kept the others waiting.
     ///
     /// # Errors
     /// [`Halt::Pose`] if the pose can't be used (state untouched), [`Halt::Diverged`] if the solution is lost, [`Halt::Interrupted`].

@@ -210,7 +210,7 @@ fn a_shown_scene_is_a_scene_file() {
 fn scenes_and_keys_are_listed() {
     let list = json(&["scene", "list", "--json"]);
     let names: Vec<_> = list.as_array().unwrap().iter().map(|row| row["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["compression", "indentation", "needle_insertion"]);
+    assert_eq!(names, ["compression", "indentation", "needle_insertion", "layered_tissue"]);
     let text = stdout(&["scene", "list"]);
     assert!(names.iter().all(|name| text.contains(name)));
     let keys = json(&["scene", "show", "--keys", "--json"]);

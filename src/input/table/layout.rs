@@ -1,6 +1,6 @@
 //! How the text of a table is laid out: what separates its cells, how numbers are written, where headers and data stand.
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 
 use super::super::TableLayout;
 use super::super::unit::is_unit;
@@ -37,7 +37,7 @@ pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
 /// What separates the cells of a line. The reader of quoted cells is made at the first of them, once: its table of states costs 20 us.
 struct Splitter {
     separator: char,
-    quoted: OnceCell<csv_core::Reader>,
+    quoted: OnceCell<RefCell<csv_core::Reader>>,
 }
 
 impl Splitter {
@@ -58,8 +58,10 @@ impl Splitter {
     /// Cells of a line of which some may stand in quotation marks.
     fn quoted(&self, line: &str) -> Vec<String> {
         let delimiter = super::delimiter(self.separator);
-        let mut reader =
-            self.quoted.get_or_init(|| csv_core::ReaderBuilder::new().delimiter(delimiter).build()).clone();
+        let build = || RefCell::new(csv_core::ReaderBuilder::new().delimiter(delimiter).build());
+        // a clone of such a reader splits wrongly (csv-core 0.1.13), one that is reset does not
+        let mut reader = self.quoted.get_or_init(build).borrow_mut();
+        reader.reset();
         let (mut text, mut ends) = (vec![0; line.len() + 1], vec![0; line.len() + 1]);
         let (read, _, _, mut cells) = reader.read_record(line.as_bytes(), &mut text, &mut ends);
         if read == csv_core::ReadRecordResult::InputEmpty {
@@ -163,4 +165,25 @@ fn by_gaps(line: &str) -> Vec<String> {
 pub(super) fn is_comment(line: &str, said: Option<&str>) -> bool {
     let line = line.trim_start_matches(['\u{feff}', ' ', '"']);
     said.map_or_else(|| COMMENTS.iter().any(|mark| line.starts_with(mark)), |mark| line.starts_with(mark))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_in_quotation_marks_are_split_as_others() {
+        let split = Splitter::new(',');
+        for _ in 0..2 {
+            for (line, cells) in [
+                ("0.0, 1.5,-2", &["0.0", "1.5", "-2"][..]),
+                ("\"0.0\",\" 1.5\",\"-2\"", &["0.0", "1.5", "-2"]),
+                ("\"a, \"\"b\"\"\",c,", &["a, \"b\"", "c", ""]),
+                ("\"open, and", &["open, and"]),
+                ("a,b\r\"c\"", &["a", "b"]),
+            ] {
+                assert_eq!(split.cells(line), cells, "{line}");
+            }
+        }
+    }
 }
