@@ -131,7 +131,11 @@ fn ensemble(run: &Run, ensemble: &Ensemble) -> String {
         measured.map_or_else(String::new, |share| format!(", which holds {:.1} % of what was measured", 1e2 * share));
     let (used, members, runs) = (ensemble.used, ensemble.members, ensemble.runs);
     let of = if used == members { format!("{members}") } else { format!("{used} of {members}") };
-    format!("{of}, {width} on average{inside} ({runs} runs in {:.2} s)", ensemble.wall_s)
+    format!(
+        "{of}, {width} on average{inside} ({} in {:.2} s)",
+        if runs == 1 { "1 run".to_owned() } else { format!("{runs} runs") },
+        ensemble.wall_s
+    )
 }
 
 fn speed(run: &Run) -> String {

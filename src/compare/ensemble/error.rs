@@ -9,9 +9,9 @@ use crate::scene::SceneError;
 pub enum EnsembleError {
     /// Nothing is uncertain.
     #[error(
-        "scene {scene} says of no key how uncertain it is. Add a section to it, as in\n\n[uncertainty]\n\"{key}\" = \
-         {{ normal = [{mean}, {deviation}] }}\n\n(mean and standard deviation; lognormal and uniform are there too), or give --set \
-         'uncertainty.{key}={{normal=[{mean}, {deviation}]}}'"
+        "scene {scene} says of no key how uncertain it is. Give --set 'uncertainty.{key}={{normal=[{mean}, {deviation}]}}' (mean and standard \
+         deviation; lognormal and uniform are there too), or add a section [uncertainty] to the scene with \"{key}\" = {{ normal = [{mean}, \
+         {deviation}] }}"
     )]
     NoUncertainty {
         /// Its name.
