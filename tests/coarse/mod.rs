@@ -1,8 +1,20 @@
 //! Coarse scenes, and poses for them, for tests of the twin.
 #![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
 
+use needle_twin::compare::{Answer, Watch};
 use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::{Prediction, StampedPose, Twin};
+
+/// Takes no notice of a run.
+pub struct Quiet;
+
+impl Watch for Quiet {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        false
+    }
+}
 
 /// A preset in three dimensions on a coarse cloud, for depths up to 3 mm.
 pub fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {

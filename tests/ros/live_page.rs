@@ -273,7 +273,7 @@ fn greedy(address: &str, stop: &std::sync::Arc<std::sync::atomic::AtomicBool>) -
 /// A study, not a test: what viewers cost, see docs/lab/live_page.md. Nothing and five viewers in turn, the needle bag each time.
 #[cfg(target_os = "linux")]
 #[test]
-#[ignore = "three minutes, and a bound on times needs a machine of its own"]
+#[ignore = "three minutes, and a bound on times needs a machine of its own: .ci/long runs it"]
 fn what_five_viewers_cost() {
     let (domain, logs) = (free_domain(), tempfile::tempdir().unwrap());
     let more = ["--scene", "needle_insertion", "--ros-args", "-p", "page:=true", "-p", "page_port:=0"];

@@ -2,19 +2,11 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use assert_cmd::Command;
-use needle_twin::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};
+use needle_twin::compare::{self, At, Collector, Keep, Reading, Run};
 use needle_twin::scene::{Override, Scene};
 use serde_json::Value;
 
-struct Quiet;
-
-impl Watch for Quiet {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        false
-    }
-}
+use crate::coarse::Quiet;
 
 /// A wide needle needs few nodes.
 const WIDE: (&str, &str) = ("instrument.capture_radius_m", "0.0015");

@@ -2,20 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use needle_twin::compare::ensemble::{self, Crew, Member, MemberPath, Paths, Size};
-use needle_twin::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};
+use needle_twin::compare::{self, At, Collector, Keep, Reading, Run};
 use needle_twin::scene::{Override, Prior, Scene};
 
-use crate::coarse::alone;
-
-struct Quiet;
-
-impl Watch for Quiet {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        false
-    }
-}
+use crate::coarse::{Quiet, alone};
 
 /// A half plane with few nodes, pressed in a few poses.
 fn scene(changes: &[(&str, &str)]) -> Scene {
