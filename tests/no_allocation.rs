@@ -78,6 +78,8 @@ const HALF_PLANE: [(&str, &str); 3] = [
     ("instrument.puncture_strain", "0.1"),
 ];
 
+const HALF: [(&str, &str); 2] = [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.1")];
+
 const FRICTIONAL: [(&str, &str); 5] = [
     ("discretisation.dimension", "axisymmetric"),
     ("instrument.interaction", "frictional"),
@@ -105,6 +107,7 @@ fn a_step_allocates_nothing() {
         ("indentation", &[]),
         ("indentation", &GEL),
         ("needle_insertion", &HALF_PLANE),
+        ("needle_insertion", &HALF),
         ("needle_insertion", &FRICTIONAL),
     ] {
         rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the ground up: a room may use those before it. What two rooms share belongs below both.
-const ORDER: [&str; 13] = [
+const ORDER: [&str; 14] = [
     "scene",
     "mesh",
     "instrument",
@@ -19,6 +19,7 @@ const ORDER: [&str; 13] = [
     "study",
     "report",
     "live",
+    "openigtlink",
     "ros",
     "cli",
 ];

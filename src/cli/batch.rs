@@ -11,9 +11,10 @@ use super::interrupt::Interrupt;
 use super::options::ThreadOptions;
 use super::output::OutputFolder;
 use super::progress::Bar;
+use super::shard::Shard;
 use super::{CliError, Outcome, print, warn};
 use crate::report;
-use crate::study::batch::{self, Group, Job, Manifest, Merged, ROWS, Row, SampleJob, SampleRow, Tables};
+use crate::study::batch::{self, Group, Job, Manifest, Merged, Needed, ROWS, Row, SampleJob, SampleRow, Tables};
 
 /// Replay or calibrate every recording of a manifest, and say what the samples have in common
 ///
@@ -39,7 +40,7 @@ pub(super) struct Arguments {
     root: Option<PathBuf>,
 
     /// Do only every n-th recording, beginning with the i-th: 1/4, 2/4, 3/4 and 4/4 are the whole
-    #[arg(long, value_name = "I/N", value_parser = shard)]
+    #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
 
     #[command(flatten)]
@@ -71,25 +72,6 @@ struct Merge {
     json: bool,
 }
 
-/// One of several parts.
-#[derive(Clone, Copy, Debug)]
-struct Shard {
-    number: usize,
-    of: usize,
-}
-
-impl Shard {
-    const fn has(self, i: usize) -> bool {
-        i % self.of == self.number - 1
-    }
-}
-
-fn shard(text: &str) -> Result<Shard, String> {
-    let parts = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
-    let whole = parts.filter(|(number, of)| (1..=*of).contains(number));
-    whole.map(|(number, of)| Shard { number, of }).ok_or_else(|| "i/n with i from 1 to n, as 2/4".to_owned())
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     match (&arguments.verb, &arguments.manifest, &arguments.out) {
         (Some(Verb::Merge(merge)), ..) => merge.run(),
@@ -117,7 +99,7 @@ impl Arguments {
     fn work(&self, manifest: &Path, out: &Path) -> Result<Outcome, CliError> {
         let manifest = Manifest::read(manifest, self.root.as_deref())?;
         let folder = OutputFolder::prepare(out)?;
-        let shard = self.shard.unwrap_or(Shard { number: 1, of: 1 });
+        let shard = self.shard.unwrap_or(Shard::WHOLE);
         let done = self.threads.install(|| rows(&manifest, shard, &folder.path))??;
         let mine = (0..manifest.recordings.len()).filter(|i| shard.has(*i)).count();
         if done.stopped {
@@ -195,11 +177,13 @@ fn rows(manifest: &Manifest, shard: Shard, out: &Path) -> Result<Done, CliError>
     let (known_samples, samples) = samples_left(&all, shard, out);
     let (there, left): (Vec<_>, Vec<_>) = before.into_iter().partition(|(_, row)| row.is_some());
     let left: Vec<Job> = left.into_iter().map(|(number, _)| job(&none, number)).collect();
-    let curves = Bar::new(None, "runs for the curves that all share");
     let needed: Vec<Job> = left.iter().chain(samples.iter().flat_map(|sample| &sample.jobs)).copied().collect();
-    let tables = Tables::new(&needed, &stop, &mut |runs| curves.add(runs as u64, ""));
+    let mut needed = Needed::of(&needed);
+    needed.read(out);
+    let curves = Bar::new(needed.runs() as u64, "runs for the curves that all share");
+    let tables = needed.make(out, &stop, &|| curves.add(1, ""));
     curves.finish();
-    let bar = Bar::new(Some(left.len() as u64), "recordings");
+    let bar = Bar::new(left.len() as u64, "recordings");
     let one = |left: &Job| -> Result<Option<Row>, CliError> {
         if stop() {
             return Ok(None);
@@ -246,7 +230,7 @@ fn samples_done(
     out: &Path,
     stop: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<SampleRow>, CliError> {
-    let bar = Bar::new(Some(samples.len() as u64), "samples fitted together");
+    let bar = Bar::new(samples.len() as u64, "samples fitted together");
     let one = |sample: &SampleJob| -> Result<Option<SampleRow>, CliError> {
         let jobs = sample.jobs.iter().map(|job| Job { tables, ..*job }).collect();
         let row = SampleJob { name: sample.name, jobs }.run(stop);

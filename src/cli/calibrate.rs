@@ -1,21 +1,20 @@
 //! `needle_twin calibrate`: values of scene keys from a recording, with their uncertainty.
 
+use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
 
 use super::options::ThreadOptions;
 use super::output::OutputFolder;
-use super::progress::Progress;
+use super::progress::{Progress, Runs};
 use super::recorded::{RecordedOptions, positive};
 use super::replay::refuse_mistaken;
 use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
 use crate::compare::uncertainty::FORCE_ERROR;
-use crate::compare::{self, Answer, Explains, Watch};
+use crate::compare::{self, Explains};
 use crate::input::Recording;
 use crate::report;
 use crate::scene::Scene;
@@ -142,9 +141,10 @@ fn of_markers(arguments: &Arguments, recording: &Recording, scene: &Scene, noise
         force: (!arguments.markers_only && !measured.is_empty()).then_some((&measured, arguments.force_error)),
         wanted: &arguments.fit,
     };
-    let mut stop = Stop(&progress);
-    let fit = arguments.threads.install(|| calibrate::calibrate_markers(&task, &mut stop))??;
-    progress.finish();
+    let fit = arguments.threads.install(|| {
+        let said = RefCell::new("fitting the tracked points".to_owned());
+        calibrate::calibrate_markers(&task, &mut Runs::new(&progress, &said, readings.len()))
+    })??;
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let written = folder.map(|folder| report::write_marker_fit(&folder.path, &fit, &recording.source)).transpose()?;
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
@@ -233,31 +233,20 @@ fn found(
             (Held::Half, None) => HoldOut::Half,
         },
     };
-    let mut stop = Stop(&progress);
-    let calibration = calibrate(&task, &mut stop, &mut |what| progress.say(what))?;
+    let said = RefCell::new("run 1: as the scene has it".to_owned());
+    let say = |what: &str| {
+        progress.say(what);
+        what.clone_into(&mut said.borrow_mut());
+    };
+    let mut runs = Runs::new(&progress, &said, readings.len());
+    let calibration = calibrate(&task, &mut runs, &mut |what| say(what))?;
     let prediction = other.map(|(recording, scene)| {
-        progress.say("predicting the other bag");
+        say("predicting the other bag");
         let readings = arguments.recorded.topics.readings(recording);
-        calibrate::predict(&calibration, scene, &readings, &recording.measured(), &recording.source, &mut stop)
+        calibrate::predict(&calibration, scene, &readings, &recording.measured(), &recording.source, &mut runs)
     });
     let prediction = prediction.transpose()?;
-    progress.finish();
     Ok((calibration, prediction))
-}
-
-/// Ends with Ctrl-C; what it does in between is said by run, not by pose.
-struct Stop<'a>(&'a Progress);
-
-impl Watch for Stop<'_> {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        self.0.stop()
-    }
-
-    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
-        self.0.stop_flag()
-    }
 }
 
 /// What the user must know before believing the numbers.

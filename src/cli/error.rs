@@ -11,6 +11,7 @@ use crate::scene::SceneError;
 use crate::study::accuracy::StudyError;
 use crate::study::batch::{ManifestError, MergeError};
 use crate::study::calibrate::CalibrateError;
+use crate::study::sensitivity::RunsError;
 use crate::study::speed::SpeedError;
 use crate::twin::BuildError;
 use rosbag2_mcap::BagError;
@@ -71,6 +72,9 @@ pub enum CliError {
     /// There is no ensemble.
     #[error("--members: {0}")]
     Ensemble(#[from] EnsembleError),
+    /// [`RunsError`]
+    #[error(transparent)]
+    Sensitivity(#[from] RunsError),
     /// A manifest can't be used.
     #[error(transparent)]
     Manifest(#[from] ManifestError),

@@ -49,7 +49,7 @@ impl Drawn {
         at: &[usize],
         stop: Option<Arc<AtomicBool>>,
     ) -> Result<(), CliError> {
-        let bar = Bar::new(Some(self.size.members as u64), "members");
+        let bar = Bar::new(self.size.members as u64, "members");
         let done = || bar.add(1, "");
         let crew = Crew { threads: rayon::current_num_threads(), stop, done: &done };
         let added = ensemble::add(run, scene, &self.members, readings, at, self.size, &crew);

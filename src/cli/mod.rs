@@ -17,6 +17,7 @@ mod progress;
 mod recorded;
 mod replay;
 mod scene;
+mod shard;
 mod shell;
 mod solve;
 mod study;

@@ -1,5 +1,6 @@
 //! Progress of a run on stderr: curves and a bar where that is a terminal, now and then a line where it isn't.
 
+use std::cell::RefCell;
 use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -130,6 +131,11 @@ impl Progress {
         self.bar.set_message("");
     }
 
+    /// Another bar has spoken: nothing is to be said for a while.
+    fn hush(&self) {
+        self.heartbeat.said();
+    }
+
     /// Says something beside the bar.
     pub(super) fn warn(&self, message: &str) {
         self.bar.suspend(|| super::warn(message));
@@ -203,11 +209,10 @@ pub(super) struct Bar {
 }
 
 impl Bar {
-    /// A bar of so many; `None` if it isn't known how many.
-    pub(super) fn new(of: Option<u64>, what: &'static str) -> Self {
-        let bar = of.map_or_else(ProgressBar::no_length, ProgressBar::new);
-        let known = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{elapsed}}, {{eta}} left  {{msg}}");
-        let template = if of.is_some() { known } else { format!("{{spinner}} {{pos}} {what}, {{elapsed}}") };
+    /// A bar of so many.
+    pub(super) fn new(of: u64, what: &'static str) -> Self {
+        let bar = ProgressBar::new(of);
+        let template = format!("{{bar:40}} {{pos}}/{{len}} {what}, {{elapsed}}, {{eta}} left  {{msg}}");
         bar.set_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.enable_steady_tick(Duration::from_millis(500));
         Self { bar, what, begun: Instant::now(), said_s: AtomicU64::new(0) }
@@ -223,16 +228,59 @@ impl Bar {
         // of several threads one speaks
         if due && self.said_s.compare_exchange(before_s, elapsed_s, Relaxed, Relaxed).is_ok() {
             let (done, what) = (self.bar.position(), self.what);
-            let left = self.bar.length().map_or_else(String::new, |of| {
-                let left_s = elapsed_s as f64 / done.max(1) as f64 * of.saturating_sub(done) as f64;
-                format!(" of {of}, about {left_s:.0} s left")
-            });
+            let of = self.bar.length().unwrap_or(done);
+            let left_s = elapsed_s as f64 / done.max(1) as f64 * of.saturating_sub(done) as f64;
+            let name = if name.is_empty() { String::new() } else { format!(" ({name})") };
             // a failure to write can't be reported either
-            let _ = writeln!(std::io::stderr(), "{done} {what}{left}");
+            let _ = writeln!(std::io::stderr(), "{done} {what} of {of}, about {left_s:.0} s left{name}");
         }
     }
 
     pub(super) fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Runs of the twin one after the other, nobody knows how many: what each is of, and a bar of its poses with the time that is left of it.
+pub(super) struct Runs<'a> {
+    progress: &'a Progress,
+    /// What the next run is of.
+    said: &'a RefCell<String>,
+    poses: usize,
+    bar: Option<Bar>,
+}
+
+impl<'a> Runs<'a> {
+    /// Takes the place of what `progress` has shown, and ends with it.
+    pub(super) fn new(progress: &'a Progress, said: &'a RefCell<String>, poses: usize) -> Self {
+        progress.finish();
+        Self { progress, said, poses, bar: None }
+    }
+}
+
+impl Drop for Runs<'_> {
+    fn drop(&mut self) {
+        self.bar.iter().for_each(Bar::finish);
+    }
+}
+
+impl Watch for Runs<'_> {
+    fn progress(&mut self, done: usize, _answer: Option<&Answer>) {
+        if done == 1 {
+            self.bar.iter().for_each(Bar::finish);
+            self.bar = Some(Bar::new(self.poses as u64, "poses"));
+        }
+        if let Some(bar) = self.bar.as_ref().filter(|_| done.is_multiple_of(STRIDE)) {
+            self.progress.hush();
+            bar.add(STRIDE as u64, &self.said.borrow());
+        }
+    }
+
+    fn stop(&self) -> bool {
+        self.progress.stop()
+    }
+
+    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
+        self.progress.stop_flag()
     }
 }

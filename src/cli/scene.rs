@@ -11,7 +11,7 @@ use super::{CliError, Outcome, print, scene_file};
 use crate::report;
 use crate::scene::keys::{KEYS, SECTIONS};
 use crate::scene::size::Estimate;
-use crate::scene::{Key, PRESETS, Scene, Value};
+use crate::scene::{Key, PRESETS, Scene, Value, Word as _};
 use crate::twin::Body;
 
 /// List, print and check scenes
@@ -85,7 +85,7 @@ fn list(as_json: bool) -> Result<(), CliError> {
 /// Draws a scene's section.
 fn draw(name: &str, set: &SetOptions, file: &Path) -> Result<(), CliError> {
     let scene = set.apply(&scene_file::load(name)?, [])?;
-    let body = Body::new(&scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    let body = Body::new(&scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?.whole();
     Ok(report::write_section(file, &scene, &body)?)
 }
 
@@ -169,16 +169,25 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
     let checked: Vec<_> = scenes.iter().map(|name| set.apply(&scene_file::load(name)?, []).and_then(sized)).collect();
     if as_json {
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
-            Ok((scene, size)) => json!({
-                "scene": name, "ok": true, "name": scene.name,
-                "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
-            }),
+            Ok((scene, size)) => {
+                let model = scene.dimension();
+                json!({
+                    "scene": name, "ok": true, "name": scene.name,
+                    "dimension": model.dimension.as_str(), "dimension_because": model.because,
+                    "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
+                })
+            }
             Err(error) => json!({ "scene": name, "ok": false, "error": error.to_string() }),
         });
         print(&format!("{:#}\n", serde_json::Value::from_iter(rows)))?;
     } else {
-        for (name, (_, size)) in scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s))) {
-            print(&format!("{name}: ok, about {:.0} nodes and {:.0} MB\n", size.nodes, size.bytes / 1e6))?;
+        for (name, (scene, size)) in scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s))) {
+            let (model, megabytes) = (scene.dimension(), size.bytes / 1e6);
+            let kind = model.dimension.as_str();
+            print(&format!(
+                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB; {kind}: {}\n",
+                size.nodes, model.because
+            ))?;
         }
     }
     let all = checked.len();

@@ -69,7 +69,8 @@ impl Arguments {
     }
 }
 
-fn solve(scene: &Scene, motion: &Motion, keep: Keep, members: Option<&Drawn>) -> Result<Run, CliError> {
+/// Runs a scene's own motion.
+pub(super) fn solve(scene: &Scene, motion: &Motion, keep: Keep, members: Option<&Drawn>) -> Result<Run, CliError> {
     let mut progress = Progress::preparing("building the model");
     let built = compare::build(scene);
     let (mut twin, build_s) = built.map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;

@@ -119,7 +119,11 @@ fn targets(run: &Run) -> Option<String> {
 fn learnt(ensemble: &Ensemble) -> Option<String> {
     let (_, found) = ensemble.assimilated.as_ref()?;
     let key = |(one, [mean, deviation]): (&Uncertain, &[f64; 2])| format!("{} {mean:.4e} ± {deviation:.1e}", one.key);
-    Some(ensemble.keys.iter().zip(&found.keys).map(key).collect::<Vec<_>>().join(", "))
+    let rejected = match found.rejected_blocks {
+        0 => String::new(),
+        n => format!("; {n} of {} blocks of readings rejected", found.blocks),
+    };
+    Some(ensemble.keys.iter().zip(&found.keys).map(key).collect::<Vec<_>>().join(", ") + &rejected)
 }
 
 /// What the members say.

@@ -4,7 +4,7 @@ use crate::scene::Word as _;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::{Answer, FinalState, Occurrence, Run, Snapshot, TargetRow};
-use crate::twin::{Prediction, Twin};
+use crate::twin::{Health, Prediction, Twin};
 
 /// Snapshots that a run of known length gets.
 const SNAPSHOTS: f64 = 48.0;
@@ -12,8 +12,6 @@ const SNAPSHOTS: f64 = 48.0;
 const MOST_SNAPSHOTS: usize = 96;
 /// Snapshot interval to start with where the length is not known, s.
 const FIRST_INTERVAL_S: f64 = 0.05;
-/// Kinetic over strain energy is not judged until the force has passed this part of its peak.
-const LOADED: f64 = 0.1;
 
 /// What a run keeps besides its answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -249,8 +247,10 @@ impl Collector {
     fn finish_health(&mut self) {
         let peak = self.run.answers.iter().map(|a| a.predicted_n.abs()).fold(0.0, f64::max);
         let loaded = self.run.answers.iter().zip(&self.energy_ratio);
-        self.run.max_kinetic_to_strain_energy =
-            loaded.filter(|(a, _)| a.predicted_n.abs() >= LOADED * peak).map(|(_, ratio)| *ratio).fold(0.0, f64::max);
+        self.run.max_kinetic_to_strain_energy = loaded
+            .filter(|(a, _)| a.predicted_n.abs() >= Health::LOADED * peak)
+            .map(|(_, ratio)| *ratio)
+            .fold(0.0, f64::max);
         self.run.force_imbalance = if self.peak_n > 0.0 { self.imbalance_n / self.peak_n } else { 0.0 };
     }
 

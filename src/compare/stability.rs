@@ -1,6 +1,7 @@
 //! Figures that tell whether a run's forces are those of a quasi-static equilibrium, each with the bound that says so.
 
 use super::Run;
+use crate::twin::Health;
 
 /// Volume ratio from which on a cell counts as folded.
 const FOLDED: f64 = 0.1;
@@ -44,7 +45,7 @@ impl Run {
                 name: "Kinetic over strain energy",
                 value: energy,
                 unit: "",
-                holds: energy < 0.05,
+                holds: energy < Health::MOST_KINETIC,
                 bound: "below 0.05",
                 about: "Largest value once the force passed 10 % of its peak; small means that inertia does not colour the force.",
                 remedy: "a smaller stepping.tolerance, or a slower motion",
@@ -53,7 +54,7 @@ impl Run {
                 name: "Force imbalance",
                 value: imbalance,
                 unit: "",
-                holds: imbalance < 0.02,
+                holds: imbalance < Health::MOST_IMBALANCE,
                 bound: "below 0.02",
                 about: "Instrument force plus base reaction, over the peak force.",
                 remedy: "more steps per pose: a smaller stepping.tolerance, a larger stepping.max_steps_per_pose",

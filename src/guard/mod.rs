@@ -9,18 +9,23 @@
 //!    └── resume ── stopped ◄─┘  brakes at once, then holds
 //! ```
 //! It slows down before it stops: from [`SLOWS_AT`] of the force limit on, the speed falls in proportion to the remaining
-//! force, and while the twin warns it is multiplied by `slow_factor`.
+//! force, and while the twin warns it is multiplied by `slow_factor`. Where a largest probability is ordered, the members' outlook
+//! ([`Outlook`]) decides in place of the predicted force, by the same rule, and the needle goes no faster than outlooks come.
 //!
 //! The goal is a depth, or the depth of a target that moves with the tissue; the motion there is a [`Trajectory`], so a
 //! goal that moves is followed without passing it. No sockets and no clocks: times come in as ages.
 
+mod outlook;
+
 use std::fmt;
+
+pub use outlook::{Odds, Outlook, Place, Question};
 
 use crate::rig::{MotionLimits, Trajectory};
 
-/// Share of the force limit from which the speed falls, to nothing at the limit.
+/// Share of a limit (of the force, of a probability) from which the speed falls, to nothing at the limit.
 pub const SLOWS_AT: f64 = 0.8;
-/// Share of the force limit at which the guard stops; the rest is for what braking adds.
+/// Share of a limit at which the guard stops; the rest is for what braking adds.
 pub const STOPS_AT: f64 = 0.97;
 
 /// Largest age of where a region begins, s: the twin's status comes ten times a second.
@@ -35,6 +40,16 @@ pub struct Orders {
     pub step_s: f64,
     /// Largest force against the insertion, N.
     pub force_limit_n: f64,
+    /// Largest probability that the force passes its limit within [`Orders::look_ahead_m`]; 1: the predicted force decides instead.
+    pub max_probability_of_force_limit: f64,
+    /// Largest probability that the target is missed by more than [`Orders::miss_radius_m`]; 1: it is not asked for.
+    pub max_probability_of_miss: f64,
+    /// How far ahead these probabilities look, m.
+    pub look_ahead_m: f64,
+    /// Distance from the target that counts as a miss, m.
+    pub miss_radius_m: f64,
+    /// Largest age of an outlook, s.
+    pub outlook_timeout_s: f64,
     /// Largest age of a value, s; older ones count as lost.
     pub timeout_s: f64,
     /// The same for a target, which comes at a lower rate, s.
@@ -51,6 +66,21 @@ pub struct Orders {
     pub stop_before_m: Option<f64>,
     /// After a stop, go on by itself when all has been well for so long, s; 0: never.
     pub resume_after_s: f64,
+}
+
+impl Orders {
+    /// Whether members have to look ahead.
+    #[must_use]
+    pub fn ask_members(&self) -> bool {
+        self.max_probability_of_force_limit < 1.0 || self.max_probability_of_miss < 1.0
+    }
+
+    /// What to ask the members at a depth on the way to a goal, m.
+    #[must_use]
+    pub const fn question(&self, depth_m: f64, goal_m: f64) -> Question {
+        let Self { look_ahead_m, force_limit_n, miss_radius_m, .. } = *self;
+        Question { depth_m, goal_m, look_ahead_m, force_limit_n, miss_radius_m }
+    }
 }
 
 /// A value and how long ago it came, s.
@@ -86,6 +116,8 @@ pub struct Sight {
     pub goal_m: Option<Heard<f64>>,
     /// Where the region begins that must not be entered.
     pub boundary: Option<Heard<Boundary>>,
+    /// What the members say of the next piece of the way; its age is that of the pose that they looked from.
+    pub odds: Option<Heard<Odds>>,
     /// Whether the goal is a target of the twin, whose position can become outdated.
     pub goal_moves: bool,
 }
@@ -104,6 +136,12 @@ pub enum Trouble {
     TargetLost,
     /// The predicted force, N.
     ForceLimit(f64),
+    /// The members' outlook is missing or too old.
+    OutlookLost,
+    /// The probability that the force passes its limit.
+    ForceLikely(f64),
+    /// The probability that the target is missed.
+    MissLikely(f64),
     /// Where the region begins that must not be entered is not known.
     RegionUnknown,
     /// The region that must not be entered begins here.
@@ -120,6 +158,11 @@ impl fmt::Display for Trouble {
             Self::NotVouched => write!(f, "the twin does not vouch for its prediction (see its status)"),
             Self::TargetLost => write!(f, "targets is silent or has no such target"),
             Self::ForceLimit(force) => write!(f, "the predicted force, {force:.4} N, is at the limit"),
+            Self::OutlookLost => {
+                write!(f, "outlook is silent or too old: has the twin members, and do they keep up?")
+            }
+            Self::ForceLikely(p) => write!(f, "the force passes its limit ahead with a probability of {p:.3}"),
+            Self::MissLikely(p) => write!(f, "the target is missed with a probability of {p:.3}"),
             Self::RegionUnknown => {
                 write!(
                     f,
@@ -171,6 +214,12 @@ impl Guard {
             at_goal_s: 0.0,
             well_s: 0.0,
         }
+    }
+
+    /// What it is to do.
+    #[must_use]
+    pub const fn orders(&self) -> &Orders {
+        &self.orders
     }
 
     /// What it is doing.
@@ -233,7 +282,7 @@ impl Guard {
     fn go(&mut self, sight: &Sight) {
         let Orders { motion, step_s, tolerance_m, dwell_s, slow_factor, .. } = self.orders;
         let share = if sight.warned { slow_factor } else { 1.0 };
-        self.trajectory.limit_speed(motion.speed_m_per_s * share * self.force_share(sight));
+        self.trajectory.limit_speed(motion.speed_m_per_s * share * self.share_left(sight));
         let (Some(goal), Some(depth)) = (sight.goal_m, sight.depth_m) else { return };
         self.trajectory.go_to(self.before_region(sight).map_or(goal.value, |limit| goal.value.min(limit)));
         let here = (depth.value - goal.value).abs() <= tolerance_m;
@@ -266,23 +315,54 @@ impl Guard {
         }
     }
 
-    /// Share of the speed that the force leaves.
-    fn force_share(&self, sight: &Sight) -> f64 {
-        let limit = self.orders.force_limit_n;
-        sight.force_n.map_or(0.0, |force| ((limit - force.value) / ((1.0 - SLOWS_AT) * limit)).clamp(0.0, 1.0))
+    /// Share of the speed that force and probabilities leave.
+    fn share_left(&self, sight: &Sight) -> f64 {
+        let Orders { force_limit_n, max_probability_of_force_limit, max_probability_of_miss, .. } = self.orders;
+        let left = |value: f64, limit: f64| ((limit - value) / ((1.0 - SLOWS_AT) * limit)).clamp(0.0, 1.0);
+        let odds = sight.odds.map(|odds| odds.value);
+        let force = if max_probability_of_force_limit < 1.0 {
+            odds.map(|odds| left(odds.force_limit, max_probability_of_force_limit))
+        } else {
+            sight.force_n.map(|force| left(force.value, force_limit_n))
+        };
+        let miss = if max_probability_of_miss < 1.0 {
+            odds.map_or(0.0, |odds| left(odds.miss, max_probability_of_miss))
+        } else {
+            1.0
+        };
+        // the outlook must not be outrun
+        let used = if self.orders.ask_members() { odds.map_or(0.0, |odds| left(odds.used, 1.0)) } else { 1.0 };
+        force.unwrap_or(0.0).min(miss).min(used)
+    }
+
+    /// Whether the force, or a probability of what lies ahead, is at its limit.
+    fn limit_trouble(&self, sight: &Sight, force: f64) -> Option<Trouble> {
+        let Orders { force_limit_n, max_probability_of_force_limit, max_probability_of_miss, .. } = self.orders;
+        let by_force = max_probability_of_force_limit >= 1.0 && force >= STOPS_AT * force_limit_n;
+        if by_force || !self.orders.ask_members() {
+            return by_force.then_some(Trouble::ForceLimit(force));
+        }
+        let Some(Odds { force_limit, miss, .. }) = fresh(sight.odds, self.orders.outlook_timeout_s) else {
+            return Some(Trouble::OutlookLost);
+        };
+        if max_probability_of_force_limit < 1.0 && force_limit >= STOPS_AT * max_probability_of_force_limit {
+            return Some(Trouble::ForceLikely(force_limit));
+        }
+        let missed = max_probability_of_miss < 1.0 && miss >= STOPS_AT * max_probability_of_miss;
+        missed.then_some(Trouble::MissLikely(miss))
     }
 
     /// Why the needle must not move, the most serious reason first.
     fn trouble(&self, sight: &Sight) -> Option<Trouble> {
-        let Orders { timeout_s, target_timeout_s, force_limit_n, following_error_m, .. } = self.orders;
+        let Orders { timeout_s, target_timeout_s, following_error_m, .. } = self.orders;
         let Some(depth) = fresh(sight.depth_m, timeout_s).filter(|d| d.is_finite()) else {
             return Some(Trouble::PositionLost);
         };
         let Some(force) = fresh(sight.force_n, timeout_s).filter(|f| f.is_finite()) else {
             return Some(Trouble::PredictionLost);
         };
-        if force >= STOPS_AT * force_limit_n {
-            return Some(Trouble::ForceLimit(force));
+        if let Some(trouble) = self.limit_trouble(sight, force) {
+            return Some(trouble);
         }
         if fresh(sight.safe, timeout_s) != Some(true) {
             return Some(Trouble::NotVouched);

@@ -6,6 +6,11 @@ const ORDERS: Orders = Orders {
     motion: MotionLimits { speed_m_per_s: 0.002, acceleration_m_per_s2: 0.5, jerk_m_per_s3: 100.0 },
     step_s: 0.004,
     force_limit_n: 0.1,
+    max_probability_of_force_limit: 1.0,
+    max_probability_of_miss: 1.0,
+    look_ahead_m: 5e-4,
+    miss_radius_m: 1e-3,
+    outlook_timeout_s: 0.5,
     timeout_s: 0.025,
     target_timeout_s: 0.2,
     tolerance_m: 1e-4,
@@ -28,6 +33,7 @@ fn well(depth_m: f64) -> Sight {
         warned: false,
         goal_m: now(0.005),
         boundary: None,
+        odds: None,
         goal_moves: true,
     }
 }
@@ -145,6 +151,38 @@ fn it_goes_on_by_itself_only_when_told_so_and_when_all_has_been_well_for_long_en
     assert_eq!(guard.phase(), Phase::Stopped(Trouble::NotVouched));
     run(&mut guard, &mut depth_m, 3, |_| {});
     assert_eq!(guard.phase(), Phase::Moving);
+}
+
+#[test]
+fn where_probabilities_are_ordered_they_decide_in_place_of_the_force() {
+    let orders = Orders { max_probability_of_force_limit: 0.05, max_probability_of_miss: 0.2, ..ORDERS };
+    let odds = |force_limit, miss| now(Odds { force_limit, miss, used: 0.0 });
+    let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
+    run(&mut guard, &mut depth_m, 10, |_| {});
+    assert_eq!(guard.phase(), Phase::Waiting(Some(Trouble::OutlookLost)), "it does not begin without an outlook");
+    // a predicted force far beyond the limit is that of a model that the members know to be wrong
+    run(&mut guard, &mut depth_m, 100, |s| (s.odds, s.force_n) = (odds(0.01, 0.0), now(0.5)));
+    assert_eq!(guard.phase(), Phase::Moving);
+    assert!((guard.speed_m_per_s() - 0.002).abs() < 1e-9, "{}", guard.speed_m_per_s());
+    run(&mut guard, &mut depth_m, 20, |s| s.odds = odds(0.045, 0.0));
+    assert!((guard.speed_m_per_s() - 0.001).abs() < 1e-9, "half of what is left from 80 %: {}", guard.speed_m_per_s());
+    run(&mut guard, &mut depth_m, 20, |s| s.odds = odds(0.0, 0.19));
+    assert!((guard.speed_m_per_s() - 5e-4).abs() < 1e-9, "{}", guard.speed_m_per_s());
+    run(&mut guard, &mut depth_m, 20, |s| s.odds = now(Odds { used: 0.95, ..Odds::default() }));
+    assert!((guard.speed_m_per_s() - 5e-4).abs() < 1e-9, "the outlook must not be outrun: {}", guard.speed_m_per_s());
+    type Case = (Option<Heard<Odds>>, Trouble, &'static str);
+    let cases: [Case; 3] = [
+        (odds(0.049, 0.0), Trouble::ForceLikely(0.049), "limit"),
+        (odds(0.0, 0.25), Trouble::MissLikely(0.25), "missed"),
+        (Some(Heard { value: Odds::default(), age_s: 0.6 }), Trouble::OutlookLost, "outlook"),
+    ];
+    for (said, trouble, word) in cases {
+        let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
+        run(&mut guard, &mut depth_m, 100, |s| s.odds = odds(0.0, 0.0));
+        run(&mut guard, &mut depth_m, 4, |s| s.odds = said);
+        assert_eq!((guard.phase(), guard.speed_m_per_s()), (Phase::Stopped(trouble), 0.0));
+        assert!(trouble.to_string().contains(word), "{trouble}");
+    }
 }
 
 #[test]

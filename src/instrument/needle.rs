@@ -29,16 +29,18 @@
 //! the force 3 % larger at a depth of 2 mm, since tissue ahead of the tip is dragged along and released late.
 //! In a half plane, where nothing moves sideways, the radial displacement is on that ramp, too.
 
+mod tissue;
+
 use std::f64::consts::PI;
 
-use super::{Event, Phase};
+use super::{Event, Phase, Tip};
 use crate::scene::{DeformationRule, Needle};
 use mtled::cloned_field_by_field;
+use mtled::mirror::Mirror;
 use mtled::solver::{Role, Solver};
 
-use super::Tip;
 use super::capture::{Capture, Hold, carried, passed};
-use super::puncture::{Strained, is_withdrawn, largest_strain};
+use super::puncture::{Strained, is_withdrawn};
 
 /// Capture window that a needle has by default, in capture radii. Tissue in the window is held along the needle where the problem
 /// has it free: a window of half a radius costs 1 % of the force at 1 mm, one of a whole radius 2 %.
@@ -77,6 +79,10 @@ pub struct NeedlePath {
     effective_radius: f64,
     /// Whether the nodes are those of a half plane, whose radial displacement is no sideways motion.
     revolved: bool,
+    /// Plane of symmetry of a model of half the body.
+    mirror: Option<Mirror>,
+    /// Share of each node's tissue that the model has: half of it on that plane.
+    share: Vec<f64>,
     progress: Progress,
 }
 
@@ -133,6 +139,8 @@ impl NeedlePath {
         }
         let effective_radius = (filled / (PI * length)).sqrt();
         Self {
+            share: vec![1.0; nodes.len()],
+            mirror: None,
             nodes,
             needle,
             slope,
@@ -157,6 +165,17 @@ impl NeedlePath {
     #[must_use]
     pub fn revolved(self) -> Self {
         Self { revolved: true, ..self }
+    }
+
+    /// The same path in the half of a body beside a plane of symmetry, of whose nodes these are the places in m.
+    #[must_use]
+    pub fn mirrored(mut self, mirror: Mirror, points: &[[f64; 3]]) -> Self {
+        let on_plane = mirror.holds(points);
+        self.share = self.nodes.iter().map(|(n, _)| if on_plane[*n as usize] { 0.5 } else { 1.0 }).collect();
+        self.mirror = Some(mirror);
+        // of a rod of which the half is in these cells
+        self.effective_radius *= std::f64::consts::SQRT_2;
+        self
     }
 
     /// The same path in tissue of a shear modulus in Pa, which sets how the hold grows between two layers of nodes.
@@ -342,7 +361,7 @@ impl NeedlePath {
         // motion along the path takes its lateral share along, on the ramp as behind the tip
         let on_path = [off[0] - self.slope[0] * z, off[1] - self.slope[1] * z, z];
         if capture.passed < 1.0 {
-            solver.guide(n, on_path, capture.spring(self.shear_modulus, self.layer));
+            solver.guide(n, on_path, self.share[i] * capture.spring(self.shear_modulus, self.layer));
         } else {
             solver.prescribe(n, on_path);
         }
@@ -356,30 +375,15 @@ impl NeedlePath {
         }
         let near = 0.25 * self.layer;
         let first = self.nodes.partition_point(|(_, d)| *d < z - near);
-        let layer = self.nodes[first..].iter().take_while(|(_, d)| *d <= z + near);
-        let (mut sum, mut count) = ([0.0; 2], 0.0);
-        for (n, _) in layer {
+        let layer = self.nodes[first..].iter().zip(&self.share[first..]).take_while(|((_, d), _)| *d <= z + near);
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for ((n, _), share) in layer {
             let u = solver.parameters()[*n as usize];
-            (0..2).for_each(|k| sum[k] += u[k] + self.slope[k] * u[2]);
-            count += 1.0;
+            (0..2).for_each(|k| sum[k] += share * (u[k] + self.slope[k] * u[2]));
+            count += share;
         }
-        if count > 0.0 { sum.map(|x| x / count) } else { sum }
-    }
-
-    /// The needle takes the place of the tissue in the cells that it fills.
-    fn fill(&mut self, depth: f64, solver: &mut Solver) {
-        for ((point, corners), filled) in self.inner.iter().zip(&mut self.progress.filled) {
-            let least = corners.iter().map(|&c| match self.progress.hold[c as usize] {
-                Hold::Captured(c) if self.revolved => c.share(depth, self.window),
-                Hold::Captured(c) => c.passed,
-                Hold::Free | Hold::Indented => 0.0,
-            });
-            let share = least.fold(1.0, f64::min);
-            if share != *filled {
-                *filled = share;
-                solver.set_active(*point as usize, 1.0 - share);
-            }
-        }
+        let [x, y, _] = self.mirror.map_or(sum, |mirror| mirror.within(&sum));
+        if count > 0.0 { [x / count, y / count] } else { [x, y] }
     }
 
     /// Displacement along the axis, into the sample, of a node at reference depth z.
@@ -392,10 +396,5 @@ impl NeedlePath {
         };
         // what retraction can undo ends where the node is released
         reached - n.retraction_coefficient * (deepest - depth.max(0.0)).min((deepest - z).max(0.0))
-    }
-
-    /// Largest principal Green-Lagrange strain round the entry point.
-    fn strain(&self, solver: &Solver) -> f64 {
-        self.watched.iter().map(|&p| largest_strain(&solver.deformation(p as usize))).fold(0.0, f64::max)
     }
 }

@@ -10,7 +10,7 @@ use super::frame::{Frame, Model, unit_m};
 
 /// Most viewers at a time.
 pub const VIEWERS: usize = 16;
-/// Shortest time between two messages to a viewer: 30 Hz.
+/// Time between the deadlines of two messages to a viewer: 30 Hz.
 pub const PERIOD: Duration = Duration::from_nanos(33_333_333);
 
 /// Places on the board, in the order in which they are sent.

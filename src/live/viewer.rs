@@ -154,7 +154,8 @@ impl Viewer {
 
     /// Sends what it has not seen.
     async fn show(&mut self) -> Result<(), End> {
-        (self.ready, self.due) = (false, Instant::now() + PERIOD);
+        // from deadline to deadline, or whatever delays one would add up
+        (self.ready, self.due) = (false, (self.due + PERIOD).max(Instant::now()));
         let newest = self.news.borrow_and_update().clone();
         for (seen, (version, message)) in self.seen.iter_mut().zip(newest) {
             if std::mem::replace(seen, version) != version

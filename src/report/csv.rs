@@ -37,7 +37,8 @@ pub(super) fn forecast_csv(run: &Run) -> Option<String> {
     let mut text = String::from("time_s,depth_m,measured_n,forecast_n,forecast_low_n,forecast_high_n\n");
     for (i, forecast) in answers.iter().zip(&found.forecasts) {
         let (Some(f), a) = (forecast, &run.answers[*i]) else { continue };
-        let row = [a.time_s, a.depth_m, a.measured_n.unwrap_or(f64::NAN), f.mean_n, f.low_n, f.high_n].map(Cell);
+        let band = f.band();
+        let row = [a.time_s, a.depth_m, a.measured_n.unwrap_or(f64::NAN), f.mean_n, band.low_n, band.high_n].map(Cell);
         let [time, depth, measured, mean, low, high] = row;
         push(&mut text, format_args!("{time},{depth},{measured},{mean},{low},{high}\n"));
     }

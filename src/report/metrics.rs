@@ -188,11 +188,8 @@ fn assimilated_json(run: &Run, ensemble: &Ensemble) -> Value {
     let finite = |x: f64| Some(x).filter(|x| x.is_finite());
     let key = |(one, [mean, deviation]): (&Uncertain, &[f64; 2])| json!({ "key": one.key, "mean": finite(*mean), "standard_deviation": finite(*deviation) });
     let held = |(i, forecast): (&usize, &Option<Forecast>)| {
-        let (measured, forecast) = (run.answers[*i].measured_n?, (*forecast)?);
-        Some([
-            f64::from(u8::from((forecast.low_n..=forecast.high_n).contains(&measured))),
-            forecast.high_n - forecast.low_n,
-        ])
+        let (measured, band) = (run.answers[*i].measured_n?, (*forecast)?.band());
+        Some([f64::from(u8::from(band.holds(measured))), band.high_n - band.low_n])
     };
     let held: Vec<[f64; 2]> = answers.iter().zip(&found.forecasts).filter_map(held).collect();
     let mean = |k: usize| finite(held.iter().map(|row| row[k]).sum::<f64>() / held.len() as f64);
@@ -201,6 +198,8 @@ fn assimilated_json(run: &Run, ensemble: &Ensemble) -> Value {
         "readings": answers.len(),
         "forecast_share_inside": mean(0),
         "forecast_mean_width_n": mean(1),
+        "blocks": found.blocks,
+        "rejected_blocks": found.rejected_blocks,
         "keys": ensemble.keys.iter().zip(&found.keys).map(key).collect::<Vec<_>>(),
     })
 }

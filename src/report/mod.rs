@@ -26,6 +26,7 @@ mod plot;
 pub mod printable;
 mod raster;
 mod regions;
+mod reliability_plot;
 mod rest_plot;
 mod scene_section;
 mod section;
@@ -66,7 +67,7 @@ use std::path::{Path, PathBuf};
 const PNG_SCALE: f32 = 2.0;
 
 /// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`, and with members and a measured
-/// force `forecast.csv`, into a folder, which is made if need be, and returns their paths.
+/// force `forecast.csv` and `reliability.svg`, into a folder, which is made if need be, and returns their paths.
 ///
 /// # Errors
 /// [`ReportError`] naming the file and the reason; then no file has been replaced by a half-written one.
@@ -80,10 +81,16 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
         Rendered::new("force.png", force_png(run)?),
         Rendered::new("report.html", report_html(run)?),
     ];
-    match csv::forecast_csv(run) {
-        Some(text) => rendered.push(Rendered::new("forecast.csv", text)),
-        // that of an earlier run is not that of the files beside it
-        None => files::remove_file(&out.join("forecast.csv"))?,
+    let forecasts = [
+        ("forecast.csv", csv::forecast_csv(run)),
+        ("reliability.svg", reliability_plot::reliability_plot(run).map(|picture| picture.to_svg())),
+    ];
+    for (name, text) in forecasts {
+        match text {
+            Some(text) => rendered.push(Rendered::new(name, text)),
+            // that of an earlier run is not that of the files beside it
+            None => files::remove_file(&out.join(name))?,
+        }
     }
     files::write(out, &rendered)
 }

@@ -165,10 +165,12 @@ impl Check<'_> {
 
     fn dimension(&self) -> Result<(), SceneError> {
         const KEY: &str = "discretisation.dimension";
-        if self.scene.discretisation.dimension != Dimension::Axisymmetric {
-            return Ok(());
-        }
-        match self.scene.asymmetry() {
+        let reason = match self.scene.discretisation.dimension {
+            Dimension::Axisymmetric => self.scene.asymmetry(),
+            Dimension::Mirrored => self.scene.plane_of_symmetry().err(),
+            Dimension::Auto | Dimension::Full => None,
+        };
+        match reason {
             Some(reason) => self.refuse(KEY, format!("{reason}: use full or auto")),
             None => Ok(()),
         }

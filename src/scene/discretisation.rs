@@ -14,7 +14,8 @@ section! {
     pub struct Discretisation => {
         /// Approximation of the field.
         method: Method = Key::word("discretisation.method", Method::WORDS).or("mmls"),
-        /// Three dimensions or the axisymmetric half plane; auto takes the least model that the scene allows.
+        /// Three dimensions, half of them beside a plane of symmetry, or the axisymmetric half plane; auto takes the least model that the
+        /// scene allows.
         dimension: Dimension = Key::word("discretisation.dimension", Dimension::WORDS).or("auto"),
         /// How the nodes are spaced; absent where a mesh file brings them.
         grading: Option<Grading>,
@@ -75,6 +76,8 @@ pub enum Dimension {
     Auto,
     /// r-z half plane with the hoop term.
     Axisymmetric,
+    /// The half of three dimensions beside a plane of symmetry.
+    Mirrored,
     /// Three dimensions.
     Full,
 }

@@ -84,6 +84,13 @@ pub fn cases(threads: usize, quick: bool) -> Vec<Case> {
             cases.push(case("three dimensions", preset, std::slice::from_ref(&full), threads));
         }
     }
+    for (group, dimension) in [("oblique, whole", "full"), ("oblique, half", "mirrored")] {
+        let oblique = ("instrument.tilt_rad", "0.26".to_owned());
+        for &threads in &counts {
+            let keys = [oblique.clone(), ("discretisation.dimension", dimension.to_owned())];
+            cases.push(case(group, "needle_insertion", &keys, threads));
+        }
+    }
     for factor in ["1.4", "1.5", "1.6"] {
         let keys = [full.clone(), ("discretisation.support_factor", factor.to_owned())];
         cases.push(case("support", "needle_insertion", &keys, 1));

@@ -3,7 +3,8 @@
 use crate::instrument::{Contact, surface};
 use crate::mesh::Volumes;
 use crate::scene::{Grading, IndenterTip, InstrumentKind, Metres, Scene, Shape};
-use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Solid, Spacing};
+use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Reflected, Solid, Spacing};
+use mtled::mirror::Mirror;
 
 use super::{BuildError, mesh, regions};
 
@@ -35,8 +36,10 @@ const REGIONS_PATH_SPACING: f64 = 0.1;
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Nodes and cells.
+    /// Nodes and cells: of the half beside the plane of symmetry, if the scene is modelled by that.
     pub cloud: Cloud,
+    /// That plane.
+    pub mirror: Option<Mirror>,
     /// z at which the instrument touches the undeformed body: depth zero.
     pub top: f64,
     /// Height of the body under that.
@@ -79,6 +82,15 @@ impl Body {
 }
 
 impl Body {
+    /// The same with the cloud of the whole body.
+    #[must_use]
+    pub fn whole(mut self) -> Self {
+        if let Some(mirror) = self.mirror.take() {
+            self.cloud = Reflected::new(self.cloud, &mirror).cloud;
+        }
+        self
+    }
+
     /// Region of each cell: 0, or one more than the place in the scene's list.
     #[must_use]
     pub fn regions(&self, scene: &Scene) -> Vec<u8> {
@@ -89,11 +101,17 @@ impl Body {
 fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, BuildError> {
     let layout = Layout::new(scene, domain, grading);
     let height = domain.height();
-    let cloud = cloud::generate(domain, &layout.spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
+    let mirror = scene.mirror();
+    let cloud = match &mirror {
+        None => cloud::generate(domain, &layout.spacing),
+        Some(mirror) => half(domain, &layout.spacing, mirror),
+    };
+    let cloud = cloud.map_err(|e| BuildError::Cloud(e.to_string()))?;
     let nodes = |i| Contact::nodes(&cloud.points, &cloud.faces, height, i);
     let held = scene.instrument.as_ref().map_or_else(Vec::new, nodes);
     Ok(Body {
         cloud,
+        mirror,
         top: height,
         height,
         reach: layout.reach,
@@ -102,6 +120,28 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
         volumes: Volumes::default(),
         warnings: Vec::new(),
     })
+}
+
+/// The cloud of the half of a body: generated where the plane of symmetry is y = 0, and turned to where it is.
+fn half(domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> Result<Cloud, cloud::CloudError> {
+    let within = |[x, y]: [f64; 2]| [mirror.to_own_frame([x, y, 0.0])[0], 0.0];
+    let mut own = spacing.clone();
+    for feature in &mut own.features {
+        match feature {
+            Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } => *centre = within(*centre),
+            Feature::Path { axis, .. } => (axis.entry, axis.slope) = (within(axis.entry), within(axis.slope)),
+            Feature::Region { solid: Solid::Sphere { centre, .. } | Solid::Cylinder { centre, .. }, .. } => {
+                let [x, _] = within([centre[0], centre[1]]);
+                *centre = [x, 0.0, centre[2]];
+            }
+            Feature::Rim { .. } | Feature::Region { .. } => {}
+        }
+    }
+    let domain = match *domain {
+        Domain::Box { size: [x, y, z] } if mirror.direction()[0] == 0.0 => Domain::Box { size: [y, x, z] },
+        other => other,
+    };
+    Ok(cloud::generate(&domain.half(), &own)?.turned(mirror))
 }
 
 /// How the nodes of a generated body lie, in space or in a half plane.

@@ -6,7 +6,8 @@ use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_dep
 use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
-use mtled::cloud::{Axis, BASE, Cloud, TOP};
+use mtled::cloud::{Axis, BASE, Cloud, Reflected, TOP};
+use mtled::mirror::Mirror;
 use mtled::solver::{Model, Role, Solver, SolverSettings, Surface};
 
 use super::pace::Pace;
@@ -41,14 +42,15 @@ impl Twin {
         let Built { solver, contact, tissue, top, height, reach, mut warnings, repaired_supports } =
             match dimension.dimension {
                 Dimension::Axisymmetric => axisymmetric::build(scene)?,
-                Dimension::Full | Dimension::Auto => full(scene)?,
+                Dimension::Mirrored | Dimension::Full | Dimension::Auto => full(scene)?,
             };
         warnings.extend(scene.advice());
         warnings.extend(contact.as_ref().and_then(|contact| thinner(scene, contact)));
         let pace = Pace::new(scene, height);
         let scene = scene.clone();
         let along = Along::of(&scene, &tissue, top);
-        let fixed = Fixed { scene, along, dimension, tissue, top, height, reach, warnings, repaired_supports };
+        let mirror = scene.mirror();
+        let fixed = Fixed { scene, along, dimension, mirror, tissue, top, height, reach, warnings, repaired_supports };
         let mut twin = Self {
             fixed: Arc::new(fixed),
             solver,
@@ -85,7 +87,7 @@ fn thinner(scene: &Scene, contact: &Contact) -> Option<String> {
     })
 }
 
-/// The model in three dimensions.
+/// The model in three dimensions, or in half of them.
 fn full(scene: &Scene) -> Result<Built, BuildError> {
     let body = Body::new(scene)?;
     let (cloud, held) = (&body.cloud, &body.held);
@@ -94,10 +96,14 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let region = regions::of_cells(scene, body.top, &cloud.points, &cloud.cells, &body.volumes);
     let material = regions::materials(scene, &region);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
+    if let Some(mirror) = &body.mirror {
+        approximation = approximation.with_mirror(*mirror, &mirror.holds(&cloud.points));
+    }
     if !material.is_empty() {
         approximation = approximation.with_regions(&material);
     }
-    let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
+    let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
+    let beyond = to_the_half(&mut targets, body.mirror.as_ref());
     let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
     let contact = |i| make_contact(scene, i, &body, &table);
     let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
@@ -105,9 +111,16 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let surfaces = surfaces(scene, &cloud.points, &cloud.faces, [body.top - body.height, body.top]);
     let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table, surfaces, &mut contact);
     let (of_point, volume) = cells_and_volumes(table);
-    let fields = Fields::Full { nodes: approximation.field(&cloud.points)?, targets: approximation.field(&targets)? };
+    let (nodes, targets) = (approximation.field(&cloud.points)?, approximation.field(&targets)?);
     let model = Cells { nodes: cloud.points.len(), triangles: None, of_point, volume };
-    let Cloud { points, cells, surface, .. } = body.cloud;
+    let (cloud, fields, region_shown) = match body.mirror {
+        None => (body.cloud, Fields::Full { nodes, targets }, region.clone()),
+        Some(mirror) => {
+            let Reflected { cloud, original } = Reflected::new(body.cloud, &mirror);
+            (cloud, Fields::Mirrored { nodes, targets, mirror, original, beyond }, [&region[..], &region[..]].concat())
+        }
+    };
+    let Cloud { points, cells, surface, .. } = cloud;
     Ok(Built {
         solver,
         contact,
@@ -115,7 +128,7 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
         tissue: Tissue {
             points,
             cells,
-            region: if scene.regions.is_empty() { Vec::new() } else { region },
+            region: if scene.regions.is_empty() { Vec::new() } else { region_shown },
             surface,
             model,
             fields,
@@ -125,6 +138,14 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
         reach: body.reach,
         repaired_supports: approximation.repaired_supports(),
     })
+}
+
+/// Moves points beyond a plane of symmetry to their images; which those are.
+fn to_the_half(points: &mut [[f64; 3]], mirror: Option<&Mirror>) -> Vec<bool> {
+    let Some(mirror) = mirror else { return vec![false; points.len()] };
+    let beyond: Vec<bool> = points.iter().map(|p| mirror.across(p) < 0.0).collect();
+    points.iter_mut().zip(&beyond).filter(|(_, beyond)| **beyond).for_each(|(p, _)| *p = mirror.image(p));
+    beyond
 }
 
 /// What of a table is kept of each point; the rest, the largest object of all, is dropped before the fields are made.
@@ -182,7 +203,12 @@ fn make_contact(
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
             let cells = corners.zip(table.volume.iter().copied());
             let path = NeedlePath::new(nodes, cloud.points.len(), *needle, *reach, *layer, watched, cells);
-            Ok(Contact::Needle(Box::new(path.in_tissue(scene.material.shear_modulus()))))
+            let path = path.in_tissue(scene.material.shear_modulus());
+            let path = match body.mirror {
+                Some(mirror) => path.mirrored(mirror, &cloud.points),
+                None => path,
+            };
+            Ok(Contact::Needle(Box::new(path)))
         }
     }
 }

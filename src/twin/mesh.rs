@@ -53,6 +53,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
         reach: highest - lowest,
         held: Vec::new(),
         layer: 0.0,
+        mirror: None,
         cloud,
         volumes,
         warnings,

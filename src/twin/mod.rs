@@ -6,6 +6,7 @@ mod body;
 mod build;
 mod contain;
 mod happened;
+mod health;
 mod look_ahead;
 mod mesh;
 mod observe;
@@ -26,11 +27,13 @@ use crate::instrument::Contact;
 pub use crate::instrument::{Event, Phase};
 use crate::scene::{Dimension, Instrument, Resolved, Scene};
 use mtled::cloud::Axis;
+use mtled::mirror::Mirror;
 use mtled::solver::{Solver, StepWork};
 
 pub use along::{Along, FOLLOWED, REST};
 pub use body::{Body, PATH_SPACING};
 pub use happened::Happening;
+pub use health::Health;
 pub use look_ahead::Motion;
 pub use work::Work;
 
@@ -56,19 +59,6 @@ pub struct StampedPose {
     pub time_s: f64,
     /// The pose.
     pub pose: Pose,
-}
-
-/// Health of a prediction.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Health {
-    /// Smallest volume ratio over all integration points.
-    pub min_jacobian: f64,
-    /// Kinetic over strain energy.
-    pub kinetic_to_strain_energy: f64,
-    /// |instrument force + base reaction| over the peak force so far.
-    pub force_imbalance: f64,
-    /// Largest distance between the field and its prescribed value at a constrained point, m; measured every 64 steps.
-    pub constraint_error_m: f64,
 }
 
 /// The answer to one pose. Plain numbers: nothing is allocated per pose.
@@ -207,6 +197,8 @@ pub struct Twin {
 struct Fixed {
     scene: Scene,
     dimension: Resolved,
+    /// Plane of symmetry of a model of half the body.
+    mirror: Option<Mirror>,
     /// Regions on the instrument's path.
     along: Along,
     tissue: Tissue,
@@ -285,7 +277,7 @@ impl Twin {
         &self.fixed.warnings
     }
 
-    /// The dimension that the model has: [`Dimension::Full`] or [`Dimension::Axisymmetric`].
+    /// The dimension that the model has: [`Dimension::Full`], [`Dimension::Mirrored`] or [`Dimension::Axisymmetric`].
     #[must_use]
     pub fn dimension(&self) -> Dimension {
         self.fixed.dimension.dimension
@@ -298,7 +290,7 @@ impl Twin {
     }
 
     /// Number of the model's nodes: those of a half plane if it is axisymmetric, each of which is shown as a ring of
-    /// [`Twin::reference_points`].
+    /// [`Twin::reference_points`], or those on one side of a plane of symmetry and on it.
     #[must_use]
     pub fn nodes(&self) -> usize {
         self.fixed.tissue.model.nodes

@@ -11,10 +11,14 @@
 use crate::scene::{Scene, Stepping};
 use mtled::solver::Balance;
 
+use super::Health;
+
 /// L over the height of the sample, times the ratio of measured to estimated error (the estimate is an upper bound).
 const LENGTH: f64 = 2.0;
 /// Forces below this share of mu H^2 are judged as if they were as large: near zero a relative error means nothing.
 const FORCE_FLOOR: f64 = 0.01;
+/// The same for a needle with friction, whose forces are those of a thin rod.
+const FORCE_FLOOR_OF_SLIP: f64 = 0.0025;
 /// Steps of one relaxation towards equilibrium at rest, over 1/omega.
 const RELAXATION: f64 = 0.5;
 /// Relative stress relaxation, over what the tolerance allows, from which a resting instrument gets further steps.
@@ -25,12 +29,12 @@ const QUIET: f64 = 0.1;
 const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
-/// The same where tissue slips along a needle, which goes in many short strides.
-const LARGEST_BOOST_OF_SLIP: f64 = 4.0;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
 /// The same where tissue slips along a needle: how far it lags decides about what slips.
 const LAG_OF_SLIP: f64 = 1.5;
+/// Share of what [`Health`] may be at most that ends a pose of a needle with friction.
+const SETTLED: f64 = 0.75;
 /// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.
 const SETTLING: u32 = 4;
 
@@ -52,8 +56,6 @@ pub(super) struct Pace {
     boost: f64,
     /// [`LAG`] of the scene.
     lag: f64,
-    /// [`LARGEST_BOOST`] of the scene.
-    largest: f64,
     /// Most steps that there is time for.
     pub limit: u32,
     /// Relative stress relaxation since the last step.
@@ -64,18 +66,19 @@ impl Pace {
     /// `height`: of the sample, m.
     pub fn new(scene: &Scene, height: f64) -> Self {
         let slips = scene.instrument.is_some_and(|i| i.is_frictional());
-        let largest = if slips { LARGEST_BOOST_OF_SLIP } else { LARGEST_BOOST };
         Self {
             stepping: scene.stepping,
             length: LENGTH * height,
-            force_floor: FORCE_FLOOR * scene.material.shear_modulus() * height * height,
+            force_floor: (if slips { FORCE_FLOOR_OF_SLIP } else { FORCE_FLOOR })
+                * scene.material.shear_modulus()
+                * height
+                * height,
             peak: 0.0,
             imbalance: 0.0,
             gap: 0.0,
             unsettled: 0.0,
-            boost: largest,
+            boost: LARGEST_BOOST,
             lag: if slips { LAG_OF_SLIP } else { LAG },
-            largest,
             limit: u32::MAX,
             pending: 0.0,
         }
@@ -98,23 +101,35 @@ impl Pace {
     }
 
     /// Most steps that a pose may cost.
-    fn most(&self) -> u32 {
+    pub fn most(&self) -> u32 {
         self.stepping.max_steps_per_pose.min(self.limit).max(1)
     }
 
     /// Learns from the balance after a pose.
     pub fn judge(&mut self, balance: &Balance, moving: bool) {
         self.pending = 0.0;
-        let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let force = norm(balance.instrument);
         self.peak = self.peak.max(force);
-        let unbalanced = norm(std::array::from_fn(|k| balance.instrument[k] + balance.base[k]));
-        self.imbalance = if self.peak > 0.0 { unbalanced / self.peak } else { 0.0 };
+        self.note(balance);
         let gap = if moving { balance.gap / self.lag } else { balance.gap };
         let error = balance.error_estimate.max(gap);
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
         self.unsettled = self.gap.max(FADE * self.unsettled);
-        self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, self.largest);
+        self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
+    }
+
+    /// Takes over the imbalance after further steps at the same pose.
+    pub fn note(&mut self, balance: &Balance) {
+        self.imbalance = if self.peak > 0.0 { unbalanced(balance) / self.peak } else { 0.0 };
+    }
+
+    /// Whether the tissue is near enough to rest for the pose to be answered. What slips and what is cut is not undone by the poses that
+    /// follow, so a needle with friction does not leave a pose before. `energies`: kinetic over strain energy.
+    pub fn is_settled(&self, balance: &Balance, energies: f64) -> bool {
+        let force = norm(balance.instrument);
+        let size = self.peak.max(force).max(self.force_floor);
+        let rests = energies <= SETTLED * Health::MOST_KINETIC;
+        unbalanced(balance) <= SETTLED * Health::MOST_IMBALANCE * size && (rests || force < Health::LOADED * self.peak)
     }
 
     /// Makes the next pose take steps even if the instrument rests: the forces of the present state are not known.
@@ -127,7 +142,16 @@ impl Pace {
         self.imbalance = 0.0;
         self.gap = 0.0;
         self.unsettled = 0.0;
-        self.boost = self.largest;
+        self.boost = LARGEST_BOOST;
         self.pending = 0.0;
     }
+}
+
+fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// |force on the instrument + force on the base|, N.
+fn unbalanced(b: &Balance) -> f64 {
+    norm(std::array::from_fn(|k| b.instrument[k] + b.base[k]))
 }

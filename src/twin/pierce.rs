@@ -9,9 +9,9 @@ use super::{Halt, Phase, Twin};
 /// what slips and cuts depends on it. A jump is made in no more than so many, until they are ten times as long.
 const STRIDE: f64 = 0.0025;
 const STRIDES: f64 = 40.0;
-/// Explicit steps between two looks at a front that runs, and most looks.
+/// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
-const LOOKS: u32 = 64;
+const LOOKS: u32 = 192;
 
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64) -> f64 {
@@ -20,8 +20,9 @@ pub(super) fn stride(radius: f64, length: f64) -> f64 {
 }
 
 impl Twin {
-    /// Takes further steps at the same pose while the front runs through tissue that springs back after a puncture.
-    pub(super) fn spring_back(
+    /// Takes further steps at the same pose while the tissue is not near enough to rest, or the front runs through tissue that springs
+    /// back after a puncture.
+    pub(super) fn come_to_rest(
         &mut self,
         first: &Balance,
         tip: &Tip,
@@ -30,9 +31,10 @@ impl Twin {
     ) -> Result<Option<(Balance, u32)>, Halt> {
         let (mut last, mut taken) = (None, 0);
         for _ in 0..LOOKS {
-            let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
             let balance: &Balance = last.as_ref().unwrap_or(first);
-            if !needle.springs_back(&self.solver, balance.gap) || taken >= self.progress.pace.limit {
+            let settled = self.progress.pace.is_settled(balance, self.energies(balance));
+            let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
+            if (settled && !needle.springs_back(&self.solver, balance.gap)) || taken >= self.progress.pace.most() {
                 break;
             }
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);

@@ -8,7 +8,7 @@ use crate::instrument::reading::not_a_place;
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
-use super::{Halt, Health, Phase, Pose, Prediction, Progress, StampedPose, Twin};
+use super::{Halt, Phase, Pose, Prediction, Progress, StampedPose, Twin};
 
 /// Power iterations after which the fastest mode is known to a per cent.
 const FASTEST_ITERATIONS: usize = 400;
@@ -16,8 +16,8 @@ const FASTEST_ITERATIONS: usize = 400;
 const ALIGNMENT: f64 = 0.02;
 /// Largest tilt of an inserted needle (sine).
 const INSERTED_ALIGNMENT: f64 = 0.35;
-/// Largest tilt (sine) of an axisymmetric model's instrument, and largest distance from the axis over the height of the
-/// body. The model cannot follow either; smaller values are taken for sensor noise.
+/// Largest tilt (sine) of an axisymmetric model's instrument, or out of a plane of symmetry, and largest distance from axis or plane over
+/// the height of the body. The model cannot follow either; smaller values are taken for sensor noise.
 const SYMMETRIC: f64 = 2e-3;
 /// Steps between two measurements of the constraint error.
 const LOOK: u64 = 64;
@@ -91,7 +91,8 @@ impl Twin {
                 self.progress.pace.judge(&balance, distance > 0.0);
                 advanced = Some(balance);
                 taken = steps;
-                if let Some((balance, further)) = self.spring_back(&balance, &tip, phase, pose.time_s)? {
+                if let Some((balance, further)) = self.come_to_rest(&balance, &tip, phase, pose.time_s)? {
+                    self.progress.pace.note(&balance);
                     advanced = Some(balance);
                     taken += further;
                 }
@@ -166,16 +167,6 @@ impl Twin {
         self.begin();
     }
 
-    fn health(&self, balance: &Balance) -> Health {
-        let strain = balance.strain.max(self.energy_floor());
-        Health {
-            min_jacobian: self.solver.min_jacobian(),
-            kinetic_to_strain_energy: balance.kinetic / strain,
-            force_imbalance: self.progress.pace.imbalance,
-            constraint_error_m: self.progress.constraint_error_m,
-        }
-    }
-
     /// Checks a pose and expresses its tip relative to the entry point.
     fn admit(&self, pose: &StampedPose) -> Result<Tip, Halt> {
         let Pose { tip, axis } = pose.pose;
@@ -192,9 +183,7 @@ impl Twin {
         if (length - 1.0).abs() > 1e-3 {
             return refuse(format!("its axis has length {length:.4}, not 1"));
         }
-        if self.dimension() == Dimension::Axisymmetric
-            && let Some(reason) = self.asymmetry(&pose.pose)
-        {
+        if let Some(reason) = self.asymmetry(&pose.pose) {
             return refuse(reason);
         }
         let tilt = if self.inserted() { INSERTED_ALIGNMENT } else { ALIGNMENT };
@@ -229,22 +218,33 @@ impl Twin {
         if self.dimension() == Dimension::Axisymmetric {
             return Ok(Tip { offset: [0.0, 0.0, offset[2]], depth, slope: [0.0; 2] });
         }
-        Ok(Tip { offset, depth, slope: [axis[0] / axis[2], axis[1] / axis[2]] })
+        let slope = [axis[0] / axis[2], axis[1] / axis[2], 0.0];
+        let Some(mirror) = self.fixed.mirror else { return Ok(Tip { offset, depth, slope: [slope[0], slope[1]] }) };
+        let [x, y, _] = mirror.within(&slope);
+        Ok(Tip { offset: mirror.within(&offset), depth, slope: [x, y] })
     }
 
-    /// Why an axisymmetric model can't follow a pose, if it can't.
+    /// Why a model with a symmetry can't follow a pose, if it can't.
     fn asymmetry(&self, pose: &Pose) -> Option<String> {
         let Pose { tip, axis } = pose;
-        let (beside, tilt) = (tip[0].hypot(tip[1]), axis[0].hypot(axis[1]));
+        let (beside, tilt, of, model) = match (self.dimension(), &self.fixed.mirror) {
+            (Dimension::Axisymmetric, _) => {
+                (tip[0].hypot(tip[1]), axis[0].hypot(axis[1]), "the sample's axis", "an axisymmetric model")
+            }
+            (_, Some(mirror)) => {
+                (mirror.across(tip).abs(), mirror.across(axis).abs(), "the plane of symmetry", "a mirrored model")
+            }
+            _ => return None,
+        };
         let most = SYMMETRIC * self.fixed.height;
         let what = if tilt > SYMMETRIC {
-            format!("its axis leans by {tilt:.4} (sine), and {SYMMETRIC} is taken")
+            format!("its axis leans by {tilt:.4} (sine) from {of}, and {SYMMETRIC} is taken")
         } else if tip[2] < self.fixed.top && beside > most {
-            format!("its tip is {beside:.6} m beside the sample's axis, and {most:.6} m is taken")
+            format!("its tip is {beside:.6} m beside {of}, and {most:.6} m is taken")
         } else {
             return None;
         };
-        Some(format!("{what} by an axisymmetric model: set discretisation.dimension = \"full\""))
+        Some(format!("{what} by {model}: set discretisation.dimension = \"full\""))
     }
 }
 

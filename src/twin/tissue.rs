@@ -4,6 +4,7 @@ use crate::scene::Target;
 use mtled::approximation::Field;
 use mtled::approximation::axisymmetric::MeridianField;
 use mtled::material::neo_hookean::{cofactor, determinant};
+use mtled::mirror::Mirror;
 use mtled::solver::{Role, Solver};
 
 /// Shown body and observed fields of one model.
@@ -25,7 +26,7 @@ pub(super) struct Tissue {
 #[derive(Debug)]
 pub(super) struct Cells {
     pub nodes: usize,
-    /// `None`: as shown.
+    /// `None`: the first of those shown.
     pub triangles: Option<Vec<[u32; 3]>>,
     pub of_point: Vec<u32>,
     /// Volume of each integration point, m^3.
@@ -37,6 +38,16 @@ pub(super) struct Cells {
 pub(super) enum Fields {
     /// Every node is a shown point.
     Full { nodes: Field, targets: Field },
+    /// Every node is a shown point; after them come the images of some beyond a plane of symmetry.
+    Mirrored {
+        nodes: Field,
+        targets: Field,
+        mirror: Mirror,
+        /// Node of each image.
+        original: Vec<u32>,
+        /// Targets beyond the plane, for whose images the field is.
+        beyond: Vec<bool>,
+    },
     /// Every node is a ring of shown points.
     Revolved {
         nodes: MeridianField,
@@ -59,7 +70,7 @@ impl Fields {
     /// Displacement of the model's node n, m: in the half plane (u_r, 0, u_z).
     pub fn node(&self, n: usize, u: &[[f64; 3]]) -> [f64; 3] {
         match self {
-            Self::Full { nodes, .. } => nodes.at(n, u),
+            Self::Full { nodes, .. } | Self::Mirrored { nodes, .. } => nodes.at(n, u),
             Self::Revolved { nodes, .. } => nodes.at(n, u),
         }
     }
@@ -68,6 +79,8 @@ impl Fields {
     pub fn target(&self, i: usize, u: &[[f64; 3]]) -> [f64; 3] {
         match self {
             Self::Full { targets, .. } => targets.at(i, u),
+            Self::Mirrored { targets, mirror, beyond, .. } if beyond[i] => mirror.image(&targets.at(i, u)),
+            Self::Mirrored { targets, .. } => targets.at(i, u),
             Self::Revolved { targets, target_azimuths, .. } => turned(targets.at(i, u), target_azimuths[i]),
         }
     }
@@ -80,6 +93,12 @@ impl Tissue {
         let nodes = (0..self.model.nodes).map(|n| self.fields.node(n, u));
         match &self.fields {
             Fields::Full { .. } => out.extend(nodes),
+            Fields::Mirrored { mirror, original, .. } => {
+                out.extend(nodes);
+                for &n in original {
+                    out.push(mirror.image(&out[n as usize]));
+                }
+            }
             Fields::Revolved { first, azimuths, .. } => {
                 for (n, u) in nodes.enumerate() {
                     let copies = (first[n + 1] - first[n]) as usize;
@@ -119,9 +138,7 @@ impl Tissue {
             jacobian[n] /= w;
             von_mises_pa[n] /= w;
         }
-        if let Fields::Revolved { first, .. } = &self.fields {
-            [jacobian, von_mises_pa].into_iter().for_each(|v| spread(v, first));
-        }
+        [jacobian, von_mises_pa].into_iter().for_each(|v| self.spread(v));
     }
 
     /// Volume ratio J averaged to the shown points. Overwrites it.
@@ -140,8 +157,15 @@ impl Tissue {
         for (j, w) in jacobian.iter_mut().zip(&weight).filter(|(_, w)| **w != 0.0) {
             *j /= w;
         }
-        if let Fields::Revolved { first, .. } = &self.fields {
-            spread(jacobian, first);
+        self.spread(jacobian);
+    }
+
+    /// Copies every node's value to the further points that it is shown by, in place.
+    fn spread(&self, values: &mut Vec<f64>) {
+        match &self.fields {
+            Fields::Full { .. } => {}
+            Fields::Mirrored { original, .. } => original.iter().for_each(|&n| values.push(values[n as usize])),
+            Fields::Revolved { first, .. } => spread(values, first),
         }
     }
 
@@ -149,7 +173,7 @@ impl Tissue {
     pub fn place(&self, point: usize) -> [f64; 3] {
         let corners = self.model.corners(point, &self.cells);
         let shown = |n: u32| match &self.fields {
-            Fields::Full { .. } => n as usize,
+            Fields::Full { .. } | Fields::Mirrored { .. } => n as usize,
             Fields::Revolved { first, .. } => first[n as usize] as usize,
         };
         let sum = |k: usize| corners.iter().map(|&n| self.points[shown(n)][k]).sum::<f64>();

@@ -90,6 +90,7 @@ fn every_message_type_is_read_by_others() {
         own::TissueState,
         own::TissueEvent,
         own::ForceBand,
+        own::Outlook,
         own::ForceComparison,
         own::TwinStatus,
     );

@@ -156,6 +156,13 @@ impl Program {
         (code, log.join().unwrap())
     }
 
+    /// Waits for a program that ends by itself: exit code and what it logged.
+    pub fn ended(mut self) -> (Option<i32>, String) {
+        let code = self.wait(Duration::from_secs(60));
+        let log = std::mem::replace(&mut self.log, std::thread::spawn(String::new));
+        (code, log.join().unwrap())
+    }
+
     fn wait(&mut self, timeout: Duration) -> Option<i32> {
         let begun = Instant::now();
         while begun.elapsed() < timeout {

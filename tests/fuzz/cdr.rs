@@ -3,14 +3,16 @@
 use ros2_messages::RosMessage;
 use ros2_messages::diagnostic_msgs::DiagnosticArray;
 use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
-use ros2_messages::needle_twin::{ForceBand, ForceComparison, TissueEvent, TissueModel, TissueState, TwinStatus};
+use ros2_messages::needle_twin::{
+    ForceBand, ForceComparison, Outlook, TissueEvent, TissueModel, TissueState, TwinStatus,
+};
 use ros2_messages::rosgraph_msgs::Clock;
 use ros2_messages::sensor_msgs::{JointState, PointCloud2};
 use ros2_messages::visualization_msgs::Marker;
 use ros2_messages::{from_cdr, to_cdr};
 
 /// The types, in the order of their numbers.
-pub const TYPES: [fn(&[u8]); 14] = [
+pub const TYPES: [fn(&[u8]); 15] = [
     one::<JointState>,
     one::<PoseStamped>,
     one::<WrenchStamped>,
@@ -25,6 +27,7 @@ pub const TYPES: [fn(&[u8]); 14] = [
     one::<PoseArray>,
     one::<ForceBand>,
     one::<TissueEvent>,
+    one::<Outlook>,
 ];
 
 /// The first byte says which type the others are taken for.

@@ -251,6 +251,12 @@ fn curves_that_all_share_find_what_runs_find() {
             assert!(a["runs"].as_u64().unwrap() >= 2, "{a}");
         }
     }
+    // the curves are kept: what is done again takes none of their runs, and comes out the same
+    let made = files(&lab.path("table"));
+    fs::remove_dir_all(lab.path("table/recordings")).unwrap();
+    let (_, text, _) = lab.batch("table", &[]);
+    assert!(text.contains("0.0 runs of the twin each") && !text.contains("runs for the curves"), "{text}");
+    assert!(files(&lab.path("table")) == made, "bit for bit");
 }
 
 #[test]

@@ -52,6 +52,31 @@ fn the_tasks_of_a_slurm_array_are_the_shards() {
 }
 
 #[test]
+fn the_runs_of_an_ensemble_go_through_the_same_door() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = [
+        "--scene=indentation",
+        "--members=4",
+        "--set=discretisation.spacing_m=0.003",
+        "--set=motion.depth_m=0.0005",
+        "--set=motion.speed_m_per_s=0.02",
+        "--set=uncertainty.material.poisson_ratio={uniform=[0.45, 0.49]}",
+    ];
+    let program = env!("CARGO_BIN_EXE_needle_twin");
+    let study = |out: &Path| {
+        run(Command::new(program).args(["study", "sensitivity"]).args(options).arg("--out").arg(out), "study");
+        std::fs::read(out.join("sensitivity.json")).unwrap()
+    };
+    for task in ["2", "1"] {
+        let mut command = Command::new("sh");
+        command.arg(examples().join("slurm.sbatch")).arg("sensitivity").arg(folder.path()).args(options);
+        command.env("SLURM_ARRAY_TASK_ID", task).env("SLURM_ARRAY_TASK_COUNT", "2");
+        run(command.env("NEEDLE_TWIN", program), "slurm");
+    }
+    assert!(study(&folder.path().join("rows")) == study(&folder.path().join("whole")), "bit for bit");
+}
+
+#[test]
 fn hyperqueue_makes_what_one_machine_makes() {
     let lab = Lab::new();
     let mut command = Command::new(environment("hyperqueue-venv", &HYPERQUEUE));

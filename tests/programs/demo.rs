@@ -60,6 +60,14 @@ fn without_arguments_it_shows_everything_and_ends_within_a_minute() {
     let (predicted, measured) = (number("/force/peak_predicted_n"), number("/force/peak_measured_n"));
     assert!((predicted / measured - 1.0).abs() < 0.5, "predicted {predicted} N, measured {measured} N");
 
+    // the second act
+    let layered = results.join("layered_tissue");
+    assert!(text.contains("second act") && text.contains("layered_tissue"), "{text}");
+    let events = self::metrics(&layered)["events"].as_array().unwrap().clone();
+    let punctured: Vec<&str> =
+        events.iter().filter(|e| e["kind"] == "puncture").filter_map(|e| e["region"].as_str()).collect();
+    assert_eq!(punctured, ["skin", "muscle"], "{events:?}");
+
     // What was published can be replayed: every answer has the stamp of a pose that the rig sent.
     let bag = BagReader::open(results.join("published")).unwrap();
     assert!(bag.losses().is_empty() && bag.warnings().is_empty(), "{:?} {:?}", bag.losses(), bag.warnings());

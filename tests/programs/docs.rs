@@ -237,3 +237,15 @@ fn commands_of_the_handbook_have_options_that_exist() {
         }
     }
 }
+
+#[test]
+fn this_version_has_its_release_notes() {
+    let text = fs::read_to_string(root().join("CHANGELOG.md")).unwrap();
+    let releases: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("## ")).collect();
+    let [Some(next), Some(newest)] = [releases.first(), releases.get(1)] else { panic!("{releases:?}") };
+    assert_eq!(*next, "Unreleased");
+    let (version, date) = newest.split_once(" - ").unwrap_or_else(|| panic!("{newest}: a version and a date"));
+    assert_eq!(version, env!("CARGO_PKG_VERSION"));
+    let digits = |part: &str| part.chars().all(|c| c.is_ascii_digit());
+    assert!(date.len() == 10 && date.split('-').all(digits) && date.split('-').count() == 3, "{date}: YYYY-MM-DD");
+}

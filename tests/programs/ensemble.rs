@@ -125,3 +125,34 @@ fn a_study_of_sensitivity_says_which_key_matters() {
     let (code, _, stderr) = arguments(&["--members", "8"]);
     assert!(code == Some(1) && stderr.contains("[uncertainty]"), "{stderr}");
 }
+
+/// Parts of a study that two machines have made are put together bit for bit, and nothing is run twice.
+#[test]
+fn parts_of_a_study_of_sensitivity_are_put_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = |out: &str, more: &[&str]| {
+        let out = folder.path().join(out);
+        let ratio = "uncertainty.material.poisson_ratio={uniform=[0.45, 0.49]}";
+        let small = ["discretisation.spacing_m=0.003", "motion.depth_m=0.0005", "motion.speed_m_per_s=0.02", ratio];
+        let set = small.iter().flat_map(|change| ["--set", change]);
+        let head = ["study", "sensitivity", "--scene", "indentation", "--members", "4", "--out", out.to_str().unwrap()];
+        program(&head.into_iter().chain(set).chain(more.iter().copied()).collect::<Vec<_>>())
+    };
+    let of = |out: &str| fs::read(folder.path().join(out).join("sensitivity.json")).unwrap();
+    assert_eq!(study("whole", &[]).0, Some(0));
+    // four points, two blocks of them that differ
+    for (part, runs) in [("2/3", 3), ("1/3", 3), ("3/3", 2)] {
+        let (code, said, stderr) = study("parts", &["--shard", part]);
+        assert_eq!(code, Some(0), "{stderr}");
+        assert!(said.contains(&format!("part {} of 3: {runs} of 8 runs, {runs} made now", &part[..1])), "{said}");
+        assert!(!folder.path().join("parts/sensitivity.json").exists(), "a part says nothing of the whole");
+    }
+    let (_, again, _) = study("parts", &["--shard", "2/3"]);
+    assert!(again.contains("3 of 8 runs, 0 made now"), "{again}");
+    assert_eq!(study("parts", &[]).0, Some(0));
+    assert!(of("parts") == of("whole"), "bit for bit");
+    let kept = fs::read_dir(folder.path().join("parts/members")).unwrap().count();
+    assert_eq!(kept, 8);
+    let (code, _, stderr) = study("parts", &["--shard", "4/3"]);
+    assert!(code == Some(2) && stderr.contains("i/n"), "{stderr}");
+}

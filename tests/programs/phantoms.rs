@@ -16,7 +16,7 @@ fn the_shipped_recordings_are_calibrated_and_predict_themselves() {
     let manifest = Manifest::read(&shipped, None).unwrap();
     assert_eq!((manifest.candidates.len(), manifest.recordings.len()), (15, 3), "five laws with three kinds of plates");
 
-    // two laws and two kinds of plates take 20 runs in place of 326
+    // two laws and two kinds of plates take 20 runs in place of 407
     let folder = TempDir::new().unwrap();
     let text = fs::read_to_string(&shipped).unwrap();
     let left_out = ["Mooney-Rivlin", "Yeoh", "Veronda-Westmann", "Coulomb"];

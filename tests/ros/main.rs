@@ -13,6 +13,7 @@ mod live_page;
 mod long_run;
 mod look_ahead;
 mod middleware_process;
+mod openigtlink;
 mod package;
 mod rig_foreign;
 mod rig_peer;

@@ -3,34 +3,25 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::clouds;
-use crate::clouds::{KAPPA, METHODS, MU, norm, settings, uniform};
-use crate::coarse::{at_depth, digits, press, travel};
-use mtled::approximation::axisymmetric::{AxisymmetricApproximation, triangle};
-use mtled::approximation::{Basis, ShapeTable};
-use mtled::cloud::meridian::meridian;
-use mtled::cloud::{Axis, BASE, CloudError, Domain, Feature, Meridian, Spacing};
-use mtled::material::Law;
-use mtled::solver::VolumeRatio;
-use mtled::solver::{InternalForce, Kernel, Pool};
-use needle_twin::scene::{Dimension, Override, Scene, Target};
-use needle_twin::twin::{Halt, Phase, StampedPose, Twin};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use crate::clouds::norm;
+use crate::coarse::{digits, press, travel};
+use needle_twin::scene::{Override, Scene, Target};
+use needle_twin::twin::{Phase, StampedPose, Twin};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// The presets' cylinder, m.
-const RADIUS: f64 = 0.015;
-const HEIGHT: f64 = 0.017;
+pub const RADIUS: f64 = 0.015;
+pub const HEIGHT: f64 = 0.017;
 
-fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
+pub fn scene(preset: &str, changes: &[(&str, &str)]) -> Scene {
     let mut all = vec![("discretisation.dimension", "axisymmetric")];
     all.extend_from_slice(changes);
     let changes: Vec<_> = all.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
     Scene::preset(preset).unwrap().with(&changes).unwrap()
 }
 
-fn twin(preset: &str, changes: &[(&str, &str)]) -> Twin {
+pub fn twin(preset: &str, changes: &[(&str, &str)]) -> Twin {
     Twin::new(&scene(preset, changes)).unwrap()
 }
 
@@ -177,87 +168,6 @@ fn the_model_in_three_dimensions_agrees() {
         let gap = norm(clouds::minus(*a, *b)) / DEPTH;
         println!("{a:?} {b:?}: {:.2} % of the depth", 1e2 * gap);
         assert!(gap < 0.02, "{gap}");
-    }
-}
-
-/// The presets' half plane with a needle's path, coarse; which nodes interpolate, as in a scene.
-fn half_plane() -> (Meridian, Vec<bool>) {
-    let path = Feature::Path { axis: Axis::vertical([0.0; 2]), capture_radius: 0.001, length: 0.011, spacing: 0.0005 };
-    let spacing = Spacing { far: 0.003, growth: 0.3, features: vec![path] };
-    let plane = meridian(&Domain::Cylinder { radius: RADIUS, height: HEIGHT }, &spacing).unwrap();
-    let held = |(p, f): (&[f64; 3], &u8)| f & BASE != 0 || p[0] <= 0.001 * (1.0 + 1e-9);
-    let interpolating = plane.points.iter().zip(&plane.faces).map(held).collect();
-    (plane, interpolating)
-}
-
-fn table(plane: &Meridian, interpolating: &[bool], basis: Option<Basis>, points_per_cell: u32) -> ShapeTable {
-    let settings = settings(basis, points_per_cell);
-    AxisymmetricApproximation::new(&plane.points, &plane.triangles, interpolating, settings).table().unwrap()
-}
-
-fn kernel(plane: &Meridian, table: &ShapeTable, ratio: VolumeRatio) -> Kernel<f64> {
-    let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
-    Kernel::new(table, &cells, &plane.points, &Law::neo_hookean(MU, KAPPA), ratio)
-}
-
-fn evaluate(kernel: &Kernel<f64>, u: &[[f64; 3]]) -> InternalForce {
-    kernel.internal_force(&mut Pool::new(1), u)
-}
-
-#[test]
-fn a_uniform_stretch_is_exact_with_its_hoop_strain() {
-    let (plane, interpolating) = half_plane();
-    let (a, b, shift) = (0.07, -0.11, 0.003);
-    let u: Vec<_> = plane.points.iter().map(|p| [a * p[0], 0.0, b * p[2] + shift]).collect();
-    let wanted = [1.0 + a, 0.0, 0.0, 0.0, 1.0 + a, 0.0, 0.0, 0.0, 1.0 + b];
-    for (name, basis) in METHODS {
-        for points_per_cell in [1, 4, 5] {
-            let table = table(&plane, &interpolating, basis, points_per_cell);
-            let volume: f64 = table.volume.iter().sum();
-            assert!((volume / (PI * RADIUS * RADIUS * HEIGHT) - 1.0).abs() < 1e-12, "{name}: {volume} m^3");
-            let at = evaluate(&kernel(&plane, &table, VolumeRatio::Projected), &u);
-            let worst = at
-                .deformation
-                .iter()
-                .flat_map(|f| f.iter().zip(wanted))
-                .map(|(f, w)| (f - w).abs())
-                .fold(0.0, f64::max);
-            println!("{name}, rule {points_per_cell}: F is off by {worst:.1e}");
-            assert!(worst < 1e-11, "{name}, rule {points_per_cell}: {worst:.1e}");
-        }
-    }
-}
-
-fn shaken(plane: &Meridian, random: &mut ChaCha8Rng) -> Vec<[f64; 3]> {
-    let mut noise = || 1e-4 * (uniform(random) - 0.5);
-    plane.points.iter().map(|p| [if p[0] == 0.0 { 0.0 } else { noise() }, 0.0, noise()]).collect()
-}
-
-/// f . du = dE for any motion: the hoop stress, the images and the projected pressure included.
-#[test]
-fn forces_are_the_slope_of_the_energy() {
-    let (plane, interpolating) = half_plane();
-    let mut random = ChaCha8Rng::seed_from_u64(21);
-    let (u, way) = (shaken(&plane, &mut random), shaken(&plane, &mut random));
-    for (name, basis) in METHODS {
-        for ratio in [VolumeRatio::Projected, VolumeRatio::Averaged, VolumeRatio::Pointwise] {
-            let kernel = kernel(&plane, &table(&plane, &interpolating, basis, 1), ratio);
-            let force = evaluate(&kernel, &u).force;
-            let work: f64 = force.iter().zip(&way).map(|(f, d)| f[0] * d[0] + f[2] * d[2]).sum();
-            let energy = |s: f64| {
-                let at: Vec<_> = u.iter().zip(&way).map(|(u, d)| std::array::from_fn(|k| u[k] + s * d[k])).collect();
-                evaluate(&kernel, &at).energy
-            };
-            let h = 1e-4;
-            let slope = (energy(h) - energy(-h)) / (2.0 * h);
-            println!("{name}, {ratio:?}: {work:.6e} {slope:.6e}");
-            assert!((work / slope - 1.0).abs() < 1e-5, "{name}, {ratio:?}: {work} {slope}");
-            let axial: f64 = force.iter().map(|f| f[2]).sum();
-            let total: f64 = force.iter().map(|f| norm(*f)).sum();
-            assert!(axial.abs() < 1e-12 * total, "{name}, {ratio:?}: axial forces sum to {axial:.1e} of {total}");
-            let on_axis = |n: &usize| plane.points[*n][0] == 0.0;
-            assert!((0..force.len()).filter(on_axis).all(|n| force[n][0] == 0.0), "no force off the axis");
-        }
     }
 }
 
@@ -428,112 +338,4 @@ fn a_needle_goes_in_and_out() {
     println!("{first:.6} N, the second time {second:.6} N");
     assert!((second / first - 1.0).abs() < 0.02, "{first} {second}");
     assert!(down.iter().chain(&up).chain(&again).all(|a| a.force_n.iter().all(|f| f.is_finite())));
-}
-
-#[test]
-fn poses_that_break_the_symmetry_are_refused_with_the_way_out() {
-    for preset in ["needle_insertion", "indentation"] {
-        let (mut one, mut control) = (twin(preset, &[]), twin(preset, &[]));
-        for t in [&mut one, &mut control] {
-            travel(t, 0.0, 1e-3, 20);
-        }
-        let good = one.pose_at_depth(1.05e-3);
-        let mut beside = good;
-        beside.tip[1] += 1e-4;
-        let mut tilted = good;
-        tilted.axis = [0.01, 0.0, -(1.0f64 - 1e-4).sqrt()];
-        for pose in [beside, tilted] {
-            let Err(Halt::Pose { reason }) = one.step(StampedPose { time_s: 0.0, pose }) else {
-                panic!("{preset}: {pose:?} is taken")
-            };
-            assert!(reason.contains("discretisation.dimension = \"full\""), "{preset}: {reason}");
-        }
-        assert_eq!(digits(&[at_depth(&mut one, 1.1e-3)]), digits(&[at_depth(&mut control, 1.1e-3)]), "{preset}");
-    }
-}
-
-#[test]
-fn a_trembling_sensor_is_borne() {
-    let mut twin = twin("needle_insertion", &[]);
-    let mut pose = twin.pose_at_depth(5e-4);
-    pose.tip[0] += 1e-5;
-    let answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    assert_eq!(answer.force_n[..2], [0.0; 2]);
-}
-
-#[test]
-fn a_scene_says_what_breaks_its_symmetry() {
-    let with = |preset: &str, changes: &[(&str, &str)]| {
-        let changes: Vec<_> = changes.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
-        Scene::preset(preset).unwrap().with(&changes)
-    };
-    let broken: [(&[(&str, &str)], &str); 3] = [
-        (&[("instrument.entry_x_m", "0.001")], "entry_x_m"),
-        (&[("instrument.tilt_rad", "0.1")], "tilt_rad"),
-        (
-            &[
-                ("sample.shape", "box"),
-                ("sample.size_x_m", "0.03"),
-                ("sample.size_y_m", "0.03"),
-                ("sample.height_m", "0.017"),
-            ],
-            "box",
-        ),
-    ];
-    for (changes, word) in broken {
-        let scene = with("needle_insertion", changes);
-        let Ok(scene) = scene else { panic!("{changes:?}: {:?}", scene.err().map(|e| e.to_string())) };
-        let resolved = scene.dimension();
-        assert_eq!(resolved.dimension, Dimension::Full);
-        assert!(resolved.because.contains(word), "{}", resolved.because);
-        assert!(resolved.because.len() < 200, "one clause: {}", resolved.because);
-        let mut asked = changes.to_vec();
-        asked.push(("discretisation.dimension", "axisymmetric"));
-        let refused = with("needle_insertion", &asked).unwrap_err().to_string();
-        assert!(refused.contains("discretisation.dimension") && refused.contains(word), "{refused}");
-    }
-}
-
-/// The least model that the scene allows.
-#[test]
-fn auto_takes_the_half_plane_where_it_can() {
-    for preset in ["compression", "indentation", "needle_insertion"] {
-        let scene = Scene::preset(preset).unwrap();
-        assert_eq!(scene.discretisation.dimension, Dimension::Auto, "{preset}");
-        let twin = Twin::new(&scene).unwrap();
-        assert_eq!(twin.dimension(), Dimension::Axisymmetric, "{preset}");
-        assert!(twin.dimension_because().contains("axis"), "{preset}: {}", twin.dimension_because());
-    }
-}
-
-/// Half planes of all sizes, gradings and instruments: nodes where they belong, the whole rectangle and nothing else.
-#[test]
-fn half_planes_of_many_shapes_are_sound() {
-    let mut random = ChaCha8Rng::seed_from_u64(22);
-    let mut lowest = 1.0_f64;
-    for case in 0..200 {
-        let mut between = |a: f64, b: f64| a * (b / a).powf(uniform(&mut random));
-        let (radius, height) = (between(0.003, 0.1), between(0.003, 0.1));
-        let far = radius.min(0.5 * height) * between(0.08, 0.9);
-        let spacing = far * between(0.05, 1.0);
-        let length = (height * between(0.05, 0.8)).max(spacing);
-        let capture_radius = (0.5 * radius).min(spacing * between(0.9, 4.0));
-        let features = match case % 4 {
-            0 => vec![],
-            1 => vec![Feature::Rim { top: true, spacing }, Feature::Rim { top: false, spacing }],
-            2 => vec![Feature::ContactRing { centre: [0.0; 2], radius: radius * between(0.3, 0.9), spacing }],
-            _ => vec![Feature::Path { axis: Axis::vertical([0.0; 2]), capture_radius, length, spacing }],
-        };
-        let spacing = Spacing { far, growth: between(0.15, 0.5), features };
-        let plane = match meridian(&Domain::Cylinder { radius, height }, &spacing) {
-            Ok(plane) => plane,
-            Err(CloudError::OutOfRange { .. }) => continue, // the instrument doesn't fit
-            Err(e) => panic!("case {case}: {e}: {radius} {height} {spacing:?}"),
-        };
-        lowest = lowest.min(plane.lowest_shape());
-        let area: f64 = plane.triangles.iter().map(|t| triangle(&t.map(|n| plane.points[n as usize])).0).sum();
-        assert!((area / (radius * height) - 1.0).abs() < 1e-12, "case {case}: {area}");
-        assert!(plane.points.iter().all(|p| p[0] >= 0.0 && p[1] == 0.0 && p[2] >= 0.0 && p[2] <= height));
-    }
-    println!("lowest shape {lowest:.3}");
 }

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, at_depth, digits, travel};
-use needle_twin::scene::{Dimension, Scene};
-use needle_twin::twin::{Event, Phase, Twin};
+use needle_twin::scene::{Dimension, Override, Scene};
+use needle_twin::twin::{Event, Health, Phase, Prediction, Twin};
 
 const SAMPLE: &str = "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017\n[material]\nmodel = \
     \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\ndensity_kg_per_m3 = 970.0\n";
@@ -61,7 +61,7 @@ fn an_embedded_needle_is_held_as_the_reference_has_it() {
         "largest error: force {force:.4} of the plateau, displacement beside {beside:.4}, below the tip {below:.4}"
     );
     assert!(force < 0.02 && beside < 0.02, "{force} {beside}");
-    assert!(below < 0.035, "{below}");
+    assert!(below < 0.055, "{below}");
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn the_curve_does_not_depend_on_the_pose_rate() {
         let coarse = run(poses);
         let worst = fine.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         println!("{poses} poses for a millimetre: {:.4} of the plateau", worst / 0.015);
-        assert!(worst < 0.01 * 0.015, "{poses}: {coarse:?} {fine:?}");
+        assert!(worst < 0.005 * 0.015, "{poses}: {coarse:?} {fine:?}");
     }
 }
 
@@ -128,7 +128,13 @@ fn random_motions_that_end_where_they_began_take_work() {
 #[test]
 fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let mut twin = built(&[SAMPLE, SKIN, NEEDLE, RUBS, CLOUD, "[motion]\ndepth_m = 0.003\n"]);
-    let answers = travel(&mut twin, 0.0, 2.2e-3, 1100);
+    let mut events = Vec::new();
+    let step = |i: u32| {
+        let answer = at_depth(&mut twin, 2e-6 * f64::from(i));
+        events.extend(twin.happened().iter().map(|h| h.event));
+        answer
+    };
+    let answers: Vec<Prediction> = (1..=1100).map(step).collect();
     let (at, event) = answers.iter().enumerate().find_map(|(i, a)| a.event.map(|e| (i, e))).unwrap();
     let Event::Puncture { depth_m, region } = event else { unreachable!("{event:?}") };
     assert_eq!((region, answers[at - 1].phase), (1, Phase::Indentation));
@@ -145,10 +151,8 @@ fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let rubbed = twin.cut_depth().unwrap() - 0.25e-3;
     println!("{parts:?} N at {:?} m, {rubbed} m rubbed", answers.last().unwrap().depth_m);
     assert!((parts[1] / 0.003 - 1.0).abs() < 0.03 && parts[0] < 3.0 * rubbed * 1.001, "{parts:?}");
-    assert!(
-        answers.iter().any(|a| matches!(a.event, Some(Event::Entered { region: 0, .. }))),
-        "what lies under the skin"
-    );
+    let under = events.iter().any(|e| matches!(e, Event::Entered { region: 0, .. }));
+    assert!(under, "what lies under the skin: {events:?}");
 }
 
 /// A skin and a deeper layer, each behind a membrane.
@@ -222,4 +226,58 @@ fn a_needle_that_comes_in_again_only_rubs_along_its_channel() {
     assert!(second[399].force_n[2] < 0.9 * first[399].force_n[2], "{:?} {:?}", second[399].force_n, first[399].force_n);
     // the last pose of the first insertion cut a little more
     assert!((twin.cut_depth().unwrap() - cut).abs() < 2e-5, "{:?} {cut}", twin.cut_depth());
+}
+
+/// The preset of layers to a depth in m and back out, at a share of its speed.
+fn layers(depth: &str, slower: f64) -> Vec<Prediction> {
+    let set = |path: &str, value: &str| Override::text(path, value, "test");
+    let scene = Scene::preset("layered_tissue").unwrap();
+    let speed = (slower * scene.motion.unwrap().speed.get()).to_string();
+    let keys = [set("motion.depth_m", depth), set("motion.insertions", "1"), set("motion.speed_m_per_s", &speed)];
+    let scene = scene.with(&keys).unwrap();
+    let mut twin = alone(|| Twin::new(&scene).unwrap());
+    scene.motion.unwrap().poses().map(|(_, depth)| at_depth(&mut twin, depth)).collect()
+}
+
+fn peak(answers: &[Prediction]) -> f64 {
+    answers.iter().map(|a| a.force_n[2].abs()).fold(0.0, f64::max)
+}
+
+/// Through two membranes, out again: each pose is answered from an equilibrium, so that the run may say that its forces are those of rest.
+#[test]
+fn every_pose_through_layers_is_answered_from_an_equilibrium() {
+    let answers = layers("0.006", 1.0);
+    let peak = peak(&answers);
+    let worst = |of: &dyn Fn(&Prediction) -> f64| answers.iter().map(of).fold(0.0, f64::max);
+    let imbalance = worst(&|a| (a.force_n[2] + a.base_force_n[2]).abs() / peak);
+    let loaded = |a: &Prediction| a.force_n[2].abs() >= Health::LOADED * peak;
+    let energies = worst(&|a| if loaded(a) { a.health.kinetic_to_strain_energy } else { 0.0 });
+    let constraint = worst(&|a| a.health.constraint_error_m);
+    let steps = answers.iter().map(|a| f64::from(a.steps)).sum::<f64>() / answers.len() as f64;
+    println!(
+        "imbalance {imbalance:.4}, energies {energies:.4}, constraint error {constraint:.2e} m, {steps:.1} steps per pose"
+    );
+    let punctures = answers.iter().filter(|a| matches!(a.event, Some(Event::Puncture { .. }))).count();
+    assert_eq!(punctures, 2);
+    assert!(imbalance < Health::MOST_IMBALANCE && energies < Health::MOST_KINETIC, "{imbalance} {energies}");
+    assert!(constraint < 1e-6, "{constraint}");
+    assert!(steps < 40.0, "{steps} steps per pose");
+}
+
+/// The curve through a membrane and back against a run at a twentieth of the speed: within 2 % of the peak, or 50 um beside it where it
+/// falls.
+#[test]
+fn the_curve_through_a_membrane_does_not_depend_on_the_speed() {
+    let (fast, slow) = (layers("0.001", 1.0), layers("0.001", 0.05));
+    let peak = peak(&slow);
+    let mut worst = (0.0_f64, 0.0);
+    for (i, a) in fast.iter().enumerate().step_by(2) {
+        let near = (20 * i).saturating_sub(200)..(20 * i + 201).min(slow.len());
+        let (least, most) =
+            slow[near].iter().map(|b| b.force_n[2]).fold((f64::MAX, f64::MIN), |(l, m), f| (l.min(f), m.max(f)));
+        let off = (least - a.force_n[2]).max(a.force_n[2] - most).max(0.0) / peak;
+        worst = if off > worst.0 { (off, a.depth_m) } else { worst };
+    }
+    println!("{:.4} of the peak at {} m", worst.0, worst.1);
+    assert!(worst.0 < 0.02, "{worst:?}");
 }

@@ -6,5 +6,6 @@ pub mod approximation;
 pub mod cloud;
 mod grid;
 pub mod material;
+pub mod mirror;
 pub mod number;
 pub mod solver;

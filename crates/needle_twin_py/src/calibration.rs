@@ -123,7 +123,7 @@ pub fn calibrate(
             part,
             table: None,
         };
-        let work = |stop: &mut Stop<'_>| -> PyResult<_> {
+        let work = |stop: &mut Stop| -> PyResult<_> {
             let built = compare::build(&scene);
             let (twin, _) = built.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
             if let Some(what) =

@@ -1,8 +1,9 @@
 //! Exceptions. Each message says what is wrong, where, and what to do.
 
+use needle_twin::compare::ensemble::EnsembleError;
 use needle_twin::twin::Halt;
 use pyo3::create_exception;
-use pyo3::exceptions::PyException;
+use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
 
 create_exception!(needle_twin, NeedleTwinError, PyException, "Whatever goes wrong in needle_twin.");
@@ -48,6 +49,18 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// A scene's error.
 pub fn scene(error: needle_twin::scene::SceneError) -> PyErr {
     SceneError::new_err(error.to_string())
+}
+
+/// Why there is no ensemble. What the command line says of a scene without priors is said in Python's words.
+pub fn ensemble(error: EnsembleError) -> PyErr {
+    match error {
+        EnsembleError::NoUncertainty { scene, key, mean, deviation } => SceneError::new_err(format!(
+            "scene {scene} says of no key how uncertain it is: scene[\"uncertainty.{key}\"] = {{\"normal\": [{mean}, {deviation}]}} (mean and standard \
+             deviation; lognormal and uniform are there too)"
+        )),
+        EnsembleError::Count(_) => PyValueError::new_err(error.to_string()),
+        _ => SceneError::new_err(error.to_string()),
+    }
 }
 
 /// Why a pose has no answer.

@@ -8,6 +8,7 @@
 
 mod array;
 mod calibration;
+mod ensemble;
 mod error;
 mod recording;
 mod run;
@@ -24,6 +25,8 @@ fn _needle_twin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<twin::Twin>()?;
     module.add_class::<twin::Prediction>()?;
+    module.add_class::<ensemble::Ensemble>()?;
+    module.add_class::<ensemble::ForceBand>()?;
     module.add_class::<recording::Recording>()?;
     module.add_class::<run::Run>()?;
     module.add_class::<calibration::Calibration>()?;

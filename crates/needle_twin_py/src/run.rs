@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use needle_twin::compare::ensemble::{self, Answered, Band, Crew, Size};
 use needle_twin::compare::{self, At, Collector, ForceSeries, Keep, Reading, scale};
 use needle_twin::report;
 use needle_twin::scene::Scene;
@@ -10,7 +11,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::{BuildError, NeedleTwinError, RecordingError, SceneError};
+use crate::error::{self, BuildError, NeedleTwinError, RecordingError, SceneError};
 use crate::watch::{Stop, detached};
 use crate::{array, recording, scene};
 
@@ -59,6 +60,18 @@ impl Run {
     #[getter]
     fn measured_vector_n<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         array::rows(py, self.run.answers.iter().map(|a| a.measured_vector_n.unwrap_or([f64::NAN; 3])).collect())
+    }
+
+    /// Force below which 2.5 % of the members are, N, shape (n,); `None` without members, NaN where none has an answer.
+    #[getter]
+    fn predicted_low_n<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.band(py, |band| band.low_n)
+    }
+
+    /// Force below which 97.5 % of the members are, N, shape (n,); `None` without members, NaN where none has an answer.
+    #[getter]
+    fn predicted_high_n<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.band(py, |band| band.high_n)
     }
 
     /// Phase of each pose.
@@ -124,11 +137,20 @@ impl Run {
     }
 }
 
+impl Run {
+    fn band<'py>(&self, py: Python<'py>, of: fn(&Band) -> f64) -> Option<Bound<'py, PyArray1<f64>>> {
+        let bands = &self.run.ensemble.as_ref()?.bands;
+        Some(array::numbers(py, bands.iter().map(|band| band.as_ref().map_or(f64::NAN, of)).collect()))
+    }
+}
+
 /// Runs a scene's own motion: a stream of poses, each answered as the live node would.
 ///
-/// `scene`: a Scene, a preset's name or a path. `depth_m`, `speed_m_per_s`, `pose_hz` take the place of the scene's own; `changes`: further keys. `threads` = 0: one per core.
+/// `scene`: a Scene, a preset's name or a path. `depth_m`, `speed_m_per_s`, `pose_hz` take the place of the scene's own; `changes`: further keys. `threads` = 0: one per core. With `members` = N twins
+/// with values drawn from the scene's `[uncertainty]` run as well (`seed`: of the draws), for `Run.predicted_low_n` and `predicted_high_n`.
 #[pyfunction]
-#[pyo3(signature = (scene, *, depth_m = None, speed_m_per_s = None, pose_hz = None, changes = None, threads = 0))]
+#[pyo3(signature = (scene, *, depth_m = None, speed_m_per_s = None, pose_hz = None, changes = None, threads = 0, members = 0, seed = 0))]
+#[allow(clippy::too_many_arguments)] // of a Python function, by name
 pub fn solve(
     py: Python<'_>,
     scene: &Bound<'_, PyAny>,
@@ -137,6 +159,8 @@ pub fn solve(
     pose_hz: Option<f64>,
     changes: Option<&Bound<'_, PyDict>>,
     threads: usize,
+    members: usize,
+    seed: u64,
 ) -> PyResult<Run> {
     let all = changes.map_or_else(|| Ok(PyDict::new(py)), |changes| changes.copy())?;
     for (key, value) in [("depth_m", depth_m), ("speed_m_per_s", speed_m_per_s), ("pose_hz", pose_hz)] {
@@ -153,15 +177,18 @@ pub fn solve(
     };
     let motion = scene.motion.ok_or_else(none)?;
     let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) }).collect();
-    drive(py, &scene, threads, "solve", readings, None, |_, _| Ok(()), |_| {})
+    let asked = Asked { threads, size: Size { members, seed }, command: "solve" };
+    drive(py, &scene, asked, readings, None, |_, _| Ok(()), |_| {})
 }
 
 /// Runs a recording's motion through the twin, offline and deterministic, and compares with its load cell.
 ///
 /// `recording`: a Recording, or the path of a bag or table. `scene`: a Scene, a preset's name or a path; the one that the recording names if absent. `force`: go on where
-/// units, signs or scene of the recording look wrong.
+/// units, signs or scene of the recording look wrong. `members` and `seed` as for `solve`; with a load cell `Run.metrics["ensemble"]` says what it tells of the
+/// uncertain keys.
 #[pyfunction]
-#[pyo3(signature = (recording, scene = None, *, changes = None, threads = 0, force = false))]
+#[pyo3(signature = (recording, scene = None, *, changes = None, threads = 0, force = false, members = 0, seed = 0))]
+#[allow(clippy::too_many_arguments)] // of a Python function, by name
 pub fn replay(
     py: Python<'_>,
     recording: &Bound<'_, PyAny>,
@@ -169,6 +196,8 @@ pub fn replay(
     changes: Option<&Bound<'_, PyDict>>,
     threads: usize,
     force: bool,
+    members: usize,
+    seed: u64,
 ) -> PyResult<Run> {
     recording::with(recording, |given| {
         let recorded = &given.recording;
@@ -186,7 +215,8 @@ pub fn replay(
                 collector.measured_source(&recorded.source);
             }
         };
-        drive(py, &scene, threads, "replay", readings, Some(&measured), look, prepare)
+        let asked = Asked { threads, size: Size { members, seed }, command: "replay" };
+        drive(py, &scene, asked, readings, Some(&measured), look, prepare)
     })
 }
 
@@ -198,18 +228,24 @@ pub fn scene_of(
 ) -> PyResult<Scene> {
     let scene = match given {
         Some(given) => scene::of(given)?,
-        None => needle_twin::scene::file::load(named.unwrap_or(DEFAULT_SCENE)).map_err(crate::error::scene)?,
+        None => needle_twin::scene::file::load(named.unwrap_or(DEFAULT_SCENE)).map_err(error::scene)?,
     };
     Ok(scene::Scene { scene }.changed(changes)?.scene)
 }
 
-/// What `needle_twin solve` and `replay` do: build, look at the readings, drive, collect.
-#[allow(clippy::too_many_arguments)]
+/// How a run is made.
+struct Asked {
+    threads: usize,
+    /// No members: no ensemble.
+    size: Size,
+    command: &'static str,
+}
+
+/// What `needle_twin solve` and `replay` do: build, look at the readings, drive, collect, and run the members.
 fn drive(
     py: Python<'_>,
     scene: &Scene,
-    threads: usize,
-    command: &str,
+    asked: Asked,
     readings: Vec<Reading>,
     measured: Option<&ForceSeries>,
     look: impl FnOnce(&needle_twin::twin::Twin, &[Reading]) -> PyResult<()> + Send,
@@ -218,7 +254,9 @@ fn drive(
     if readings.is_empty() {
         return Err(PyValueError::new_err("there is no reading of the instrument's place: nothing to run"));
     }
-    let work = |stop: &mut Stop<'_>| -> PyResult<compare::Run> {
+    let Asked { threads, size, command } = asked;
+    let members = if size.members > 0 { ensemble::members(scene, size).map_err(error::ensemble)? } else { Vec::new() };
+    let work = |stop: &mut Stop| -> PyResult<compare::Run> {
         let built = compare::build(scene);
         let (mut twin, build_s) = built.map_err(|e| BuildError::new_err(format!("scene {}: {e}", scene.name)))?;
         look(&twin, &readings)?;
@@ -226,7 +264,14 @@ fn drive(
         let keep = Keep { fields: true, duration_s, save_every_s: None };
         let mut collector = Collector::new(&twin, command, build_s, keep);
         prepare(&mut collector);
-        Ok(compare::drive(&mut twin, readings, measured, collector, stop))
+        let flag = stop.0.clone();
+        let mut answered = Answered::new(stop);
+        let mut run = compare::drive(&mut twin, readings.iter().copied(), measured, collector, &mut answered);
+        if !members.is_empty() {
+            let crew = Crew { threads: rayon::current_num_threads(), stop: Some(flag), done: &|| {} };
+            ensemble::add(&mut run, scene, &members, &readings, &answered.at, size, &crew).map_err(error::ensemble)?;
+        }
+        Ok(run)
     };
     detached(py, threads, work)?.map(|run| Run { run })
 }

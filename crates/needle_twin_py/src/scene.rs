@@ -8,6 +8,9 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
 
 use crate::{array, error};
 
+/// What messages call a change that was made here.
+const PLACE: &str = "Python";
+
 /// Names of the scenes that are compiled in, each with one line on what it is.
 #[pyfunction]
 pub fn presets() -> Vec<(&'static str, String)> {
@@ -24,6 +27,7 @@ pub fn presets() -> Vec<(&'static str, String)> {
 /// >>> scene["material.shear_modulus_pa"] = 2000
 /// >>> scene["instrument.diameter_m"]
 /// 0.001
+/// >>> scene["uncertainty.material.shear_modulus_pa"] = {"normal": [2000, 200]}    # mean, standard deviation
 #[pyclass(module = "needle_twin")]
 pub struct Scene {
     pub scene: scene::Scene,
@@ -51,9 +55,7 @@ impl Scene {
     pub fn changed(&self, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let Some(changes) = changes else { return Ok(Self { scene: self.scene.clone() }) };
         let of = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<Override> {
-            let key: String = key.extract()?;
-            let value = from_python(&key, &value)?;
-            Ok(Override::typed(&key, value, "Python"))
+            change(&key.extract::<String>()?, &value)
         };
         let changes = changes.iter().map(of).collect::<PyResult<Vec<_>>>()?;
         self.scene.with(&changes).map(|scene| Self { scene }).map_err(error::scene)
@@ -106,8 +108,7 @@ impl Scene {
     }
 
     fn __setitem__(&mut self, key: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        let change = Override::typed(key, from_python(key, value)?, "Python");
-        self.scene = self.scene.with(&[change]).map_err(error::scene)?;
+        self.scene = self.scene.with(&[change(key, value)?]).map_err(error::scene)?;
         Ok(())
     }
 
@@ -147,6 +148,17 @@ fn to_python(py: Python<'_>, value: Value) -> PyResult<Bound<'_, PyAny>> {
         Value::Point(point) => point.to_vec().into_bound_py_any(py),
         Value::List(numbers) => numbers.into_bound_py_any(py),
     }
+}
+
+/// A key's new value, or its prior: `{"normal": [2000, 200]}` of `uncertainty.material.shear_modulus_pa`.
+fn change(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Override> {
+    let prior = value.cast::<PyDict>().ok().filter(|_| key.starts_with("uncertainty."));
+    let Some(prior) = prior else { return Ok(Override::typed(key, from_python(key, value)?, PLACE)) };
+    let of = |(kind, numbers): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<String> {
+        Ok(format!("{kind} = {:?}", numbers.extract::<Vec<f64>>()?))
+    };
+    let written = prior.iter().map(of).collect::<PyResult<Vec<_>>>()?.join(", ");
+    Ok(Override::text(key, &format!("{{ {written} }}"), PLACE))
 }
 
 fn from_python(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {

@@ -52,7 +52,7 @@ impl Twin {
         tip: Option<[f64; 3]>,
         axis: Option<[f64; 3]>,
     ) -> PyResult<Prediction> {
-        let pose = StampedPose { time_s, pose: self.pose(depth_m, tip, axis)? };
+        let pose = stamped(&self.twin, time_s, depth_m, tip, axis)?;
         let twin = &mut self.twin;
         let prediction = py.detach(|| twin.step(pose)).map_err(|halt| error::halt(&halt))?;
         self.last = Some(pose);
@@ -90,7 +90,7 @@ impl Twin {
         scene::Scene { scene: self.twin.scene().clone() }
     }
 
-    /// "axisymmetric" or "full".
+    /// "axisymmetric", "mirrored" or "full".
     #[getter]
     fn dimension(&self) -> &'static str {
         use needle_twin::scene::Word as _;
@@ -209,14 +209,20 @@ impl Twin {
     }
 }
 
-impl Twin {
-    fn pose(&self, depth_m: Option<f64>, tip: Option<[f64; 3]>, axis: Option<[f64; 3]>) -> PyResult<Pose> {
-        match (depth_m, tip, axis) {
-            (Some(depth_m), None, None) => Ok(self.twin.pose_at_depth(depth_m)),
-            (None, Some(tip), axis) => Ok(Pose { tip, axis: axis.map_or(Ok([0.0, 0.0, -1.0]), unit)? }),
-            _ => Err(PyValueError::new_err("give either depth_m, or tip and (where it is not straight down) axis")),
-        }
-    }
+/// A pose as `step` takes it.
+pub fn stamped(
+    twin: &twin::Twin,
+    time_s: f64,
+    depth_m: Option<f64>,
+    tip: Option<[f64; 3]>,
+    axis: Option<[f64; 3]>,
+) -> PyResult<StampedPose> {
+    let pose = match (depth_m, tip, axis) {
+        (Some(depth_m), None, None) => twin.pose_at_depth(depth_m),
+        (None, Some(tip), axis) => Pose { tip, axis: axis.map_or(Ok([0.0, 0.0, -1.0]), unit)? },
+        _ => return Err(PyValueError::new_err("give either depth_m, or tip and (where it is not straight down) axis")),
+    };
+    Ok(StampedPose { time_s, pose })
 }
 
 /// A direction, refused where it is no unit vector: a mistake in units or order would bend the needle without a word.

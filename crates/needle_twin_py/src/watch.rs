@@ -1,5 +1,6 @@
 //! Long work without Python's lock, with Ctrl-C heard.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
@@ -13,14 +14,19 @@ use crate::error::NeedleTwinError;
 /// How often signals are looked at: seldom enough to cost nothing, often enough for a user who waits.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Ends a run between two poses once a signal's handler has raised.
-pub struct Stop<'a>(&'a AtomicBool);
+/// Ends a run once a signal's handler has raised.
+#[derive(Clone)]
+pub struct Stop(pub Arc<AtomicBool>);
 
-impl Watch for Stop<'_> {
+impl Watch for Stop {
     fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
 
     fn stop(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+
+    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
+        Some(Arc::clone(&self.0))
     }
 }
 
@@ -29,15 +35,15 @@ impl Watch for Stop<'_> {
 ///
 /// # Errors
 /// What a signal's handler raised (`KeyboardInterrupt`); the work has ended then, and its result is dropped.
-pub fn detached<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce(&mut Stop<'_>) -> T + Send) -> PyResult<T> {
+pub fn detached<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce(&mut Stop) -> T + Send) -> PyResult<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| NeedleTwinError::new_err(format!("threads = {threads}: {e}; ask for fewer")))?;
-    let stop = AtomicBool::new(false);
+    let stop = Arc::new(AtomicBool::new(false));
     py.detach(|| {
         thread::scope(|scope| {
             let (done, wait) = sync_channel::<()>(1);
             let worker = scope.spawn(|| {
-                let result = pool.install(|| work(&mut Stop(&stop)));
+                let result = pool.install(|| work(&mut Stop(Arc::clone(&stop))));
                 drop(done);
                 result
             });

@@ -28,9 +28,8 @@ use super::loopback;
 use super::obituary;
 use super::services::{ORDERS, Order, ReplyReaders, Served, be_answered, be_asked, obey};
 use super::uplink::Uplink;
-use super::watch::{Finding, LOOK, Voice, Watch, threads};
+use super::watch::{Finding, Voice, Watch, threads, ticks};
 use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, times, wall_nanos};
-use crate::GuardError;
 use crate::qos::Side;
 use crate::raw::RawCdr;
 use crate::signals::Signals;
@@ -389,15 +388,4 @@ async fn look_after(
             }
         }
     }
-}
-
-/// One now and one every [`LOOK`], until nobody takes them.
-fn ticks() -> Result<smol::channel::Receiver<()>, GuardError> {
-    let (sender, ticks) = smol::channel::bounded(1);
-    spawn("ticks", move || {
-        while !matches!(sender.try_send(()), Err(smol::channel::TrySendError::Closed(()))) {
-            std::thread::sleep(LOOK);
-        }
-    })?;
-    Ok(ticks)
 }

@@ -14,8 +14,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crossbeam_channel::{Receiver, Sender};
 
+use crate::GuardError;
+use crate::threads::spawn;
+
 /// Time between two looks.
-pub(super) const LOOK: std::time::Duration = std::time::Duration::from_millis(200);
+const LOOK: std::time::Duration = std::time::Duration::from_millis(200);
 /// Knocks in a row that were not heard; the same before the first that was; before it is clear that none ever is.
 const UNHEARD: [u32; 3] = [6, 10, 50];
 /// Complaints within a second that make a flood.
@@ -208,6 +211,17 @@ fn is_unheard_of(line: &str) -> bool {
     let number = line.strip_prefix(TELLER.1).and_then(|rest| rest.split(" by").next()).unwrap_or_default();
     let digits: String = number.chars().filter(char::is_ascii_digit).collect();
     digits.parse::<u64>().is_ok_and(|n| n >= UNHEARD_OF)
+}
+
+/// One now and one every [`LOOK`], until nobody takes them.
+pub(super) fn ticks() -> Result<smol::channel::Receiver<()>, GuardError> {
+    let (sender, ticks) = smol::channel::bounded(1);
+    spawn("ticks", move || {
+        while !matches!(sender.try_send(()), Err(smol::channel::TrySendError::Closed(()))) {
+            std::thread::sleep(LOOK);
+        }
+    })?;
+    Ok(ticks)
 }
 
 #[cfg(test)]

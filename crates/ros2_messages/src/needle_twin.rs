@@ -62,6 +62,33 @@ pub struct ForceBand {
     pub members: u32,
 }
 
+/// What members that look ahead say of the next piece of the way (`msg/Outlook.msg`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Outlook {
+    /// Stamp of the pose from which they look ahead, and the frame.
+    pub header: Header,
+    /// Depth of the tip at that pose, m.
+    pub depth_m: f64,
+    /// Depths of the tip on the way, from `depth_m` on, m.
+    pub depths_m: Vec<f64>,
+    /// Members that have an answer at all of them.
+    pub members: u32,
+    /// Force against the insertion of each member at each depth, N.
+    pub forces_n: Vec<f64>,
+    /// Standard deviation of what a reading is off by beyond the members' spread, N.
+    pub error_n: f64,
+    /// Targets of the scene.
+    pub targets: u32,
+    /// Of each member each target with the tip at the first depth, m.
+    pub targets_now: Vec<Point>,
+    /// The same at the last depth, m.
+    pub targets_ahead: Vec<Point>,
+    /// Blocks of readings since the last reset.
+    pub blocks: u64,
+    /// Of them rejected.
+    pub rejected_blocks: u64,
+}
+
 /// Something that happened to the tissue at a needle (`msg/TissueEvent.msg`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TissueEvent {
@@ -287,4 +314,4 @@ pub struct LookAheadResponse {
     pub computed_s: f64,
 }
 
-ros_messages!("needle_twin": TissueModel, TissueState, TissueEvent, ForceBand, ForceComparison, TwinStatus);
+ros_messages!("needle_twin": TissueModel, TissueState, TissueEvent, ForceBand, Outlook, ForceComparison, TwinStatus);

@@ -136,6 +136,11 @@ static DEFINITIONS: &[Definition] = &[
         "RIHS01_dcab8f8d2907e70dc3349f009d9b89bb9dcdd1e34dd2cf1ec2c8d9b5b156a967",
     ),
     definition(
+        "needle_twin/Outlook",
+        include_str!("../msg/Outlook.msg"),
+        "RIHS01_49cdf062c910d067fa6106fb5ba6446ed809216e40d21ec7a08b88e3ecb90e3e",
+    ),
+    definition(
         "needle_twin/ForceComparison",
         include_str!("../msg/ForceComparison.msg"),
         "RIHS01_a0bd8ab6ea4ecf1f6336076dccaa1104de18c3887b0631f925e75b0a8e6c8373",

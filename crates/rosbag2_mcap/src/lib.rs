@@ -12,6 +12,7 @@ mod folder;
 mod index;
 mod messages;
 mod metadata;
+mod options;
 mod qos;
 mod reader;
 mod record;
@@ -24,9 +25,10 @@ pub use check::{CheckReport, Finding, Severity, check};
 pub use error::{BagError, Loss};
 pub use messages::Messages;
 pub use metadata::Metadata;
+pub use options::WriterOptions;
 pub use qos::{Qos, QosTime};
 pub use reader::{BagReader, Message, Topic};
-pub use writer::{BagWriter, TopicId, WriterOptions, Written};
+pub use writer::{BagWriter, TopicId, Written};
 
 /// The examples of README.md.
 #[cfg(doctest)]

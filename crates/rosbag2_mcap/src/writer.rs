@@ -6,6 +6,7 @@
 
 use super::error::BagError;
 use super::metadata::{Metadata, QosField, TopicCount, TopicMetadata};
+use super::options::WriterOptions;
 use super::qos::Qos;
 use super::space::Reserved;
 use mcap::records::{MessageHeader, Metadata as MetadataRecord};
@@ -15,37 +16,10 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Bytes that a message takes in a chunk beside its content, and in the index behind the chunk.
 const PER_MESSAGE: u64 = 31 + 16;
-
-/// How a bag is written.
-#[derive(Clone, Debug)]
-pub struct WriterOptions {
-    /// Bytes before compression at which a chunk is closed. A crash, or damage to the file, loses whole chunks.
-    pub chunk_bytes: u64,
-    /// A chunk is also closed when it is this old. `None`: the same messages always give the same file.
-    pub flush_after: Option<Duration>,
-    /// Said in the bag itself (`custom_data` of metadata.yaml).
-    pub custom_data: BTreeMap<String, String>,
-    /// Program that writes, with its version, as the file's header has it.
-    pub library: String,
-    /// Level of zstd: 0 is zstd's own choice, 1 the fastest.
-    pub compression_level: u32,
-}
-
-impl Default for WriterOptions {
-    fn default() -> Self {
-        Self {
-            chunk_bytes: 1 << 20,
-            flush_after: Some(Duration::from_secs(1)),
-            custom_data: BTreeMap::new(),
-            library: concat!("rosbag2_mcap ", env!("CARGO_PKG_VERSION")).to_owned(),
-            compression_level: 0,
-        }
-    }
-}
 
 /// A topic of the bag that is being written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,7 +122,7 @@ impl BagWriter {
         let path = folder.join(&file_name);
         let file = File::create(&path).map_err(at(&path))?;
         let space = Reserved::new(file.try_clone().map_err(at(&path))?);
-        let mcap = mcap_options(&options).create(BufWriter::new(file)).map_err(|e| at(&path)(io::Error::other(e)))?;
+        let mcap = options.of_file().create(BufWriter::new(file)).map_err(|e| at(&path)(io::Error::other(e)))?;
         let writer = Self {
             folder,
             file_name,
@@ -407,18 +381,4 @@ impl Drop for BagWriter {
             let _ = self.close();
         }
     }
-}
-
-fn mcap_options(options: &WriterOptions) -> mcap::WriteOptions {
-    mcap::WriteOptions::new()
-        .profile("ros2")
-        .library(&options.library)
-        .compression_level(options.compression_level)
-        .compression(Some(mcap::Compression::Zstd))
-        // More threads would be nondeterministic in time and memory, and a chunk is compressed in milliseconds.
-        .compression_threads(0)
-        // Chunks are closed here, not by size there: space for them is set aside first.
-        .chunk_size(None)
-        // Whole chunks go to the disk at once; a file that was never closed has no half-written one in the middle.
-        .disable_seeking(true)
 }

@@ -1,8 +1,9 @@
-//! `needle_twin demo`: rig and twin as two ROS 2 nodes on this machine's loopback, and a third program that listens.
+//! `needle_twin demo`: rig and twin as two ROS 2 nodes on this machine's loopback, and a third program that listens; then layered tissue.
 
 mod assemble;
 mod live;
 mod nodes;
+mod second_act;
 
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
@@ -39,7 +40,7 @@ const TAIL: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(2);
 
 /// Start rig and twin as two ROS 2 nodes on the loopback, play the embedded needle recording through them, show
-/// predicted against measured force, record what was published and write the report
+/// predicted against measured force, record what was published and write the report; then take a needle through layered tissue
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// Folder for the report, the recorded bag and the nodes' logs
@@ -63,12 +64,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let folder = OutputFolder::prepare(&arguments.out)?;
     if arguments.no_dds {
         let run = replay::offline(&scene, &recording, "demo")?;
-        return output::deliver(&run, Some(&folder), &SeriesOptions::default(), false);
+        return deliver(&run, &folder);
     }
     // Before anything starts a thread: RustDDS must not see a signal.
     let signals = Signals::block().map_err(|e| CliError::Demo(format!("signals can't be blocked: {e}")))?;
     let run = Stage::prepare(&arguments.out, &signals)?.play(&scene, &recording)?;
-    output::deliver(&run, Some(&folder), &SeriesOptions::default(), false)
+    deliver(&run, &folder)
+}
+
+/// Leaves the results of the first act and goes on with the second, unless something has gone wrong, or Ctrl-C has ended the first.
+fn deliver(run: &Run, folder: &OutputFolder) -> Result<Outcome, CliError> {
+    match output::deliver(run, Some(folder), &SeriesOptions::default(), false)? {
+        Outcome::Complete => second_act::run(&folder.path),
+        Outcome::Lossy => Ok(Outcome::Lossy),
+    }
 }
 
 /// The live page's usual port, or another one that is free.

@@ -3,7 +3,6 @@
 use crate::scene::Word as _;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -13,6 +12,7 @@ use indicatif::ProgressBar;
 
 use super::super::interrupt::Interrupt;
 use super::super::output::OutputFolder;
+use super::super::shard::Shard;
 use super::super::{CliError, Outcome, print, scene_file, warn};
 use super::{PRESETS, bar};
 use crate::report;
@@ -76,30 +76,9 @@ pub(super) struct Merge {
     at_rest: bool,
 }
 
-/// Part i of n of a study, i from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Shard {
-    index: usize,
-    of: usize,
-}
-
-impl FromStr for Shard {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-        match parsed {
-            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
-            _ => Err("an index and a count as in 2/8, the index from 1".to_owned()),
-        }
-    }
-}
-
-impl Shard {
-    /// Name of the part's table.
-    fn table(self) -> String {
-        format!("accuracy.{}of{}.csv", self.index, self.of)
-    }
+/// Name of a part's table.
+fn table_of(Shard { number, of }: Shard) -> String {
+    format!("accuracy.{number}of{of}.csv")
 }
 
 fn extent(quick: bool, at_rest: bool) -> Extent {
@@ -129,7 +108,7 @@ impl Accuracy {
     pub(super) fn run(&self) -> Result<Outcome, CliError> {
         let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
         let subjects = self.subjects()?;
-        let name = self.shard.map_or_else(|| TABLE.to_owned(), Shard::table);
+        let name = self.shard.map_or_else(|| TABLE.to_owned(), table_of);
         let mut table = folder.as_ref().map(|f| Table::open(&f.path.join(name))).transpose()?;
         let mut rows = table.as_ref().map_or_else(Vec::new, |t| t.rows.clone());
         let known = rows.len();
@@ -182,9 +161,9 @@ impl Accuracy {
             }
         }
         tasks.sort_by_key(|task| (!task.named, task.work));
-        let Shard { index, of } = self.shard.unwrap_or(Shard { index: 1, of: 1 });
+        let Shard { number, of } = self.shard.unwrap_or(Shard::WHOLE);
         let asked = |case: &Case| self.methods.is_empty() || self.methods.contains(&case.method);
-        let mine = tasks.into_iter().filter(|task| asked(&task.case)).skip(index - 1).step_by(of);
+        let mine = tasks.into_iter().filter(|task| asked(&task.case)).skip(number - 1).step_by(of);
         Ok(mine.filter(|task| !known.iter().any(|row| row.is_of(&task.subject.scene.name, &task.case))).collect())
     }
 }
@@ -327,18 +306,5 @@ impl Merge {
             missing.extend(lacking.map(|case| format!("missing: {name}, {}", case.name())));
         }
         Ok(missing)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_shard_is_an_index_of_a_count() {
-        assert_eq!("2/8".parse(), Ok(Shard { index: 2, of: 8 }));
-        for wrong in ["0/4", "5/4", "1", "a/b", "1/0", "-1/3"] {
-            assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
-        }
     }
 }

@@ -8,11 +8,12 @@ use clap::Args;
 use crate::cli::options::{SetOptions, ThreadOptions};
 use crate::cli::output::OutputFolder;
 use crate::cli::progress::{Bar, Progress};
+use crate::cli::shard::Shard;
 use crate::cli::{CliError, Outcome, print, scene_file, warn};
 use crate::compare::ensemble::Crew;
 use crate::compare::{At, Reading, Watch as _};
 use crate::report;
-use crate::study::sensitivity::{self, Output, Sensitivity};
+use crate::study::sensitivity::{self, Output, Runs, Sensitivity};
 
 /// Say which key of a scene's [uncertainty] makes peak force and targets uncertain: Sobol's indices over the scene's own motion
 #[derive(Debug, Args)]
@@ -32,9 +33,13 @@ pub(super) struct SensitivityArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
-    /// Write sensitivity.json and sensitivity.csv into this folder
+    /// Write sensitivity.json and sensitivity.csv into this folder; runs that it has already are not run again
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+
+    /// Make only every n-th run, beginning with the i-th; the same command without it makes the rest and puts all together
+    #[arg(long, value_name = "I/N", requires = "out")]
+    shard: Option<Shard>,
 
     /// Print JSON instead of a table
     #[arg(long)]
@@ -52,15 +57,36 @@ impl SensitivityArguments {
         let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
         let readings: Vec<Reading> =
             motion.poses().map(|(time_s, depth_m)| Reading { time_s, at: At::Depth(depth_m) }).collect();
+        let mut runs = Runs::new(&scene, &members, &readings, folder.as_ref().map(|f| f.path.as_path()));
+        let mine = self.shard.unwrap_or(Shard::WHOLE);
+        let left = runs.left(|run| mine.has(run));
         let progress = Progress::silent();
-        let bar = Bar::new(Some(members.len() as u64), "runs at most");
+        let bar = Bar::new(left.len() as u64, "runs");
         let done = || bar.add(1, "");
-        let found = self.threads.install(|| {
+        self.threads.install(|| {
             let crew = Crew { threads: rayon::current_num_threads(), stop: progress.stop_flag(), done: &done };
-            sensitivity::sensitivity(&scene, &members, &readings, [self.members as u64, self.seed], &crew)
-        })?;
+            runs.make(&left, &crew)
+        })??;
         bar.finish();
-        let found = found?;
+        let of_mine = (0..runs.count()).filter(|run| mine.has(*run)).count();
+        let done = of_mine - runs.left(|run| mine.has(run)).len();
+        if done < of_mine {
+            warn(&format!(
+                "interrupted: {done} of {of_mine} runs are done; with --out the same command goes on from there"
+            ));
+            return Ok(Outcome::Lossy);
+        }
+        if let Some(shard) = self.shard {
+            print(&format!(
+                "part {} of {}: {of_mine} of {} runs, {} made now\n",
+                shard.number,
+                shard.of,
+                runs.count(),
+                left.len()
+            ))?;
+            return Ok(Outcome::Complete);
+        }
+        let found = runs.sensitivity([self.members as u64, self.seed]);
         let json = format!("{:#}\n", serde_json::json!(found));
         if let Some(folder) = &folder {
             report::write_file(&folder.path.join("sensitivity.json"), json.as_bytes())?;

@@ -11,9 +11,9 @@ use crate::cli::{CliError, Outcome, print};
 use crate::compare::Watch as _;
 use crate::report;
 use crate::study::bounds::Bounds;
-use crate::study::speed;
+use crate::study::{busy, speed};
 
-/// Time the step: presets, support, size of the model, threads; and how fast a needle may go in three dimensions
+/// Time the step: presets, support, size of the model, threads; a needle beside busy loops; and how fast one may go in three dimensions
 #[derive(Debug, Args)]
 pub(super) struct Speed {
     /// Smaller models, no motions: one to two minutes
@@ -50,6 +50,13 @@ impl Speed {
             let row = threads.install(|| case.run())??;
             print(&row.line())?;
             rows.push(row);
+        }
+        if !progress.stop() {
+            print(&busy::heading())?;
+            for loops in busy::loads(most) {
+                let Some(row) = busy::beside(loops, most, &progress)? else { break };
+                print(&row.line())?;
+            }
         }
         if !self.quick && !progress.stop() {
             print(&speed::motion_heading())?;

@@ -1,5 +1,8 @@
 //! What members say of a force, and of a place.
 
+/// Half a band of 95 %, in standard deviations of a normal distribution.
+const HALF: f64 = 1.959_963_984_540_054;
+
 /// Force of the members at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Band {
@@ -25,6 +28,13 @@ impl Band {
         let (mean_n, variance) = moments(&sorted)?;
         let [low_n, high_n] = Self::SHARES.map(|share| quantile(&sorted, share));
         Some(Self { mean_n, standard_deviation_n: variance.sqrt(), low_n, high_n })
+    }
+
+    /// The band of a force that goes with a normal distribution.
+    #[must_use]
+    pub fn normal(mean_n: f64, standard_deviation_n: f64) -> Self {
+        let half = HALF * standard_deviation_n;
+        Self { mean_n, standard_deviation_n, low_n: mean_n - half, high_n: mean_n + half }
     }
 
     /// Whether a force lies in it.

@@ -1,20 +1,42 @@
-//! Members that follow a stream of poses one by one.
+//! Members that follow a stream of poses one by one, learn from the load cell, and look ahead.
 
+use super::assimilate::{Assimilation, Observed};
 use super::path::distinct;
 use super::{Band, EnsembleError, Member, Spread};
 use crate::scene::Recorded;
-use crate::twin::{Pose, StampedPose, Twin};
+use crate::twin::{Halt, Motion, Pose, Prediction, StampedPose, Twin};
 
 /// Twins of members, each on one thread, all in the thread that asks.
 pub struct Live {
     /// A twin for each run that members share, and how much less deep its instrument is, m; none where the scene can't be discretised.
     twins: Vec<(Option<Twin>, f64)>,
+    /// A double of each, from the first look ahead on.
+    doubles: Vec<Option<Twin>>,
     /// Which of them a member has, the member's force over its, and what the load cell reads without load, N.
     members: Vec<(usize, f64, f64)>,
     /// Force of each twin at the last pose, N; not a number where there is none.
     force_n: Vec<f64>,
     /// Positions of targets, m.
     positions: Vec<Vec<[f64; 3]>>,
+    /// Why a twin has no answer to the last pose, of the first that has none.
+    halt: Option<Halt>,
+    /// The last pose.
+    last: Option<StampedPose>,
+    /// What the load cell has said, and the members that had an answer at its first reading.
+    learnt: Option<(Assimilation, Vec<usize>)>,
+}
+
+/// What members say of the next piece of the way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ahead {
+    /// Way of the tip from the last pose on, from 0, m.
+    pub way_m: Vec<f64>,
+    /// Force of each member at each place, N.
+    pub forces_n: Vec<Vec<f64>>,
+    /// Targets of each member at the first place, m.
+    pub targets_now: Vec<Vec<[f64; 3]>>,
+    /// And at the last.
+    pub targets_ahead: Vec<Vec<[f64; 3]>>,
 }
 
 /// Whether members can follow poses as they come.
@@ -44,6 +66,10 @@ impl Live {
         Ok(Self {
             force_n: vec![f64::NAN; built.len()],
             positions: vec![Vec::new(); built.len()],
+            doubles: Vec::new(),
+            halt: None,
+            last: None,
+            learnt: None,
             twins: built,
             members: run_of
                 .iter()
@@ -53,14 +79,24 @@ impl Live {
         })
     }
 
-    /// Advances every member to a pose. A twin that has no answer has none until it comes back by itself ([`Twin::step`]).
+    /// Advances every member to a pose of an instrument that is followed. A twin that has no answer has none until it comes back by itself
+    /// ([`Twin::follow`]).
+    pub fn follow(&mut self, pose: &StampedPose) {
+        self.advance(pose, Twin::follow);
+    }
+
+    /// Advances every member to a pose, however far ([`Twin::step`]).
     pub fn step(&mut self, pose: &StampedPose) {
+        self.advance(pose, Twin::step);
+    }
+
+    fn advance(&mut self, pose: &StampedPose, way: fn(&mut Twin, StampedPose) -> Result<Prediction, Halt>) {
+        (self.last, self.halt) = (Some(*pose), None);
         for (k, (twin, shallower_m)) in self.twins.iter_mut().enumerate() {
             let Some(twin) = twin else { continue };
-            let Pose { tip, axis } = pose.pose;
-            let own = Pose { tip: std::array::from_fn(|i| tip[i] - *shallower_m * axis[i]), axis };
-            let answer = twin.follow(StampedPose { pose: own, ..*pose });
-            self.force_n[k] = answer.map_or(f64::NAN, |p| 0.0 - (0..3).map(|i| p.force_n[i] * axis[i]).sum::<f64>());
+            let answer = way(twin, moved(pose, -*shallower_m));
+            self.force_n[k] = answer.as_ref().map_or(f64::NAN, |p| against(p, pose));
+            self.halt = self.halt.take().or(answer.err());
             self.positions[k].clear();
             if self.force_n[k].is_finite() {
                 twin.target_positions(&mut self.positions[k]);
@@ -68,25 +104,137 @@ impl Live {
         }
     }
 
-    /// Band of the force at the last pose, with the number of members that have an answer; `None` of none.
+    /// What the load cell should read at the last pose by each member, N, positive against the insertion; not a number where it has no answer.
+    pub fn forces(&self) -> impl Iterator<Item = f64> {
+        self.members.iter().map(|(k, factor, zero)| factor * self.force_n[*k] + zero)
+    }
+
+    /// Why there is no answer to the last pose, of the first twin that has none.
+    #[must_use]
+    pub const fn halt(&self) -> Option<&Halt> {
+        self.halt.as_ref()
+    }
+
+    /// Takes a reading of the load cell at a pose for which the members had these forces; false if it says nothing, since one of those that
+    /// have learnt so far had no answer then.
+    pub fn measured(&mut self, time_s: f64, measured_n: f64, forces_n: &[f64]) -> bool {
+        if self.learnt.is_none() {
+            let used: Vec<usize> = (0..forces_n.len()).filter(|k| forces_n[*k].is_finite()).collect();
+            self.learnt = Assimilation::new(used.len()).map(|filter| (filter, used));
+        }
+        let Some((filter, used)) = &mut self.learnt else { return false };
+        let members_n: Vec<f64> = used.iter().map(|k| forces_n[*k]).collect();
+        let complete = members_n.iter().all(|f| f.is_finite()) && measured_n.is_finite();
+        if complete {
+            filter.take(Observed { time_s, measured_n, members_n });
+        }
+        complete
+    }
+
+    /// What has been learnt from the load cell.
+    #[must_use]
+    pub fn assimilation(&self) -> Option<&Assimilation> {
+        self.learnt.as_ref().map(|(filter, _)| filter)
+    }
+
+    /// Band of the force at the last pose, with the number of members that have an answer; `None` of none. Once a load cell was
+    /// assimilated it is that of its next reading.
     #[must_use]
     pub fn band(&self) -> Option<(Band, usize)> {
-        let forces =
-            || self.members.iter().map(|(k, factor, zero)| factor * self.force_n[*k] + zero).filter(|f| f.is_finite());
-        Band::of(forces()).map(|band| (band, forces().count()))
+        let all: Vec<f64> = self.forces().collect();
+        let count = all.iter().filter(|f| f.is_finite()).count();
+        if let Some((filter, used)) = &self.learnt {
+            let of_members = used.iter().map(|k| all[*k]).collect();
+            let forecast = filter.forecast(&Observed { members_n: of_members, ..Observed::default() });
+            return forecast.map(|f| (Band::normal(f.mean_n, f.standard_deviation_n), count));
+        }
+        Band::of(all.into_iter()).map(|band| (band, count))
     }
 
     /// Each target at the last pose, in the scene's order; empty without an answer.
     #[must_use]
     pub fn targets(&self) -> Vec<Spread> {
-        let count = self.positions.iter().map(Vec::len).max().unwrap_or(0);
-        let of = |t: usize| self.members.iter().filter_map(move |(k, ..)| self.positions[*k].get(t).copied());
-        (0..count).filter_map(|t| Spread::of(of(t))).collect()
+        let places = self.places(&self.positions);
+        let count = places.iter().map(Vec::len).max().unwrap_or(0);
+        (0..count).filter_map(|t| Spread::of(places.iter().filter_map(|of| of.get(t).copied()))).collect()
     }
 
-    /// All members undeformed again.
+    /// What every member would answer on the next piece of the way; `None` without a pose, without an answer, or where one of those that
+    /// have learnt from the load cell has none.
+    pub fn ahead(&mut self, motion: &Motion) -> Option<Ahead> {
+        let from = self.last?;
+        if self.doubles.is_empty() {
+            self.doubles = self.twins.iter().map(|(twin, _)| twin.as_ref().map(Twin::double)).collect();
+        }
+        let mut forces: Vec<Vec<f64>> = Vec::new();
+        let mut positions: Vec<Vec<[f64; 3]>> = Vec::new();
+        let mut way = Vec::new();
+        let places = motion.poses as usize;
+        for (k, (twin, shallower_m)) in self.twins.iter().enumerate() {
+            let (mut force, mut targets) = (vec![f64::NAN; places + 1], Vec::new());
+            if let (Some(twin), Some(double), true) = (twin, &mut self.doubles[k], self.force_n[k].is_finite()) {
+                double.take_over(twin);
+                if double.look_ahead(&moved(&from, -*shallower_m), motion, &mut way).is_ok() {
+                    force[0] = self.force_n[k];
+                    force[1..].iter_mut().zip(&way).for_each(|(f, p)| *f = against(p, &from));
+                    double.target_positions(&mut targets);
+                }
+            }
+            forces.push(force);
+            positions.push(targets);
+        }
+        let at = |place: usize| self.of_members(|k, factor, zero| factor * forces[k][place] + zero);
+        let columns: Vec<Vec<f64>> = (0..=places).map(at).collect::<Option<_>>()?;
+        let members = columns[0].len();
+        if columns.iter().any(|column| column.len() != members) {
+            return None;
+        }
+        Some(Ahead {
+            way_m: (0..=places).map(|i| motion.distance_m * i as f64 / places as f64).collect(),
+            forces_n: (0..members).map(|m| columns.iter().map(|column| column[m]).collect()).collect(),
+            targets_now: self.places(&self.positions),
+            targets_ahead: self.places(&positions),
+        })
+    }
+
+    /// A number of each member with an answer, as the load cell has left it; `None` of none, or where one that has learnt has none.
+    fn of_members(&self, value: impl Fn(usize, f64, f64) -> f64) -> Option<Vec<f64>> {
+        let all: Vec<f64> = self.members.iter().map(|&(k, factor, zero)| value(k, factor, zero)).collect();
+        let Some((filter, used)) = &self.learnt else {
+            let finite: Vec<f64> = all.into_iter().filter(|x| x.is_finite()).collect();
+            return (!finite.is_empty()).then_some(finite);
+        };
+        let of_used: Vec<f64> = used.iter().map(|k| all[*k]).collect();
+        of_used.iter().all(|x| x.is_finite()).then(|| filter.analysed(&of_used))
+    }
+
+    /// Positions of the targets of each member, as the load cell has left them.
+    fn places(&self, positions: &[Vec<[f64; 3]>]) -> Vec<Vec<[f64; 3]>> {
+        let count = positions.iter().map(Vec::len).max().unwrap_or(0);
+        let coordinate = |t: usize, c: usize| {
+            self.of_members(|k, _, _| positions[k].get(t).map_or(f64::NAN, |p| p[c])).unwrap_or_default()
+        };
+        let columns: Vec<[Vec<f64>; 3]> = (0..count).map(|t| [0, 1, 2].map(|c| coordinate(t, c))).collect();
+        let members = columns.iter().flatten().map(Vec::len).min().unwrap_or(0);
+        (0..members).map(|m| columns.iter().map(|xyz| [0, 1, 2].map(|c| xyz[c][m])).collect()).collect()
+    }
+
+    /// All members undeformed again, and nothing learnt.
     pub fn reset(&mut self) {
         self.twins.iter_mut().filter_map(|(twin, _)| twin.as_mut()).for_each(Twin::reset);
         self.force_n.fill(f64::NAN);
+        self.positions.iter_mut().for_each(Vec::clear);
+        (self.halt, self.last, self.learnt) = (None, None, None);
     }
+}
+
+/// A pose with the instrument further along its axis, m.
+fn moved(pose: &StampedPose, by_m: f64) -> StampedPose {
+    let Pose { tip, axis } = pose.pose;
+    StampedPose { pose: Pose { tip: std::array::from_fn(|i| tip[i] + by_m * axis[i]), axis }, ..*pose }
+}
+
+/// Force against the insertion, N.
+fn against(prediction: &Prediction, pose: &StampedPose) -> f64 {
+    0.0 - (0..3).map(|i| prediction.force_n[i] * pose.pose.axis[i]).sum::<f64>()
 }

@@ -16,13 +16,13 @@ mod path;
 pub mod points;
 
 pub use answered::Answered;
-pub use assimilate::Assimilated;
+pub use assimilate::{Assimilated, Assimilation};
 pub use band::{Band, Spread};
 pub use crew::Crew;
 pub use error::EnsembleError;
-pub use live::{Live, check_live};
+pub use live::{Ahead, Live, check_live};
 pub use member::{Member, Shift, check, members};
-pub use path::{MemberPath, Paths, paths};
+pub use path::{MemberPath, Paths, distinct, paths};
 
 use std::time::Instant;
 

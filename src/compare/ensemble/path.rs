@@ -47,7 +47,8 @@ pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Pa
 }
 
 /// The first member of each mechanics, and which of these each member has.
-pub(super) fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
+#[must_use]
+pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
     let (mut numbers, mut first) = (BTreeMap::new(), Vec::new());
     let number = |(k, member): (usize, &Member)| {
         let mechanics = (member.scene.to_toml(), member.shift.contact_depth_m.to_bits());

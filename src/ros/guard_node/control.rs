@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::{Goal, Line};
-use crate::guard::{Boundary, Guard, Heard, Phase, Sight, Trouble};
+use crate::guard::{Boundary, Guard, Heard, Outlook, Phase, Sight, Trouble};
 use crate::ros::clock::wall_nanos;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{PoseArray, WrenchStamped};
-use crate::ros::messages::needle_twin::TwinStatus;
+use crate::ros::messages::needle_twin::{self, TwinStatus};
 use crate::ros::messages::sensor_msgs::JointState;
 use crate::ros::messages::std_msgs::{Bool, Header};
 use crate::ros::participant::{Input, Output, Participant, ParticipantError};
@@ -27,17 +27,20 @@ pub(super) struct Endpoints {
     safe: Input<Bool>,
     status: Input<TwinStatus>,
     targets: Input<PoseArray>,
+    /// Where a probability is asked.
+    outlook: Option<Input<needle_twin::Outlook>>,
     servo: Output<JointState>,
 }
 
 impl Endpoints {
-    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    pub fn new(participant: &mut Participant, ask_members: bool) -> Result<Self, ParticipantError> {
         Ok(Self {
             measured: participant.subscription("measured_js", qos::sensor(10))?,
             force: participant.subscription("predicted_cf", qos::sensor(10))?,
             safe: participant.subscription("safe_to_go_on", qos::sensor(10))?,
             status: participant.subscription("status", qos::sensor(10))?,
             targets: participant.subscription("targets", qos::sensor(10))?,
+            outlook: ask_members.then(|| participant.subscription("outlook", qos::sensor(1))).transpose()?,
             servo: participant.publisher("servo_jp", qos::reliable(10))?,
         })
     }
@@ -179,6 +182,7 @@ struct Ears {
     twin_says: Arc<str>,
     goal_m: Option<(f64, Instant)>,
     boundary: Option<(Boundary, Instant)>,
+    outlook: Option<(Outlook, Instant)>,
 }
 
 impl Ears {
@@ -201,6 +205,9 @@ impl Ears {
                 self.twin_says = says.into();
             }
         }
+        while let Some(message) = endpoints.outlook.as_ref().and_then(Input::take) {
+            self.outlook = outlook(&message, task).map(|outlook| (outlook, now));
+        }
         while let Some(message) = endpoints.targets.take() {
             self.goal_m = depth_of_target(&message, task).map(|depth| (depth, now));
         }
@@ -209,10 +216,19 @@ impl Ears {
     fn sight(&self, task: &Task) -> Sight {
         let now = Instant::now();
         let aged = |(value, then): (f64, Instant)| Heard { value, age_s: (now - then).as_secs_f64() };
-        let (goal_m, goal_moves) = match task.goal {
+        let (mut goal_m, goal_moves) = match task.goal {
             Goal::Depth(depth) => (Some(Heard { value: depth, age_s: 0.0 }), false),
             Goal::Target(_) => (self.goal_m.map(aged), true),
         };
+        let mut odds = None;
+        if let (Some((outlook, then)), Some((depth_m, _))) = (&self.outlook, self.depth_m) {
+            let age_s = (now - *then).as_secs_f64();
+            // where the members have the target, since they have learnt from the load cell
+            let target_m = outlook.target_depth_m(depth_m).filter(|_| goal_moves);
+            goal_m = target_m.and_then(|value| Some(Heard { value, ..goal_m? })).or(goal_m);
+            let goal = goal_m.map_or(f64::INFINITY, |goal| goal.value);
+            odds = outlook.odds(&task.guard.orders().question(depth_m, goal)).map(|value| Heard { value, age_s });
+        }
         Sight {
             depth_m: self.depth_m.map(aged),
             force_n: self.force.map(|(force, then)| aged((task.line.against_n(force), then))),
@@ -220,6 +236,7 @@ impl Ears {
             warned: self.warned,
             goal_m,
             boundary: self.boundary.map(|(value, then)| Heard { value, age_s: (now - then).as_secs_f64() }),
+            odds,
             goal_moves,
         }
     }
@@ -244,4 +261,25 @@ fn boundary(status: &TwinStatus, task: &Task) -> Option<Boundary> {
 fn depth_of_target(message: &PoseArray, task: &Task) -> Option<f64> {
     let Goal::Target(index) = task.goal else { return None };
     message.poses.get(index).map(|pose| task.line.depth_m(pose.position.into()))
+}
+
+/// The members' outlook, with the target to go to where there is one; `None` of one whose lists don't fit together.
+fn outlook(message: &needle_twin::Outlook, task: &Task) -> Option<Outlook> {
+    let places = message.depths_m.len();
+    let (members, targets) = (message.members as usize, message.targets as usize);
+    let points = [&message.targets_now, &message.targets_ahead];
+    if places == 0 || message.forces_n.len() != members * places || points.iter().any(|p| p.len() != members * targets)
+    {
+        return None;
+    }
+    let of_target = |index: usize| {
+        let place = |m: usize| points.map(|p| task.line.place(p[m * targets + index].into()));
+        (index < targets).then(|| (0..members).map(place).collect::<Vec<_>>())
+    };
+    let targets = match task.goal {
+        Goal::Depth(_) => Vec::new(),
+        Goal::Target(index) => of_target(index)?,
+    };
+    let forces_n = message.forces_n.chunks(places).map(<[f64]>::to_vec).collect();
+    Some(Outlook { depths_m: message.depths_m.clone(), forces_n, error_n: message.error_n, targets })
 }

@@ -1,6 +1,6 @@
 //! Parameters of the guard.
 
-use crate::guard::Orders;
+use crate::guard::{Orders, Place};
 use crate::rig::MotionLimits;
 use crate::ros::parameter::{Parameter, parameters};
 use crate::ros::parameters::{Declaration, Parameters};
@@ -59,6 +59,42 @@ parameters! {
         [1e-6, 1e6],
         "Largest predicted force against the insertion: the speed falls from 80 % of it on, and the guard stops at 97 \
          %.",
+    )
+    .fixed();
+    MAX_PROBABILITY_OF_FORCE_LIMIT: f64 = Parameter::real(
+        "max_probability_of_force_limit",
+        1.0,
+        [1e-6, 1.0],
+        "Largest probability, by the twin's members, that the force passes force_limit_n within look_ahead_m: the speed falls from 80 % of \
+         it on, and the guard stops at 97 %. Below 1 it is asked in place of the predicted force.",
+    )
+    .fixed();
+    MAX_PROBABILITY_OF_MISS: f64 = Parameter::real(
+        "max_probability_of_miss",
+        1.0,
+        [1e-6, 1.0],
+        "Largest probability, by the twin's members, that the target is missed by more than miss_radius_m; 1: not asked.",
+    )
+    .fixed();
+    LOOK_AHEAD_M: f64 = Parameter::real(
+        "look_ahead_m",
+        5e-4,
+        [1e-6, 0.1],
+        "How far ahead these probabilities look, m; shorter than the twin's outlook_m by the way of a few outlooks.",
+    )
+    .fixed();
+    MISS_RADIUS_M: f64 = Parameter::real(
+        "miss_radius_m",
+        1e-3,
+        [1e-6, 1.0],
+        "Distance between tip and target that counts as a miss, m.",
+    )
+    .fixed();
+    OUTLOOK_TIMEOUT_S: f64 = Parameter::real(
+        "outlook_timeout_s",
+        1.0,
+        [0.001, 10.0],
+        "An outlook of the twin's members that came longer ago is lost, and the guard stops, where a probability is asked.",
     )
     .fixed();
     TIMEOUT_S: f64 = Parameter::real(
@@ -173,6 +209,13 @@ impl Line {
         (0..3).map(|k| (place[k] - self.entry_m[k]) * self.axis[k]).sum()
     }
 
+    /// Where a place lies to the line.
+    pub fn place(&self, place: [f64; 3]) -> Place {
+        let depth_m = self.depth_m(place);
+        let off = |k: usize| place[k] - self.entry_m[k] - depth_m * self.axis[k];
+        Place { depth_m, aside_m: (0..3).map(|k| off(k) * off(k)).sum::<f64>().sqrt() }
+    }
+
     /// What of a force is against the insertion, N.
     pub fn against_n(&self, force: [f64; 3]) -> f64 {
         -(0..3).map(|k| force[k] * self.axis[k]).sum::<f64>()
@@ -197,6 +240,11 @@ pub(super) fn orders(parameters: &Parameters) -> Orders {
         },
         step_s: 1.0 / parameters.get(RATE_HZ),
         force_limit_n: parameters.get(FORCE_LIMIT_N),
+        max_probability_of_force_limit: parameters.get(MAX_PROBABILITY_OF_FORCE_LIMIT),
+        max_probability_of_miss: parameters.get(MAX_PROBABILITY_OF_MISS),
+        look_ahead_m: parameters.get(LOOK_AHEAD_M),
+        miss_radius_m: parameters.get(MISS_RADIUS_M),
+        outlook_timeout_s: parameters.get(OUTLOOK_TIMEOUT_S),
         timeout_s: parameters.get(TIMEOUT_S),
         target_timeout_s: parameters.get(TARGET_TIMEOUT_S),
         tolerance_m: parameters.get(TOLERANCE_M),

@@ -97,6 +97,8 @@ fn describe(report: &Report, node: &str) -> DiagnosticStatus {
         ("setpoint (m)", report.setpoint_m),
         ("setpoint speed (m/s)", Some(report.speed_m_per_s)),
         ("predicted force (N)", sight.force_n.map(|h| h.value)),
+        ("probability of force limit", sight.odds.map(|h| h.value.force_limit)),
+        ("probability of miss", sight.odds.map(|h| h.value.miss)),
     ];
     let values = known
         .into_iter()

@@ -98,7 +98,7 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
     let mapping = start::mapping(parameters, &start.environment);
     participant.set_mapping(mapping);
     participant.set_recorder(Recorder::create(parameters)?);
-    let endpoints = Endpoints::new(&mut participant)?;
+    let endpoints = Endpoints::new(&mut participant, task.guard.orders().ask_members())?;
     let housekeeping = Housekeeping::new(&mut participant, parameters)?;
     for unused in participant.unused_qos_overrides() {
         tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");

@@ -100,9 +100,15 @@ parameters! {
         "members",
         0,
         [0, 1024],
-        "Twins with values of the keys in the scene's [uncertainty], for prediction_band and targets_with_covariance; 0: none.",
+        "Twins with values of the keys in the scene's [uncertainty], for prediction_band, targets_with_covariance and outlook; 0: none.",
     )
     .fixed();
+    OUTLOOK_M: f64 = Parameter::real(
+        "outlook_m",
+        1e-3,
+        [2e-5, 0.1],
+        "How far every member looks ahead for the topic outlook, m.",
+    );
     HARDWARE_ID: String = Parameter::new("hardware_id", "needle_twin", "hardware_id of the diagnostics.");
     AUTOSTART: bool = Parameter::new(
         "autostart",
@@ -116,6 +122,15 @@ parameters! {
         "page_address",
         "127.0.0.1",
         "Address of this machine that the live page is served at; any but the loopback's opens it to a network.",
+    )
+    .checked("an IP address, such as 127.0.0.1, ::1 or 0.0.0.0", is_address)
+    .fixed();
+    OPENIGTLINK: bool = Parameter::new("openigtlink", false, "Show instrument, surface and targets by OpenIGTLink, to 3D Slicer for instance.").fixed();
+    OPENIGTLINK_PORT: i64 = Parameter::integer("openigtlink_port", 18944, [0, 65535], "Port of OpenIGTLink; 0: any that is free.").fixed();
+    OPENIGTLINK_ADDRESS: String = Parameter::new(
+        "openigtlink_address",
+        "127.0.0.1",
+        "Address of this machine that OpenIGTLink is served at; any but the loopback's opens it to a network.",
     )
     .checked("an IP address, such as 127.0.0.1, ::1 or 0.0.0.0", is_address)
     .fixed();
@@ -149,6 +164,7 @@ pub(super) struct Settings {
     pub guard_rate_hz: f64,
     pub guard_timeout_s: f64,
     pub residual_band_n: f64,
+    pub outlook_m: f64,
     pub hardware_id: String,
 }
 
@@ -165,6 +181,7 @@ impl Settings {
             guard_rate_hz: parameters.get(GUARD_RATE_HZ),
             guard_timeout_s: parameters.get(GUARD_TIMEOUT_S),
             residual_band_n: parameters.get(RESIDUAL_BAND_N),
+            outlook_m: parameters.get(OUTLOOK_M),
             hardware_id: parameters.get(HARDWARE_ID),
         }
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::assurance::{Assurance, Said};
 use super::comparison::Comparator;
 use super::identification::Identification;
-use super::members::{Answered, Newest};
+use super::members::{Answered, Measured, Newest};
 use super::shared::{Compared, Live, Noted, Reject, Shared};
 use super::solver::{Answer, Event, Sighting};
 use crate::instrument::reading::COORDINATE_M;
@@ -114,7 +114,7 @@ pub(super) fn run(
                 return;
             }
         }
-        compare(outputs, frame_id, shared, &mut comparator, &mut said);
+        compare(outputs, frame_id, shared, &mut comparator, &mut said, members);
         let now = Instant::now();
         if now >= due {
             let mut period = Duration::from_secs_f64(1.0 / shared.settings().guard_rate_hz);
@@ -275,7 +275,14 @@ fn halted(shared: &Shared, reason: String) {
     shared.lock().halted = Some(reason);
 }
 
-fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: &mut Comparator, said: &mut Said) {
+fn compare(
+    outputs: &ForceOutputs,
+    frame_id: &str,
+    shared: &Shared,
+    comparator: &mut Comparator,
+    said: &mut Said,
+    members: Option<&Newest>,
+) {
     let range_n = shared.settings().load_cell_range_n;
     while let Some(message) = comparator.next(frame_id, range_n) {
         said.compared(&message);
@@ -284,6 +291,7 @@ fn compare(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, comparator: 
             live.load_cell = Some(message.load_cell);
             if message.valid {
                 live.compared = Some(Compared::of(&message));
+                members.inspect(|newest| newest.measured(Measured::of(&message)));
             }
             live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
             live.identified(&message);

@@ -1,33 +1,41 @@
-//! The members' thread: the newest answered pose, answered by every member, for the band of the force and the spread of the targets.
+//! The members' thread: the newest answered pose, answered by every member, for the band of the force, the spread of the targets and the outlook.
 //!
 //! ```text
-//! force thread ──newest answered pose──► this thread: each member steps ──► prediction_band, targets_with_covariance
+//! force thread ──newest answered pose, comparisons──► this thread: each member steps, learns from the load cell, and looks ahead
+//!                                                      ──► prediction_band, targets_with_covariance, outlook
 //! ```
 //! Poses that come while the members are busy are skipped, so the band may be late but never falls behind; its stamp says which pose it
-//! answers. Members step whether somebody subscribes or not, since each has to follow the instrument to have a state.
+//! answers. Members step whether somebody subscribes or not, since each has to follow the instrument to have a state. A reading of the load
+//! cell counts where the members have answered the pose that it was compared at.
 
+use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::shared::{Banded, Shared};
 use super::solver::Answer;
-use crate::compare::ensemble::{Band, Live, Member, Spread};
+use crate::compare::ensemble::{Ahead, Assimilation, Band, Live, Member, Spread};
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{Pose, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion};
-use crate::ros::messages::needle_twin::ForceBand;
+use crate::ros::messages::needle_twin::{ForceBand, ForceComparison, Outlook};
 use crate::ros::messages::std_msgs::Header;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
-use crate::twin::StampedPose;
+use crate::twin::{Motion, StampedPose};
 use ros2_guarded::threads::lower_priority;
 
 /// Messages of targets that may wait for a reader: one for each target at one time.
 const TARGETS: usize = 100;
+/// Comparisons that may wait for the members, and answers of theirs that are kept for comparisons to come: seconds at any sensible rate.
+const KEPT: usize = 1024;
+/// Speed of a look ahead, m/s. It matters only for a material that relaxes.
+const SPEED_M_PER_S: f64 = 1e-3;
 
 /// The publishers.
 pub(super) struct MemberOutputs {
     band: Output<ForceBand>,
     targets: Output<PoseWithCovarianceStamped>,
+    outlook: Output<Outlook>,
 }
 
 impl MemberOutputs {
@@ -35,6 +43,7 @@ impl MemberOutputs {
         Ok(Self {
             band: participant.publisher("prediction_band", qos::reliable(10))?,
             targets: participant.publisher("targets_with_covariance", qos::reliable(TARGETS))?,
+            outlook: participant.publisher("outlook", qos::reliable(1))?,
         })
     }
 }
@@ -53,9 +62,25 @@ impl Answered {
     }
 }
 
+/// The load cell at the stamp of a pose.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Measured {
+    pub stamp_nanos: i64,
+    pub depth_m: f64,
+    pub measured_n: f64,
+}
+
+impl Measured {
+    pub fn of(message: &ForceComparison) -> Self {
+        let ForceComparison { depth_m, measured_n, .. } = *message;
+        Self { stamp_nanos: message.header.stamp.nanos(), depth_m, measured_n }
+    }
+}
+
 #[derive(Debug, Default)]
 struct State {
     pose: Option<Answered>,
+    measured: VecDeque<Measured>,
     reset: bool,
     stop: bool,
 }
@@ -69,7 +94,7 @@ pub(super) struct Newest {
 
 /// What the members have to do.
 enum Task {
-    Step(Answered),
+    Step(Answered, VecDeque<Measured>),
     Reset,
     Stop,
 }
@@ -84,10 +109,20 @@ impl Newest {
         self.wake.notify_one();
     }
 
+    /// Takes a reading; it waits for the next pose.
+    pub fn measured(&self, reading: Measured) {
+        let mut state = self.lock();
+        if state.measured.len() == KEPT {
+            state.measured.pop_front();
+        }
+        state.measured.push_back(reading);
+    }
+
     /// The twin is undeformed again: so shall be the members, before any later pose.
     pub fn reset(&self) {
         let mut state = self.lock();
         (state.pose, state.reset) = (None, true);
+        state.measured.clear();
         drop(state);
         self.wake.notify_one();
     }
@@ -107,7 +142,7 @@ impl Newest {
                 return Task::Reset;
             }
             if let Some(pose) = state.pose.take() {
-                return Task::Step(pose);
+                return Task::Step(pose, std::mem::take(&mut state.measured));
             }
             state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -119,45 +154,140 @@ pub(super) fn run(outputs: &MemberOutputs, frame_id: &str, members: &[Member], n
     lower_priority();
     let begun = Instant::now();
     let trouble = |k: usize, why: String| tracing::warn!("member {k} is left out, since it can't be built: {why}");
-    let mut live = match Live::build(members, trouble) {
+    let live = match Live::build(members, trouble) {
         Ok(live) => live,
         Err(error) => return tracing::error!("there is no prediction_band: {error}"),
     };
     tracing::info!("{} members are ready after {:.1} s", members.len(), begun.elapsed().as_secs_f64());
-    let (mut due, mut most) = (Instant::now(), 0);
+    let mut thread = MembersThread {
+        outputs,
+        frame_id,
+        shared,
+        live,
+        members: members.len(),
+        due: Instant::now(),
+        most: 0,
+        answered: VecDeque::new(),
+        touched: false,
+        rejects: false,
+    };
     loop {
-        let answered = match newest.next() {
+        match newest.next() {
             Task::Stop => return,
-            Task::Reset => {
-                live.reset();
-                continue;
-            }
-            Task::Step(answered) => answered,
-        };
-        live.step(&answered.pose);
-        let header = || Header { stamp: answered.stamp, frame_id: frame_id.to_owned() };
-        let Some((band, count)) = live.band() else { continue };
-        if count < most {
-            tracing::warn!(
-                "{} of {} members have no answer: the band is without them",
-                members.len() - count,
-                members.len()
-            );
+            Task::Reset => thread.reset(),
+            Task::Step(answered, measured) => thread.step(&answered, measured),
         }
-        most = count;
+    }
+}
+
+struct MembersThread<'a> {
+    outputs: &'a MemberOutputs,
+    frame_id: &'a str,
+    shared: &'a Shared,
+    live: Live,
+    members: usize,
+    /// When the targets are next due.
+    due: Instant,
+    /// Most members that had an answer.
+    most: usize,
+    /// Stamp, time (s) and forces of the latest answers.
+    answered: VecDeque<(i64, f64, Vec<f64>)>,
+    /// Whether the instrument has been in the sample.
+    touched: bool,
+    /// Whether it was said that the load cell is not believed.
+    rejects: bool,
+}
+
+impl MembersThread<'_> {
+    fn reset(&mut self) {
+        self.live.reset();
+        self.answered.clear();
+        (self.touched, self.rejects) = (false, false);
+    }
+
+    fn step(&mut self, answered: &Answered, measured: VecDeque<Measured>) {
+        self.live.follow(&answered.pose);
+        if self.answered.len() == KEPT {
+            self.answered.pop_front();
+        }
+        self.answered.push_back((answered.stamp.nanos(), answered.pose.time_s, self.live.forces().collect()));
+        measured.into_iter().for_each(|reading| self.learn(&reading));
+        self.say_rejected();
+        let header = || Header { stamp: answered.stamp, frame_id: self.frame_id.to_owned() };
+        let Some((band, count)) = self.live.band() else { return };
+        if count < self.most {
+            let (lost, members) = (self.members - count, self.members);
+            tracing::warn!("{lost} of {members} members have no answer: the band is without them");
+        }
+        self.most = count;
         let Band { low_n, high_n, .. } = band;
-        shared.lock().band = Some(Banded { stamp_nanos: answered.stamp.nanos(), low_n, high_n });
-        if outputs.band.is_wanted() {
-            outputs.band.send(force_band(header(), answered.depth_m, &band, count));
+        self.shared.lock().band = Some(Banded { stamp_nanos: answered.stamp.nanos(), low_n, high_n });
+        if self.outputs.band.is_wanted() {
+            self.outputs.band.send(force_band(header(), answered.depth_m, &band, count));
         }
-        let rate_hz = shared.settings().tissue_rate_hz;
-        if rate_hz > 0.0 && Instant::now() >= due && outputs.targets.is_wanted() {
-            due = Instant::now() + Duration::from_secs_f64(1.0 / rate_hz);
-            for target in live.targets() {
-                outputs.targets.send(target_pose(header(), &target));
+        let settings = self.shared.settings();
+        if settings.tissue_rate_hz > 0.0 && Instant::now() >= self.due && self.outputs.targets.is_wanted() {
+            self.due = Instant::now() + Duration::from_secs_f64(1.0 / settings.tissue_rate_hz);
+            for target in self.live.targets() {
+                self.outputs.targets.send(target_pose(header(), &target));
+            }
+        }
+        if self.outputs.outlook.is_wanted() {
+            let motion = Motion::new(settings.outlook_m, SPEED_M_PER_S, Motion::STEPS);
+            let ahead = self.live.ahead(&motion);
+            if let Some(outlook) = ahead.and_then(|ahead| outlook(header(), answered.depth_m, &ahead, &self.live)) {
+                self.outputs.outlook.send(outlook);
             }
         }
     }
+
+    /// Assimilates a reading at a pose that the members have answered; not one of a tissue that the instrument has let go.
+    fn learn(&mut self, reading: &Measured) {
+        self.touched |= reading.depth_m > 0.0;
+        let Ok(place) = self.answered.binary_search_by_key(&reading.stamp_nanos, |(stamp, ..)| *stamp) else { return };
+        if reading.depth_m > 0.0 || !self.touched {
+            let (_, time_s, forces_n) = &self.answered[place];
+            self.live.measured(*time_s, reading.measured_n, forces_n);
+        }
+    }
+
+    fn say_rejected(&mut self) {
+        let rejects = self.live.assimilation().is_some_and(Assimilation::rejects);
+        if rejects != std::mem::replace(&mut self.rejects, rejects) {
+            if rejects {
+                tracing::warn!(
+                    "the members do not take in the load cell: no member explains what it reads, nor do the errors seen so far"
+                );
+            } else {
+                tracing::info!("the members take in the load cell again");
+            }
+        }
+    }
+}
+
+/// `None` where a number is not finite.
+fn outlook(header: Header, depth_m: f64, ahead: &Ahead, live: &Live) -> Option<Outlook> {
+    let error_n = live.assimilation().map_or(0.0, Assimilation::error_n);
+    let points = |of: &[Vec<[f64; 3]>]| of.iter().flatten().map(|p| (*p).into()).collect();
+    let count = |n: Option<usize>| u32::try_from(n.unwrap_or(0)).unwrap_or(u32::MAX);
+    let blocks =
+        |of: fn(&Assimilation) -> usize| live.assimilation().map_or(0, |a| u64::try_from(of(a)).unwrap_or(u64::MAX));
+    let forces_n: Vec<f64> = ahead.forces_n.iter().flatten().copied().collect();
+    let places = ahead.targets_now.iter().chain(&ahead.targets_ahead).flatten().flatten();
+    let finite = forces_n.iter().chain(places).chain([&error_n, &depth_m]).all(|x| x.is_finite());
+    finite.then(|| Outlook {
+        header,
+        depth_m,
+        depths_m: ahead.way_m.iter().map(|way| depth_m + way).collect(),
+        members: count(Some(ahead.forces_n.len())),
+        forces_n,
+        error_n,
+        targets: count(ahead.targets_now.first().map(Vec::len)),
+        targets_now: points(&ahead.targets_now),
+        targets_ahead: points(&ahead.targets_ahead),
+        blocks: blocks(Assimilation::blocks),
+        rejected_blocks: blocks(Assimilation::rejected),
+    })
 }
 
 fn force_band(header: Header, depth_m: f64, band: &Band, members: usize) -> ForceBand {

@@ -5,9 +5,9 @@
 //!                                    │
 //!                                    ├──snapshots──► tissue thread ──► tissue_state, tissue_points, ...
 //!                                    └──a double───► look-ahead thread ──► answers of ~/look_ahead
-//! force thread ──newest answered pose──► members' thread ──► prediction_band, targets_with_covariance
+//! force thread ──newest answered pose, comparisons──► members' thread ──► prediction_band, outlook, ...
 //! housekeeping thread: services, discovery, status, diagnostics, rosout        main thread: signals
-//! page thread: the newest of forces, status and tissue, to browsers
+//! page thread, link thread: the newest of forces, status and tissue, to browsers; of instrument and tissue, by OpenIGTLink
 //! ```
 //! The solver thread touches no socket and waits for no other thread; a slow subscriber can only slow the thread that
 //! publishes to it.
@@ -23,7 +23,9 @@ mod inputs;
 mod judgement;
 mod look_ahead;
 mod members;
+mod openigtlink;
 mod page;
+mod pictured;
 mod pulse;
 mod rivals;
 mod shared;
@@ -32,6 +34,7 @@ mod status;
 mod stretch;
 mod supervisor;
 mod tissue;
+mod viewers;
 mod warnings;
 
 use std::ffi::OsString;
@@ -48,6 +51,7 @@ use self::inbox::Inbox;
 use self::inputs::Inputs;
 use self::look_ahead::LookAhead;
 use self::members::{MemberOutputs, Newest};
+use self::openigtlink::Link;
 use self::page::Page;
 use self::rivals::Rivals;
 use self::shared::Shared;
@@ -178,7 +182,8 @@ impl Node {
         let force = ForceOutputs::new(&mut participant)?;
         let page = Page::open(parameters, &shared, participant.bell())?;
         let mut tissue = TissueOutputs::new(&mut participant)?;
-        tissue.page = page.as_ref().map(|page| Arc::clone(&page.board));
+        tissue.viewers.page = page.as_ref().map(|page| Arc::clone(&page.board));
+        tissue.viewers.link = Link::open(parameters, &shared)?;
         let look_ahead = participant.server("~/look_ahead", "needle_twin", "LookAhead")?;
         let members = parameters.get(declared::MEMBERS) > 0;
         let members = members.then(|| MemberOutputs::new(&mut participant)).transpose()?;

@@ -164,6 +164,7 @@ fn prediction_values(live: &Live, model: Option<&Model>) -> Vec<KeyValue> {
     }
     if let Some(model) = model {
         values.push(value("scene", &model.scene));
+        values.push(value("model", &model.dimension));
         values.push(value("nodes", model.nodes));
         values.push(value("integration points", model.integration_points));
         values.push(value("build (s)", format!("{:.3}", model.build.as_secs_f64())));

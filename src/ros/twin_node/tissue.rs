@@ -7,16 +7,18 @@ use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::inbox::Inbox;
 use super::page;
+use super::pictured::{cloud, marker};
 use super::shared::Shared;
-use crate::live::Board;
+use super::viewers::Viewers;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{self, PoseArray};
 use crate::ros::messages::needle_twin::{TissueModel, TissueState};
-use crate::ros::messages::sensor_msgs::{PointCloud2, PointField};
-use crate::ros::messages::std_msgs::{ColorRGBA, Header};
+use crate::ros::messages::sensor_msgs::PointCloud2;
+use crate::ros::messages::std_msgs::Header;
 use crate::ros::messages::visualization_msgs::Marker;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
+use crate::scene::Word as _;
 use crate::twin::{Along, Twin};
 
 /// What never changes of a twin, copied out of it once.
@@ -25,6 +27,8 @@ pub(super) struct Model {
     pub id: u64,
     pub scene: String,
     pub method: String,
+    /// Dimension of the model, and why.
+    pub dimension: String,
     pub nodes: usize,
     pub integration_points: usize,
     pub build: Duration,
@@ -48,6 +52,7 @@ impl Model {
         Self {
             id: model_id(&scene.to_toml(), &points),
             scene: scene.name.clone(),
+            dimension: format!("{}: {}", twin.dimension().as_str(), twin.dimension_because()),
             method: scene.get("discretisation.method").and_then(|v| v.as_text().map(str::to_owned)).unwrap_or_default(),
             nodes: twin.nodes(),
             integration_points: twin.integration_points(),
@@ -101,9 +106,9 @@ pub(super) struct Snapshot {
     /// Where the instrument is, and its direction into the sample.
     pub tip: [f64; 3],
     pub axis: [f64; 3],
-    /// It is for subscribers, for viewers of the page, or for both.
+    /// It is for subscribers, for viewers, or for both.
     pub for_topics: bool,
-    pub for_page: bool,
+    pub for_viewers: bool,
     /// What is wanted of all this.
     pub wants: Wants,
 }
@@ -160,8 +165,7 @@ pub(super) struct TissueOutputs {
     pub points: Output<PointCloud2>,
     pub surface: Output<Marker>,
     pub targets: Output<PoseArray>,
-    /// The live page, if one is served.
-    pub page: Option<Arc<Board>>,
+    pub viewers: Viewers,
 }
 
 impl TissueOutputs {
@@ -172,7 +176,7 @@ impl TissueOutputs {
             points: participant.publisher("tissue_points", qos::sensor(5))?,
             surface: participant.publisher("tissue_surface", qos::sensor(5))?,
             targets: participant.publisher("targets", qos::reliable(10))?,
-            page: None,
+            viewers: Viewers::default(),
         })
     }
 
@@ -190,15 +194,15 @@ impl TissueOutputs {
         }
     }
 
-    /// What viewers of the page see.
-    fn page_wants(&self, model: &Model) -> Wants {
-        let watched = self.page.as_ref().is_some_and(|page| page.is_watched());
+    /// What viewers see.
+    fn viewers_want(&self, model: &Model) -> Wants {
+        let watched = self.viewers.watch();
         Wants { displacements: watched, stress: false, targets: watched && !model.target_names.is_empty() }
     }
 
     fn show(&self, model: &Model, snapshot: &Snapshot, frame_id: &str) {
-        if let Some(page) = self.page.as_ref().filter(|_| snapshot.for_page) {
-            page::tissue(page, snapshot);
+        if snapshot.for_viewers {
+            self.viewers.tissue(snapshot);
         }
         if snapshot.for_topics {
             self.publish(model, snapshot, frame_id);
@@ -232,8 +236,8 @@ impl TissueOutputs {
 
 /// Time between two looks whether somebody has come to listen.
 const UNWANTED: Duration = Duration::from_millis(100);
-/// Rate of what viewers of the page see.
-const PAGE_HZ: f64 = 30.0;
+/// Rate of what viewers see.
+const VIEWERS_HZ: f64 = 30.0;
 
 /// Falls at a rate.
 struct Beat {
@@ -251,7 +255,7 @@ impl Beat {
     }
 }
 
-/// The tissue thread: asks for snapshots, at the rate of the topics and at that of the page, hands them on, ends when the solver has.
+/// The tissue thread: asks for snapshots, at the rate of the topics and at that of viewers, hands them on, ends when the solver has.
 pub(super) fn run(
     outputs: &TissueOutputs,
     model: &Model,
@@ -262,26 +266,26 @@ pub(super) fn run(
 ) {
     let mut spare = Some(Box::<Snapshot>::default());
     let now = Instant::now();
-    let (mut topics, mut page) = (Beat { due: now }, Beat { due: now });
-    outputs.page.iter().for_each(|board| page::model(board, model));
+    let (mut topics, mut viewers) = (Beat { due: now }, Beat { due: now });
+    outputs.viewers.model(model);
     loop {
         let rate = shared.settings().tissue_rate_hz;
         let wanted = if rate > 0.0 { outputs.wants(model) } else { Wants::default() };
-        let viewed = outputs.page_wants(model);
+        let viewed = outputs.viewers_want(model);
         let now = Instant::now();
         let period = |any: bool, hz: f64| if any { Duration::from_secs_f64(1.0 / hz) } else { UNWANTED };
         let for_topics = topics.falls(now, period(wanted.any(), rate)) && wanted.any();
-        let for_page = page.falls(now, period(viewed.any(), PAGE_HZ)) && viewed.any();
-        if (for_topics || for_page)
+        let for_viewers = viewers.falls(now, period(viewed.any(), VIEWERS_HZ)) && viewed.any();
+        if (for_topics || for_viewers)
             && shared.is_active()
             && let Some(mut snapshot) = spare.take()
         {
             let none = Wants::default();
-            snapshot.wants = if for_topics { wanted } else { none }.and(if for_page { viewed } else { none });
-            (snapshot.for_topics, snapshot.for_page) = (for_topics, for_page);
+            snapshot.wants = if for_topics { wanted } else { none }.and(if for_viewers { viewed } else { none });
+            (snapshot.for_topics, snapshot.for_viewers) = (for_topics, for_viewers);
             inbox.put_snapshot(snapshot);
         }
-        match snapshots.recv_deadline(topics.due.min(page.due)) {
+        match snapshots.recv_deadline(topics.due.min(viewers.due)) {
             Ok(snapshot) => {
                 if !shared.is_active() {
                     // It was asked for in another state.
@@ -295,106 +299,5 @@ pub(super) fn run(
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
         }
-    }
-}
-
-fn deformed(model: &Model, snapshot: &Snapshot) -> impl Iterator<Item = [f64; 3]> {
-    model.points.iter().zip(&snapshot.displacements).map(|(x, u)| [x[0] + u[0], x[1] + u[1], x[2] + u[2]])
-}
-
-/// x, y, z, `displacement` (m), `jacobian` and `von_mises_pa` as 32-bit floats.
-#[allow(clippy::cast_possible_truncation)] // for display
-fn cloud(header: Header, model: &Model, snapshot: &Snapshot) -> PointCloud2 {
-    const FIELDS: [&str; 6] = ["x", "y", "z", "displacement", "jacobian", "von_mises_pa"];
-    const STEP: u32 = 4 * FIELDS.len() as u32;
-    let mut data = Vec::with_capacity(model.points.len() * STEP as usize);
-    for (i, point) in deformed(model, snapshot).enumerate() {
-        let [x, y, z] = snapshot.displacements[i];
-        let magnitude = (x * x + y * y + z * z).sqrt();
-        let jacobian = snapshot.jacobian.get(i).copied().unwrap_or(1.0);
-        let stress = snapshot.von_mises_pa.get(i).copied().unwrap_or(0.0);
-        for value in point.into_iter().chain([magnitude, jacobian, stress]) {
-            data.extend_from_slice(&(value as f32).to_le_bytes());
-        }
-    }
-    let width = (data.len() / STEP as usize) as u32;
-    let field = |(i, name): (usize, &str)| PointField {
-        name: name.to_owned(),
-        offset: 4 * i as u32,
-        datatype: PointField::FLOAT32,
-        count: 1,
-    };
-    PointCloud2 {
-        header,
-        height: 1,
-        width,
-        fields: FIELDS.into_iter().enumerate().map(field).collect(),
-        is_bigendian: false,
-        point_step: STEP,
-        row_step: data.len() as u32,
-        data,
-        is_dense: true,
-    }
-}
-
-/// The deformed surface as one triangle list, coloured by displacement.
-fn marker(header: Header, model: &Model, snapshot: &Snapshot) -> Marker {
-    let points: Vec<[f64; 3]> = deformed(model, snapshot).collect();
-    let largest = snapshot.displacements.iter().map(|u| norm(*u)).fold(1e-9, f64::max);
-    let corners =
-        || model.surface.iter().flatten().filter_map(|i| usize::try_from(*i).ok()).filter(|i| *i < points.len());
-    Marker {
-        header,
-        ns: "tissue".to_owned(),
-        id: 0,
-        r#type: Marker::TRIANGLE_LIST,
-        action: Marker::ADD,
-        scale: [1.0; 3].into(),
-        color: ColorRGBA { r: 1.0, g: 1.0, b: 1.0, a: 1.0 },
-        points: corners().map(|i| points[i].into()).collect(),
-        colors: corners().map(|i| colour(norm(snapshot.displacements[i]) / largest)).collect(),
-        ..Marker::default()
-    }
-}
-
-fn norm([x, y, z]: [f64; 3]) -> f64 {
-    (x * x + y * y + z * z).sqrt()
-}
-
-/// From a pale skin tone at rest to deep red.
-#[allow(clippy::cast_possible_truncation)] // a colour
-fn colour(fraction: f64) -> ColorRGBA {
-    let t = fraction.clamp(0.0, 1.0) as f32;
-    ColorRGBA { r: 0.95 - 0.35 * t, g: 0.85 - 0.80 * t, b: 0.78 - 0.70 * t, a: 1.0 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn cloud_has_the_fields_that_it_names() {
-        let model = Model {
-            id: 1,
-            scene: String::new(),
-            method: String::new(),
-            nodes: 1,
-            integration_points: 1,
-            build: Duration::ZERO,
-            effective_radius: None,
-            points: vec![[1.0, 2.0, 3.0]],
-            surface: vec![],
-            cells: vec![],
-            target_names: vec![],
-            target_references: vec![],
-            instrument: serde_json::Value::Null,
-            along: Arc::default(),
-        };
-        let snapshot = Snapshot { displacements: vec![[0.0, 3.0, 4.0]], jacobian: vec![0.5], ..Snapshot::default() };
-        let cloud = cloud(Header::default(), &model, &snapshot);
-        assert_eq!((cloud.width, cloud.point_step, cloud.row_step), (1, 24, 24));
-        let floats: Vec<f32> =
-            cloud.data.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        assert_eq!(floats, [1.0, 5.0, 7.0, 5.0, 0.5, 0.0]);
     }
 }

@@ -144,12 +144,11 @@ impl<'a> Job<'a> {
     /// What is fitted, with what is wrong with the recording.
     pub(super) fn prepared(&self, candidate: &Candidate, recording: &Recording) -> Result<Prepared<'a>, String> {
         let entry = self.entry();
-        let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
         let prepared = Prepared {
             scene: self.scene(candidate, Some(recording))?,
             wanted: entry.wanted(candidate)?,
             readings: readings(recording, entry.to_depth_m),
-            measured: measured.on_one_clock(recording.one_clock),
+            measured: recording.measured(),
             load_cell: load_cell(entry.load_cell.as_deref())?,
             part: entry.fit_to_depth_m.map_or(HoldOut::Nothing, HoldOut::Beyond),
             table: self.tables.of(self, candidate)?,
@@ -233,10 +232,7 @@ fn add_file(path: &Path, add: &mut impl FnMut(&[u8])) {
 
 /// The motion up to the first reading beyond a depth.
 fn readings(recording: &Recording, to_depth_m: Option<f64>) -> Vec<Reading> {
-    if recording.depths.is_empty() {
-        return recording.poses.iter().map(|s| Reading { time_s: s.time_s, at: At::Pose(s.pose()) }).collect();
-    }
     let most = to_depth_m.unwrap_or(f64::INFINITY);
-    let kept = recording.depths.iter().take_while(|s| s.depth_m <= most);
-    kept.map(|s| Reading { time_s: s.time_s, at: At::Depth(s.depth_m) }).collect()
+    let within = |r: &Reading| if let At::Depth(depth_m) = r.at { depth_m <= most } else { true };
+    recording.readings(false).into_iter().take_while(within).collect()
 }

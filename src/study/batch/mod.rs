@@ -22,5 +22,5 @@ pub use manifest::{Candidate, Entry, Manifest, ManifestError};
 pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample};
 pub use pool::{Group, Pooled, Sample};
 pub use row::{Fit, HeldOut, Key, Row};
-pub use tables::Tables;
+pub use tables::{Needed, Tables};
 pub use together::{JointFit, SampleJob, SampleRow};

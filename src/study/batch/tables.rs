@@ -1,13 +1,27 @@
-//! Force curves that the recordings of a batch share: made once, before the first of them.
+//! Force curves that the recordings of a batch share: made once, before the first of them, and kept beside the rows.
+//!
+//! A kept table ([`Kept`]) is of program, scene, keys with bounds, depth.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use super::{Candidate, Job, Stop};
 use crate::study::calibrate::{CurveTable, Wanted};
+use crate::study::kept::Kept;
+
+/// Folder of the kept tables.
+const FOLDER: &str = "curves";
 
 /// Tables by what they hold; what is not there is run for each recording.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Tables(BTreeMap<String, Result<CurveTable, String>>);
+pub struct Tables {
+    tables: BTreeMap<String, Result<CurveTable, String>>,
+    runs: usize,
+}
+
+/// Tables that some jobs need.
+#[derive(Clone, Debug, Default)]
+pub struct Needed(BTreeMap<String, Result<CurveTable, String>>);
 
 /// What a table is of.
 struct Content {
@@ -33,41 +47,75 @@ impl Content {
     }
 
     fn name(&self) -> String {
-        format!("{:?} {} {}", self.wanted, self.to_depth_m, self.scene.to_toml())
+        format!("{} {:?} {} {}", crate::WRITER, self.wanted, self.to_depth_m, self.scene.to_toml())
+    }
+}
+
+impl Needed {
+    /// The tables of some jobs.
+    #[must_use]
+    pub fn of(jobs: &[Job]) -> Self {
+        let mut needed = BTreeMap::new();
+        for job in jobs {
+            for candidate in &job.manifest.candidates {
+                // what is wrong with an entry is said in its row
+                let Ok(Some(Content { scene, wanted, to_depth_m })) = Content::of(job, candidate) else { continue };
+                let name = Content { scene: scene.clone(), wanted: wanted.clone(), to_depth_m }.name();
+                let plan = || CurveTable::planned(&scene, &wanted, to_depth_m).map_err(|e| e.to_string());
+                needed.entry(name).or_insert_with(plan);
+            }
+        }
+        Self(needed)
+    }
+
+    /// Reads those that are kept below a folder.
+    pub fn read(&mut self, folder: &Path) {
+        let kept = Kept::below(folder, FOLDER);
+        for (name, table) in &mut self.0 {
+            if let (Ok(table), Some(curves)) = (table, kept.get(name)) {
+                table.take(curves);
+            }
+        }
+    }
+
+    /// Runs of the twin that are left.
+    #[must_use]
+    pub fn runs(&self) -> usize {
+        self.0.values().flatten().filter(|table| table.curves().is_empty()).map(CurveTable::runs).sum()
+    }
+
+    /// Makes what is not there, by runs of the twin on the current rayon pool, and keeps it below a folder. `done` is called after each run.
+    #[must_use]
+    pub fn make(self, folder: &Path, stop: Stop, done: &(dyn Fn() + Sync)) -> Tables {
+        let mut made = Tables::default();
+        let kept = Kept::below(folder, FOLDER);
+        for (name, table) in self.0 {
+            let table = table.and_then(|mut table| {
+                if table.curves().is_empty() {
+                    table.run_all(stop, done).map_err(|e| e.to_string())?;
+                    made.runs += table.runs();
+                    // without the file the next batch takes the runs again, so no failure is one of the batch
+                    let _ = kept.put(&name, table.curves());
+                }
+                Ok(table)
+            });
+            made.tables.insert(name, table);
+        }
+        made
     }
 }
 
 impl Tables {
-    /// The tables that some jobs need, by runs of the twin on the current rayon pool.
+    /// Runs that were made for them.
     #[must_use]
-    pub fn new(jobs: &[Job], stop: Stop, progress: &mut dyn FnMut(usize)) -> Self {
-        let mut tables = BTreeMap::new();
-        for job in jobs {
-            for candidate in &job.manifest.candidates {
-                // what is wrong with an entry is said in its row
-                let Ok(Some(content)) = Content::of(job, candidate) else { continue };
-                let name = content.name();
-                if stop() || tables.contains_key(&name) {
-                    continue;
-                }
-                let table = CurveTable::new(&content.scene, &content.wanted, content.to_depth_m, stop);
-                progress(table.as_ref().map_or(0, CurveTable::runs));
-                tables.insert(name, table.map_err(|e| e.to_string()));
-            }
-        }
-        Self(tables)
-    }
-
-    /// Runs that the tables took.
-    #[must_use]
-    pub fn runs(&self) -> usize {
-        self.0.values().flatten().map(CurveTable::runs).sum()
+    pub const fn runs(&self) -> usize {
+        self.runs
     }
 
     /// The table of a job with a candidate; `None` if it is run.
     pub(super) fn of(&self, job: &Job, candidate: &Candidate) -> Result<Option<&CurveTable>, String> {
         let Some(content) = Content::of(job, candidate)? else { return Ok(None) };
-        match self.0.get(&content.name()) {
+        match self.tables.get(&content.name()) {
             Some(Ok(table)) => Ok(Some(table)),
             Some(Err(reason)) => Err(reason.clone()),
             None => Err("its table of curves was not made".to_owned()),

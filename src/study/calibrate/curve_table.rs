@@ -8,8 +8,8 @@
 //!
 //! g is run by the twin at Chebyshev's points of every p and read between them by Lagrange's polynomial in its barycentric form
 //! (Berrut and Trefethen, SIAM Review 46, 2004), whose error falls exponentially with the number of points for a smooth g: below
-//! 0.2 % of the peak for an exponent. Where a plate changes from slip to stick g is not smooth in the friction, and 0.6 % was seen. A
-//! calibration then costs no run.
+//! 0.2 % of the peak for an exponent. In the friction the runs themselves are not smooth: a node at the rim slips or sticks as a whole, which
+//! is up to 1 % of the peak with any number of points (docs/lab/phantoms.md). A calibration then costs no run.
 
 use std::f64::consts::PI;
 
@@ -100,23 +100,58 @@ impl CurveTable {
         to_depth_m: f64,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<Self, CalibrateError> {
+        let mut table = Self::planned(scene, wanted, to_depth_m)?;
+        table.run_all(stop, &|| {})?;
+        Ok(table)
+    }
+
+    /// A table whose curves are not there yet.
+    ///
+    /// # Errors
+    /// [`CalibrateError`] if the force of the scene is no function of the depth and these keys.
+    pub fn planned(scene: &Scene, wanted: &[Wanted], to_depth_m: f64) -> Result<Self, CalibrateError> {
         check(scene)?;
         let keys = wanted.iter().filter(|w| !w.key.starts_with("align.") && !MODULI.contains(&w.key.as_str()));
         let axes = keys.map(axis).collect::<Result<Vec<_>, _>>()?;
         if !wanted.iter().any(|w| MODULI.contains(&w.key.as_str())) {
             return Err(refused(MODULI[0], "the modulus has to be among the keys that are sought"));
         }
-        let mut table = Self { scene: scene.clone(), axes, deepest_m: DEEPER * to_depth_m, curves: Vec::new() };
-        let number = POINTS.pow(table.axes.len() as u32);
-        table.curves =
-            (0..number).into_par_iter().map(|n| table.curve(n, stop)).collect::<Result<_, CalibrateError>>()?;
-        Ok(table)
+        Ok(Self { scene: scene.clone(), axes, deepest_m: DEEPER * to_depth_m, curves: Vec::new() })
     }
 
-    /// Runs of the twin that it took.
+    /// Runs of the twin that it takes.
     #[must_use]
     pub fn runs(&self) -> usize {
-        self.curves.len()
+        POINTS.pow(self.axes.len() as u32)
+    }
+
+    /// Makes the curves; `done` is called after each.
+    ///
+    /// # Errors
+    /// [`CalibrateError`] if a run fails.
+    pub fn run_all(
+        &mut self,
+        stop: &(dyn Fn() -> bool + Sync),
+        done: &(dyn Fn() + Sync),
+    ) -> Result<(), CalibrateError> {
+        let one = |n: usize| self.curve(n, stop).inspect(|_| done());
+        self.curves = (0..self.runs()).into_par_iter().map(one).collect::<Result<_, CalibrateError>>()?;
+        Ok(())
+    }
+
+    /// The curves, to be kept.
+    #[must_use]
+    pub fn curves(&self) -> &[Vec<f64>] {
+        &self.curves
+    }
+
+    /// Takes curves that were kept; false if they are not as many as it needs.
+    pub fn take(&mut self, curves: Vec<Vec<f64>>) -> bool {
+        let fits = curves.len() == self.runs() && curves.iter().all(|curve| (2..=PLACES).contains(&curve.len()));
+        if fits {
+            self.curves = curves;
+        }
+        fits
     }
 
     /// Scenes at every second point of every axis: where a search may begin.

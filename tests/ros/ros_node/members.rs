@@ -36,11 +36,14 @@ fn a_band_holds_the_prediction_and_targets_have_a_covariance() {
         ("/prediction_band", "needle_twin/msg/ForceBand"),
         ("/targets_with_covariance", "geometry_msgs/msg/PoseWithCovarianceStamped"),
         ("/predicted_cf", "geometry_msgs/msg/WrenchStamped"),
+        ("/outlook", "needle_twin/msg/Outlook"),
     ] {
         peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": "reliable"}));
     }
     peer.ask(json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState"}));
-    let topics = ["/prediction_band", "/targets_with_covariance", "/predicted_cf", "/measured_js"];
+    peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": "geometry_msgs/msg/WrenchStamped"}));
+    let topics =
+        ["/prediction_band", "/targets_with_covariance", "/predicted_cf", "/outlook", "/measured_js", "/measured_cf"];
     assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": topics}))["missing"], json!([]));
     // pressed, and held until the members have come there too, however long they were built
     let (mut i, mut band) = (0, json!(null));
@@ -73,6 +76,45 @@ fn a_band_holds_the_prediction_and_targets_have_a_covariance() {
     let covariance = pair[0]["pose"]["covariance"].as_array().unwrap();
     assert_eq!(covariance.len(), 36);
     assert!(number(&covariance[14]) > 0.0, "zz: where the plate touches is not known");
+    // without a load cell the outlook is that of the members as they were drawn
+    let outlook = peer.ask(json!({"op": "last", "topic": "/outlook", "seconds": 0.3}))["message"].clone();
+    let here = |outlook: &Value| -> Vec<f64> {
+        let places = outlook["depths_m"].as_array().unwrap().len();
+        let forces = outlook["forces_n"].as_array().unwrap();
+        assert_eq!((outlook["members"].as_u64(), forces.len()), (Some(4), 4 * places), "{outlook}");
+        forces.iter().step_by(places).map(number).collect()
+    };
+    let before = here(&outlook);
+    let depths = outlook["depths_m"].as_array().unwrap();
+    assert!((number(&depths[0]) - 0.001).abs() < 1e-9 && (number(depths.last().unwrap()) - 0.002).abs() < 1e-9);
+    assert_eq!((outlook["blocks"].as_u64(), &outlook["error_n"]), (Some(0), &json!(0.0)));
+    assert_eq!(outlook["targets_ahead"].as_array().map(Vec::len), Some(4 * 2));
+    // held there, with a load cell that says that the tissue is 8 % stiffer than the scene has it
+    let (measured, mut learnt) = (1.08 * force, outlook);
+    for k in 0..400 {
+        i += 1;
+        let (sec, nanosec) = (1_700_000_000 + i / 50, 20_000_000 * (i % 50));
+        let noise = if k % 2 == 0 { 2e-4 } else { -2e-4 };
+        let wrench = json!({"header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "sample"},
+            "wrench": {"force": {"x": 0.0, "y": 0.0, "z": measured + noise}, "torque": {"x": 0.0, "y": 0.0, "z": 0.0}}});
+        peer.ask(json!({"op": "publish", "topic": "/measured_cf", "value": wrench}));
+        peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": joint_state(sec, nanosec, 0.001)}));
+        std::thread::sleep(std::time::Duration::from_millis(25));
+        if k % 20 == 19 {
+            learnt = peer.ask(json!({"op": "last", "topic": "/outlook", "seconds": 0.3}))["message"].clone();
+            if learnt["blocks"].as_u64() > Some(10) {
+                break;
+            }
+        }
+    }
+    assert!(learnt["blocks"].as_u64() > Some(10), "{learnt}");
+    let spread = |forces: &[f64]| {
+        let mean = forces.iter().sum::<f64>() / 4.0;
+        (mean, (forces.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / 3.0).sqrt())
+    };
+    let ((mean, deviation), (_, prior)) = (spread(&here(&learnt)), spread(&before));
+    assert!((mean / measured - 1.0).abs() < 0.01, "{mean} N for {measured} N: {learnt}");
+    assert!(deviation < 0.3 * prior && number(&learnt["error_n"]) > 0.0, "{deviation} {prior}: {learnt}");
     assert_eq!(node.stop("INT").0, Some(0));
 }
 

@@ -21,72 +21,20 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
+use super::error::ApproximationError;
+use super::mirrored::MirroredSupports;
 use super::mls::{Fit, Neighbour};
 use super::regions::Regions;
 use super::repair::{self, Supported};
-use super::support::{Supports, radii, within_reach};
-use super::table::{ApproximationError, Form, Row, Settings, ShapeTable};
+use super::support::{radii, within_reach};
+use super::table::{Form, Row, Settings, ShapeTable};
+use crate::mirror::Mirror;
 
-/// Nodes with their images beyond the axis, searchable by place.
-#[derive(Clone, Debug)]
-pub struct MirroredSupports {
-    supports: Supports,
-    nodes: usize,
-    /// The node of each image.
-    original: Vec<u32>,
-    on_axis: Vec<bool>,
-}
-
-impl MirroredSupports {
-    /// Indexes the nodes of a half plane. `interpolating` marks those with the almost singular weight.
-    #[must_use]
-    pub fn new(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> Self {
-        let nodes = points.len();
-        let original: Vec<u32> =
-            (0..nodes).filter(|&n| points[n][0] > 0.0 && points[n][0] < radii[n]).map(|n| n as u32).collect();
-        let image = |&n: &u32| {
-            let [r, y, z] = points[n as usize];
-            [-r, y, z]
-        };
-        let all_points: Vec<_> = points.iter().copied().chain(original.iter().map(image)).collect();
-        let all_radii = radii.iter().copied().chain(original.iter().map(|&n| radii[n as usize])).collect();
-        let weights =
-            interpolating.iter().copied().chain(original.iter().map(|&n| interpolating[n as usize])).collect();
-        let on_axis = points.iter().map(|p| p[0] == 0.0).collect();
-        Self { supports: Supports::new(&all_points, all_radii, weights), nodes, original, on_axis }
-    }
-
-    /// Nodes and images whose support holds x. Overwrites `out`; [`MirroredSupports::node`] tells them apart.
-    pub fn at(&self, x: [f64; 3], out: &mut Vec<Neighbour>) {
-        self.supports.at(x, out);
-    }
-
-    /// The same nodes, those with `factor` times the `first` radius that then reach a point of `at`.
-    fn enlarged(&self, first: &[f64], factor: f64, at: &[[f64; 3]]) -> Self {
-        let now = &self.supports.radii()[..self.nodes];
-        let wide: Vec<f64> = now.iter().zip(first).map(|(now, r)| now.max(factor * r)).collect();
-        let points = &self.supports.points()[..self.nodes];
-        let interpolating = &self.supports.interpolating()[..self.nodes];
-        let reaching = Self::new(points, &wide, interpolating);
-        let mut radii = now.to_vec();
-        let mut neighbours = Vec::new();
-        for &x in at {
-            reaching.at(x, &mut neighbours);
-            for n in neighbours.iter().map(|n| reaching.node(n.node).0 as usize) {
-                radii[n] = wide[n];
-            }
-        }
-        Self::new(points, &radii, interpolating)
-    }
-
-    /// The node that a neighbour is, and whether it is its image.
-    #[must_use]
-    pub fn node(&self, neighbour: u32) -> (u32, bool) {
-        match (neighbour as usize).checked_sub(self.nodes) {
-            None => (neighbour, false),
-            Some(image) => (self.original[image], true),
-        }
-    }
+/// The nodes (r, 0, z) of a half plane with their images at -r.
+#[must_use]
+pub fn in_half_plane(points: &[[f64; 3]], radii: &[f64], interpolating: &[bool]) -> MirroredSupports {
+    let on_axis = points.iter().map(|p| p[0] == 0.0).collect();
+    MirroredSupports::new(points, radii, interpolating, Some(Mirror::along([0.0, -1.0])), on_axis)
 }
 
 /// Rows of the field at points of the half plane: phi_j for u_r and for u_z.
@@ -138,7 +86,7 @@ impl AxisymmetricApproximation {
     #[must_use]
     pub fn new(points: &[[f64; 3]], triangles: &[[u32; 3]], interpolating: &[bool], settings: Settings) -> Self {
         let first = radii(points, triangles, settings.support_factor);
-        let supports = MirroredSupports::new(points, &first, interpolating);
+        let supports = in_half_plane(points, &first, interpolating);
         let plain = vec![false; triangles.len()];
         let regions = Regions::default();
         Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, first, plain, regions }
@@ -149,8 +97,7 @@ impl AxisymmetricApproximation {
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.triangles, region);
         self.regions.widen(&self.triangles, &mut self.first);
-        let interpolating = self.supports.supports.interpolating()[..self.points.len()].to_vec();
-        self.supports = MirroredSupports::new(&self.points, &self.first, &interpolating);
+        self.supports = self.supports.with_radii(&self.first);
         self
     }
 
@@ -182,7 +129,7 @@ impl AxisymmetricApproximation {
     /// Number of nodes whose support was enlarged.
     #[must_use]
     pub fn repaired_supports(&self) -> usize {
-        self.supports.supports.radii().iter().zip(&self.first).filter(|(now, first)| now > first).count()
+        self.supports.radii().iter().zip(&self.first).filter(|(now, first)| now > first).count()
     }
 
     /// The field at points (r, 0, z) of the half plane; with linear triangles the one that holds the point decides.
@@ -266,7 +213,7 @@ impl AxisymmetricApproximation {
 
     /// Halves a node on the axis between itself and its image.
     fn push(&self, e: Entry, entries: &mut Vec<Entry>) {
-        if self.supports.on_axis[e.node as usize] {
+        if self.supports.is_on_plane(e.node) {
             let half = Entry { value: 0.5 * e.value, slope: e.slope.map(|s| 0.5 * s), ..e };
             entries.extend([half, Entry { image: true, ..half }]);
         } else {
@@ -277,7 +224,7 @@ impl AxisymmetricApproximation {
     /// sum_j |grad phi_j|^2 in the half plane, 1/m^2; the two halves of a node on the axis have half the square of the whole.
     fn squares(&self, entries: &[Entry]) -> f64 {
         let of = |e: &Entry| {
-            (e.slope[0].powi(2) + e.slope[2].powi(2)) * if self.supports.on_axis[e.node as usize] { 2.0 } else { 1.0 }
+            (e.slope[0].powi(2) + e.slope[2].powi(2)) * if self.supports.is_on_plane(e.node) { 2.0 } else { 1.0 }
         };
         entries.iter().map(of).sum()
     }
@@ -304,7 +251,9 @@ impl AxisymmetricApproximation {
 }
 
 impl Supported for AxisymmetricApproximation {
-    const FORM: Form = Form::Axisymmetric;
+    fn form(&self) -> Form {
+        Form::Axisymmetric
+    }
 
     fn cells(&self) -> usize {
         self.triangles.len()

@@ -2,7 +2,10 @@
 //! One product: the [`ShapeTable`].
 
 pub mod axisymmetric;
+mod error;
+mod field;
 pub mod join;
+pub mod mirrored;
 pub mod mls;
 pub mod regions;
 mod repair;
@@ -10,5 +13,7 @@ pub mod support;
 pub mod table;
 pub mod weight;
 
+pub use error::ApproximationError;
+pub use field::Field;
 pub use mls::Basis;
-pub use table::{ApproximationError, Field, Form, Settings, ShapeTable};
+pub use table::{Form, Settings, ShapeTable};

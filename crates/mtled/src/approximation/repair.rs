@@ -12,8 +12,9 @@
 
 use rayon::prelude::*;
 
+use super::error::ApproximationError;
 use super::mls::Neighbour;
-use super::table::{ApproximationError, Form, Row, ShapeTable};
+use super::table::{Form, Row, ShapeTable};
 
 /// g beyond which a support is enlarged.
 pub const WORST: f64 = 3.0;
@@ -34,7 +35,7 @@ type Point = [f64; 3];
 /// An approximation whose supports can grow.
 pub(super) trait Supported: Sync {
     /// What the rows describe.
-    const FORM: Form;
+    fn form(&self) -> Form;
     /// Number of cells.
     fn cells(&self) -> usize;
     /// Rows of a cell.
@@ -73,7 +74,7 @@ pub(super) fn table<B: Supported>(body: &B) -> Result<ShapeTable, ApproximationE
 /// The shape table, or why there is none, and the places where a cell has no fit or one with g above `worst`.
 fn judged<B: Supported>(body: &B, worst: f64) -> (Result<ShapeTable, ApproximationError>, Vec<Point>) {
     let region = body.region().to_vec();
-    let mut table = Ok(ShapeTable { start: vec![0], form: B::FORM, region, ..ShapeTable::default() });
+    let mut table = Ok(ShapeTable { start: vec![0], form: body.form(), region, ..ShapeTable::default() });
     let mut bad_at = Vec::new();
     for first in (0..body.cells()).step_by(CELLS_AT_A_TIME) {
         let cells = first..(first + CELLS_AT_A_TIME).min(body.cells());

@@ -5,61 +5,15 @@ use std::cell::RefCell;
 
 use rayon::prelude::*;
 
+use super::error::ApproximationError;
+use super::field::Field;
 use super::join::{self, Share};
+use super::mirrored::MirroredSupports;
 use super::mls::{Basis, Fit, Neighbour};
 use super::regions::Regions;
 use super::repair::{self, Supported};
-use super::support::{Supports, radii, within_reach};
-
-/// Why a shape table can't be made.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ApproximationError {
-    /// No node's support reaches the point, however much it is enlarged.
-    #[error(
-        "the point ({:.6}, {:.6}, {:.6}) m lies outside the support of every node: raise discretisation.support_factor or \
-         refine the cloud there", at[0], at[1], at[2]
-    )]
-    Uncovered {
-        /// Where, m.
-        at: [f64; 3],
-    },
-    /// The support nodes do not span the space.
-    #[error(
-        "singular moment matrix at point ({:.6}, {:.6}, {:.6}) m: its {nodes} support nodes lie in one {shape}, even with \
-         larger supports: add nodes outside of it", at[0], at[1], at[2]
-    )]
-    Coplanar {
-        /// Where, m.
-        at: [f64; 3],
-        /// How many nodes reach the point.
-        nodes: usize,
-        /// `plane` or, in a half plane, `line`.
-        shape: &'static str,
-    },
-    /// The moment matrix is singular although the support nodes span the space: the basis asks for more of them.
-    #[error(
-        "singular moment matrix at point ({:.6}, {:.6}, {:.6}) m: its {nodes} support nodes do not determine the basis, even \
-         with larger supports: refine the cloud there, take discretisation.penalty > 0, or discretisation.method = \
-         \"mls\"", at[0], at[1], at[2]
-    )]
-    Singular {
-        /// Where, m.
-        at: [f64; 3],
-        /// How many nodes reach the point.
-        nodes: usize,
-    },
-}
-
-impl ApproximationError {
-    /// Where, m.
-    #[must_use]
-    pub const fn at(&self) -> [f64; 3] {
-        match self {
-            Self::Uncovered { at } | Self::Coplanar { at, .. } | Self::Singular { at, .. } => *at,
-        }
-    }
-}
+use super::support::{radii, within_reach};
+use crate::mirror::Mirror;
 
 /// Shape functions: basis, support and integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,11 +29,14 @@ pub struct Settings {
 }
 
 /// What the rows of a table describe.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Form {
     /// A field in space.
     #[default]
     Full,
+    /// A field in space that is symmetric about a plane, by the half on one side of it (see [`super::mirrored`]): entry `nodes + j` is the
+    /// image of node j.
+    Mirrored(Mirror),
     /// A field with symmetry of revolution, by its half plane (see [`super::axisymmetric`]): y holds the hoop strain,
     /// entry `nodes + j` is the image of node j beyond the axis, and a cell is a triangle whose last corner is repeated.
     Axisymmetric,
@@ -90,8 +47,17 @@ impl Form {
     #[must_use]
     pub const fn corners(self) -> usize {
         match self {
-            Self::Full => 4,
+            Self::Full | Self::Mirrored(_) => 4,
             Self::Axisymmetric => 3,
+        }
+    }
+
+    /// The plane of symmetry of a field in space.
+    #[must_use]
+    pub const fn mirror(self) -> Option<Mirror> {
+        match self {
+            Self::Mirrored(mirror) => Some(mirror),
+            Self::Full | Self::Axisymmetric => None,
         }
     }
 }
@@ -138,50 +104,13 @@ impl ShapeTable {
     }
 }
 
-/// Rows phi_j(x): the field at any set of points.
-#[derive(Clone, Debug, Default)]
-pub struct Field {
-    /// Offsets, one more than rows.
-    pub start: Vec<u32>,
-    /// Support nodes.
-    pub nodes: Vec<u32>,
-    /// phi_j(x).
-    pub value: Vec<f64>,
-}
-
-impl Field {
-    /// Value of row `i` for nodal parameters `u`.
-    #[must_use]
-    pub fn at(&self, i: usize, u: &[[f64; 3]]) -> [f64; 3] {
-        let mut v = [0.0; 3];
-        for e in self.start[i] as usize..self.start[i + 1] as usize {
-            for k in 0..3 {
-                v[k] += self.value[e] * u[self.nodes[e] as usize][k];
-            }
-        }
-        v
-    }
-
-    /// Number of rows.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.start.len().saturating_sub(1)
-    }
-
-    /// Whether there is no row.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
 /// The approximation of one cloud: makes shape tables and field rows.
 #[derive(Clone, Debug)]
 pub struct Approximation {
     points: Vec<[f64; 3]>,
     cells: Vec<[u32; 4]>,
     settings: Settings,
-    supports: Supports,
+    supports: MirroredSupports,
     /// Radii before any repair, m.
     first: Vec<f64>,
     /// What each cell is integrated with.
@@ -198,10 +127,19 @@ impl Approximation {
     #[must_use]
     pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], interpolating: Vec<bool>, settings: Settings) -> Self {
         let first = radii(points, cells, settings.support_factor);
-        let supports = Supports::new(points, first.clone(), interpolating);
+        let supports = MirroredSupports::whole(points, &first, &interpolating);
         let share = shares(points, cells, &[], &settings);
         let regions = Regions::default();
         Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first, share, regions }
+    }
+
+    /// Takes the cloud for the half of a body with n.x >= 0; `on_plane` are the nodes on the plane.
+    #[must_use]
+    pub fn with_mirror(mut self, mirror: Mirror, on_plane: &[bool]) -> Self {
+        let interpolating = self.supports.interpolating();
+        self.supports =
+            MirroredSupports::new(&self.points, &self.first, interpolating, Some(mirror), on_plane.to_vec());
+        self
     }
 
     /// Ends supports at the interfaces between regions, `region` being that of each cell (see [`super::regions`]).
@@ -209,8 +147,7 @@ impl Approximation {
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.cells, region);
         self.regions.widen(&self.cells, &mut self.first);
-        let interpolating = self.supports.interpolating().to_vec();
-        self.supports = Supports::new(&self.points, self.first.clone(), interpolating);
+        self.supports = self.supports.with_radii(&self.first);
         self.share = shares(&self.points, &self.cells, region, &self.settings);
         self
     }
@@ -233,7 +170,7 @@ impl Approximation {
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
             within_reach(neighbours);
-            self.regions.keep(region, neighbours, |n| n);
+            self.regions.keep(region, neighbours, |n| self.supports.node(n).0);
             fit.evaluate(neighbours, basis, gradient).map_err(|_| repair::refusal(x, neighbours, 3))?;
             Ok(f(neighbours, fit))
         })
@@ -264,7 +201,7 @@ impl Approximation {
             Some(basis) => at.par_iter().map(|&x| self.mean(x, basis)).collect::<Result<_, _>>()?,
             None => at.par_iter().map(|&x| self.barycentric(x)).collect(),
         };
-        let mut field = Field { start: vec![0], ..Field::default() };
+        let mut field = Field { start: vec![0], mirror: self.supports.mirror(), ..Field::default() };
         for row in rows {
             for (node, value) in row {
                 field.nodes.push(node);
@@ -282,7 +219,7 @@ impl Approximation {
         let mut row = Vec::new();
         for region in regions {
             self.with_fit(x, region, basis, false, |n, fit| {
-                row.extend(n.iter().zip(&fit.value).map(|(n, value)| (n.node, share * value)));
+                row.extend(n.iter().zip(&fit.value).map(|(n, value)| (self.supports.entry(n.node), share * value)));
             })?;
         }
         Ok(row)
@@ -339,7 +276,7 @@ impl Approximation {
         self.with_fit(at, region, basis, true, |neighbours, fit| Row {
             at,
             volume,
-            nodes: neighbours.iter().map(|n| n.node).collect(),
+            nodes: neighbours.iter().map(|n| self.supports.entry(n.node)).collect(),
             gradient: fit.gradient.clone(),
             squares: squares(&fit.gradient),
         })
@@ -363,7 +300,9 @@ impl Approximation {
 }
 
 impl Supported for Approximation {
-    const FORM: Form = Form::Full;
+    fn form(&self) -> Form {
+        self.supports.mirror().map_or(Form::Full, Form::Mirrored)
+    }
 
     fn cells(&self) -> usize {
         self.cells.len()

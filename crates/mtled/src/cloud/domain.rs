@@ -1,4 +1,4 @@
-//! The body: an upright cylinder or box on the plane z = 0, centred on the z axis.
+//! The body: an upright cylinder or box on the plane z = 0, centred on the z axis, or the half of one with y >= 0.
 
 use super::error::CloudError;
 use super::vector::{Point, length2};
@@ -9,6 +9,8 @@ pub const BASE: u8 = 1;
 pub const TOP: u8 = 2;
 /// Node lies on the side (of a cylinder, or any of the four of a box).
 pub const SIDE: u8 = 0b0011_1100;
+/// Node lies on the plane of symmetry of a half body, y = 0.
+pub const MIRROR: u8 = 0b1000_0000;
 
 /// Shape of the body, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,14 +27,52 @@ pub enum Domain {
         /// Edge lengths along x, y, z.
         size: [f64; 3],
     },
+    /// The half of such a cylinder with y >= 0.
+    HalfCylinder {
+        /// Radius.
+        radius: f64,
+        /// Height.
+        height: f64,
+    },
+    /// The half of such a box with y >= 0.
+    HalfBox {
+        /// Edge lengths of the whole box along x, y, z.
+        size: [f64; 3],
+    },
 }
 
 impl Domain {
+    /// The half of this body with y >= 0.
+    #[must_use]
+    pub const fn half(self) -> Self {
+        match self {
+            Self::Cylinder { radius, height } => Self::HalfCylinder { radius, height },
+            Self::Box { size } => Self::HalfBox { size },
+            half => half,
+        }
+    }
+
+    /// Is it a half?
+    #[must_use]
+    pub const fn is_half(&self) -> bool {
+        matches!(self, Self::HalfCylinder { .. } | Self::HalfBox { .. })
+    }
+
+    /// The body that this is a half of, or this one.
+    #[must_use]
+    pub const fn whole(self) -> Self {
+        match self {
+            Self::HalfCylinder { radius, height } => Self::Cylinder { radius, height },
+            Self::HalfBox { size } => Self::Box { size },
+            whole => whole,
+        }
+    }
+
     /// Height in metres.
     pub fn height(&self) -> f64 {
         match *self {
-            Domain::Cylinder { height, .. } => height,
-            Domain::Box { size } => size[2],
+            Domain::Cylinder { height, .. } | Domain::HalfCylinder { height, .. } => height,
+            Domain::Box { size } | Domain::HalfBox { size } => size[2],
         }
     }
 
@@ -41,23 +81,33 @@ impl Domain {
         match *self {
             Domain::Cylinder { radius, height } => std::f64::consts::PI * radius * radius * height,
             Domain::Box { size } => size[0] * size[1] * size[2],
+            half => 0.5 * half.whole().volume(),
         }
     }
 
-    /// Half of the smallest extent: coarser spacing than this cannot represent the body.
+    /// Half of the whole body's smallest extent: coarser spacing than this cannot represent the body.
     pub fn half_thickness(&self) -> f64 {
         match *self {
-            Domain::Cylinder { radius, height } => radius.min(0.5 * height),
-            Domain::Box { size } => 0.5 * size[0].min(size[1]).min(size[2]),
+            Domain::Cylinder { radius, height } | Domain::HalfCylinder { radius, height } => radius.min(0.5 * height),
+            Domain::Box { size } | Domain::HalfBox { size } => 0.5 * size[0].min(size[1]).min(size[2]),
         }
     }
 
-    /// Distance from a point of the top face to its rim (negative outside).
+    /// Distance from a point of the top face to the whole body's rim (negative outside).
     pub(crate) fn rim_distance(&self, centre: [f64; 2]) -> f64 {
         match *self {
-            Domain::Cylinder { radius, .. } => radius - length2(centre[0], centre[1]),
-            Domain::Box { size } => (0.5 * size[0] - centre[0].abs()).min(0.5 * size[1] - centre[1].abs()),
+            Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => {
+                radius - length2(centre[0], centre[1])
+            }
+            Domain::Box { size } | Domain::HalfBox { size } => {
+                (0.5 * size[0] - centre[0].abs()).min(0.5 * size[1] - centre[1].abs())
+            }
         }
+    }
+
+    /// Distance from the plane of symmetry (negative on the other side); infinite for a whole body.
+    fn mirror_distance(&self, p: Point) -> f64 {
+        if self.is_half() { p[1] } else { f64::INFINITY }
     }
 
     /// Smallest and largest corner.
@@ -65,13 +115,17 @@ impl Domain {
         match *self {
             Domain::Cylinder { radius, height } => ([-radius, -radius, 0.0], [radius, radius, height]),
             Domain::Box { size } => ([-0.5 * size[0], -0.5 * size[1], 0.0], [0.5 * size[0], 0.5 * size[1], size[2]]),
+            half => {
+                let ([x, _, z], high) = half.whole().bounds();
+                ([x, 0.0, z], high)
+            }
         }
     }
 
     /// Depth of a point under the nearest face (negative outside).
     pub(crate) fn depth(&self, p: Point) -> f64 {
         let z = p[2].min(self.height() - p[2]);
-        self.rim_distance([p[0], p[1]]).min(z)
+        self.rim_distance([p[0], p[1]]).min(z).min(self.mirror_distance(p))
     }
 
     /// Bits of all faces that the body has.
@@ -79,17 +133,20 @@ impl Domain {
         match self {
             Domain::Cylinder { .. } => &[1, 2, 4],
             Domain::Box { .. } => &[1, 2, 4, 8, 16, 32],
+            Domain::HalfCylinder { .. } => &[1, 2, 4, MIRROR],
+            Domain::HalfBox { .. } => &[1, 2, 4, 8, 32, MIRROR],
         }
     }
 
     /// Are all faces plane whose bits are set?
     pub(crate) fn is_plane(&self, face: u8) -> bool {
-        matches!(self, Domain::Box { .. }) || face & SIDE == 0
+        matches!(self, Domain::Box { .. } | Domain::HalfBox { .. }) || face & SIDE == 0
     }
 
     /// Puts a point onto the face with this bit.
     pub(crate) fn project(&self, face: u8, mut p: Point) -> Point {
-        match (*self, face) {
+        match (self.whole(), face) {
+            (_, MIRROR) => p[1] = 0.0,
             (_, BASE) => p[2] = 0.0,
             (_, TOP) => p[2] = self.height(),
             (Domain::Cylinder { radius, .. }, _) => {
@@ -101,6 +158,8 @@ impl Domain {
             (Domain::Box { size }, 8) => p[0] = 0.5 * size[0],
             (Domain::Box { size }, 16) => p[1] = -0.5 * size[1],
             (Domain::Box { size }, _) => p[1] = 0.5 * size[1],
+            // the whole of a body is no half
+            (Domain::HalfCylinder { .. } | Domain::HalfBox { .. }, _) => {}
         }
         p
     }
@@ -108,21 +167,26 @@ impl Domain {
     /// Distance, within the face, from a point of the face to the face's edge (negative outside).
     pub(crate) fn edge_distance(&self, face: u8, p: Point) -> f64 {
         let z = p[2].min(self.height() - p[2]);
-        match (*self, face) {
+        let beside = match (*self, face) {
+            (_, MIRROR) => return z.min(self.rim_distance([p[0], 0.0])),
             (_, BASE | TOP) => self.rim_distance([p[0], p[1]]),
-            (Domain::Cylinder { .. }, _) => z,
-            (Domain::Box { size }, 4 | 8) => z.min(0.5 * size[1] - p[1].abs()),
-            (Domain::Box { size }, _) => z.min(0.5 * size[0] - p[0].abs()),
-        }
+            (Domain::Cylinder { .. } | Domain::HalfCylinder { .. }, _) => z,
+            (Domain::Box { size } | Domain::HalfBox { size }, 4 | 8) => z.min(0.5 * size[1] - p[1].abs()),
+            (Domain::Box { size } | Domain::HalfBox { size }, _) => z.min(0.5 * size[0] - p[0].abs()),
+        };
+        if face == 32 { beside } else { beside.min(self.mirror_distance(p)) }
     }
 
     /// Two orthonormal tangents of a face at a point of it.
     pub(crate) fn tangents(&self, face: u8, p: Point) -> [Point; 2] {
         match (*self, face) {
             (_, BASE | TOP) => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-            (Domain::Cylinder { radius, .. }, _) => [[-p[1] / radius, p[0] / radius, 0.0], [0.0, 0.0, 1.0]],
-            (Domain::Box { .. }, 4 | 8) => [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            (Domain::Box { .. }, _) => [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+            (_, MIRROR) => [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+            (Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. }, _) => {
+                [[-p[1] / radius, p[0] / radius, 0.0], [0.0, 0.0, 1.0]]
+            }
+            (Domain::Box { .. } | Domain::HalfBox { .. }, 4 | 8) => [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            (Domain::Box { .. } | Domain::HalfBox { .. }, _) => [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
         }
     }
 
@@ -130,8 +194,10 @@ impl Domain {
     /// A length that is not positive and finite.
     pub(crate) fn validate(&self) -> Result<(), CloudError> {
         let lengths: Vec<(&'static str, f64)> = match *self {
-            Domain::Cylinder { radius, height } => vec![("sample radius", radius), ("sample height", height)],
-            Domain::Box { size } => {
+            Domain::Cylinder { radius, height } | Domain::HalfCylinder { radius, height } => {
+                vec![("sample radius", radius), ("sample height", height)]
+            }
+            Domain::Box { size } | Domain::HalfBox { size } => {
                 vec![("sample size along x", size[0]), ("sample size along y", size[1]), ("sample height", size[2])]
             }
         };

@@ -1,11 +1,11 @@
 //! Nodes on edges and features: rims, box edges, contact rings, the layers of a needle path.
 
-use super::domain::{BASE, Domain, TOP};
+use super::domain::{BASE, Domain, MIRROR, SIDE, TOP};
 use super::error::CloudError;
 use super::interfaces;
 use super::path::Axis;
 use super::spacing::{Feature, Spacing};
-use super::vector::Point;
+use super::vector::{Point, add, distance, dot, norm, scale, sub};
 use std::f64::consts::PI;
 
 /// Nodes under construction: position, faces they lie on (bits), and whether they may still move.
@@ -33,14 +33,13 @@ pub(crate) fn equidistribute(
     closed: bool,
     fewest: usize,
 ) -> Vec<f64> {
-    let length: f64 =
-        (0..64).map(|k| super::vector::distance(curve(k as f64 / 64.0), curve((k + 1) as f64 / 64.0))).sum();
+    let length: f64 = (0..64).map(|k| distance(curve(k as f64 / 64.0), curve((k + 1) as f64 / 64.0))).sum();
     let samples = ((4.0 * length / spacing.finest()) as usize).clamp(256, 1 << 20);
     let mut worth = Vec::with_capacity(samples + 1);
     worth.push(0.0);
     for k in 0..samples {
         let (a, b) = (k as f64 / samples as f64, (k + 1) as f64 / samples as f64);
-        let step = super::vector::distance(curve(a), curve(b)) / spacing.at(domain, curve(0.5 * (a + b)));
+        let step = distance(curve(a), curve(b)) / spacing.at(domain, curve(0.5 * (a + b)));
         worth.push(worth[k] + step);
     }
     let count = (worth[samples].round() as usize).max(fewest);
@@ -66,6 +65,44 @@ pub(crate) fn circle(centre: [f64; 2], radius: f64, z: f64) -> impl Fn(f64) -> P
     }
 }
 
+/// Nodes on the straight line from a to b, between those that lie on it already, its ends among them.
+fn fill_line(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes, [a, b]: [Point; 2], faces: u8) {
+    let way = sub(b, a);
+    let length = norm(way);
+    let on_line = |p: &Point| {
+        let t = dot(sub(*p, a), way) / (length * length);
+        let gap = distance(*p, add(a, scale(way, t)));
+        (gap <= ON_LINE * length && (-ON_LINE..=1.0 + ON_LINE).contains(&t)).then_some(t)
+    };
+    let mut stops: Vec<(f64, Point)> = nodes.points.iter().filter_map(|p| Some((on_line(p)?, *p))).collect();
+    stops.sort_by(|p, q| p.0.total_cmp(&q.0));
+    for stretch in stops.windows(2) {
+        let (from, to) = (stretch[0].1, stretch[1].1);
+        let curve = |t: f64| [0, 1, 2].map(|k| if a[k] == b[k] { a[k] } else { from[k] + t * (to[k] - from[k]) });
+        for t in equidistribute(domain, spacing, &curve, false, 1) {
+            nodes.push(curve(t), faces, true);
+        }
+    }
+}
+
+/// Distance from a line over its length below which a node lies on it.
+const ON_LINE: f64 = 1e-9;
+
+/// The edges of a half body's plane of symmetry, and where layers meet it.
+fn mirror_lines(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
+    let (low, high) = domain.bounds();
+    let ends = |z: f64| [[low[0], 0.0, z], [high[0], 0.0, z]];
+    for x in [low[0], high[0]] {
+        let side = if x < 0.0 || !domain.is_plane(SIDE) { 4 } else { 8 };
+        fill_line(domain, spacing, nodes, [[x, 0.0, low[2]], [x, 0.0, high[2]]], side | MIRROR);
+    }
+    fill_line(domain, spacing, nodes, ends(low[2]), BASE | MIRROR);
+    fill_line(domain, spacing, nodes, ends(high[2]), TOP | MIRROR);
+    for z in interfaces::heights(domain, spacing) {
+        fill_line(domain, spacing, nodes, ends(z), MIRROR);
+    }
+}
+
 /// All nodes that are fixed from the start.
 ///
 /// # Errors
@@ -76,6 +113,9 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
     let height = domain.height();
     for f in &spacing.features {
         match *f {
+            Feature::ContactRing { centre, radius, .. } if domain.is_half() => {
+                half_circle(domain, spacing, &mut nodes, centre, radius, height, [TOP, TOP | MIRROR, TOP | MIRROR]);
+            }
             Feature::ContactRing { centre, radius, .. } => {
                 let curve = circle(centre, radius, height);
                 for t in equidistribute(domain, spacing, &curve, true, 8) {
@@ -84,12 +124,15 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
             }
             Feature::Path { axis, capture_radius, length, spacing: fine } => {
                 let layers = spacing.layers(domain, &axis, length, fine);
-                path(&mut nodes, height, &axis, capture_radius, fine, &layers);
+                path(&mut nodes, domain, &axis, capture_radius, fine, &layers);
             }
             Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } => {}
         }
     }
     interfaces::place_edges(domain, spacing, &mut nodes);
+    if domain.is_half() {
+        mirror_lines(domain, spacing, &mut nodes);
+    }
     too_close(domain, spacing, &nodes)?;
     Ok(nodes)
 }
@@ -104,7 +147,32 @@ fn rims(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
                 }
             }
         }
-        Domain::Box { .. } => box_edges(domain, spacing, nodes),
+        Domain::HalfCylinder { radius, height } => {
+            for (z, face) in [(0.0, BASE), (height, TOP)] {
+                let corner = face | 4 | MIRROR;
+                half_circle(domain, spacing, nodes, [0.0; 2], radius, z, [face | 4, corner, corner]);
+            }
+        }
+        Domain::Box { .. } | Domain::HalfBox { .. } => box_edges(domain, spacing, nodes),
+    }
+}
+
+/// The half of a circle with y >= 0: the bits of its nodes' faces, and those of the ends at +x and -x.
+fn half_circle(
+    domain: &Domain,
+    spacing: &Spacing,
+    nodes: &mut Nodes,
+    centre: [f64; 2],
+    radius: f64,
+    z: f64,
+    [faces, first, last]: [u8; 3],
+) {
+    let whole = circle(centre, radius, z);
+    nodes.push([centre[0] + radius, 0.0, z], first, true);
+    nodes.push([centre[0] - radius, 0.0, z], last, true);
+    let curve = |t: f64| whole(0.5 * t);
+    for t in equidistribute(domain, spacing, &curve, false, 4) {
+        nodes.push(curve(t), faces, true);
     }
 }
 
@@ -121,7 +189,7 @@ fn box_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
                 0
             }
         };
-        on(0, 4, 8) | on(1, 16, 32) | on(2, BASE, TOP)
+        on(0, 4, 8) | on(1, if domain.is_half() { MIRROR } else { 16 }, 32) | on(2, BASE, TOP)
     };
     for bits in 0..8 {
         nodes.push(corner(bits), faces(corner(bits)), true);
@@ -129,6 +197,10 @@ fn box_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
     for axis in 0..3 {
         for bits in (0..8).filter(|b| b >> axis & 1 == 0) {
             let (a, b) = (corner(bits), corner(bits | 1 << axis));
+            if faces(a) & faces(b) & MIRROR != 0 {
+                // these come last
+                continue;
+            }
             let curve = |t: f64| {
                 let mut p = a;
                 p[axis] = a[axis] + t * (b[axis] - a[axis]);
@@ -176,22 +248,36 @@ impl Spacing {
     /// Number of nodes that a path has within its capture radius (0 for other features).
     pub(crate) fn path_nodes(&self, domain: &Domain, path: &Feature) -> usize {
         let Feature::Path { axis, capture_radius, length, spacing } = *path else { return 0 };
+        let layers = self.layers(domain, &axis, length, spacing).len();
         let (_, rings) = path_shape(capture_radius, length, spacing);
-        self.layers(domain, &axis, length, spacing).len() * (1 + 3 * rings * (rings + 1))
+        if domain.is_half() {
+            // the axis and half of each ring; those that aren't turned have two nodes more on the plane
+            return layers * (1 + 3 * rings * (rings + 1) / 2) + layers.div_ceil(2) * rings;
+        }
+        layers * (1 + 3 * rings * (rings + 1))
     }
 }
 
-/// Layers of rings of 6, 12, 18, ... nodes round an axis node, at these depths; every other layer is turned by half a pitch.
-fn path(nodes: &mut Nodes, height: f64, axis: &Axis, radius: f64, spacing: f64, layers: &[f64]) {
+/// Layers of rings of 6, 12, 18, ... nodes round an axis node, at these depths; every other layer is turned by half a pitch. A half body
+/// has those with y >= 0.
+fn path(nodes: &mut Nodes, domain: &Domain, axis: &Axis, radius: f64, spacing: f64, layers: &[f64]) {
     let (_, rings) = path_shape(radius, radius, spacing);
+    let mut push = |p: Point, faces: u8| {
+        let near = ON_LINE * radius;
+        match domain.is_half() {
+            true if p[1] < -near => {}
+            true if p[1] <= near => nodes.push([p[0], 0.0, p[2]], faces | MIRROR, true),
+            _ => nodes.push(p, faces, true),
+        }
+    };
     for (layer, &depth) in layers.iter().enumerate() {
         let faces = if layer == 0 { TOP } else { 0 };
-        nodes.push(axis.section(height, depth, 0.0, 0.0), faces, true);
+        push(axis.section(domain.height(), depth, 0.0, 0.0), faces);
         for ring in 1..=rings {
             let r = radius * (ring as f64 / rings as f64);
             let turn = if layer % 2 == 1 { 0.5 } else { 0.0 };
             for k in 0..6 * ring {
-                nodes.push(axis.section(height, depth, r, (k as f64 + turn) / (6 * ring) as f64), faces, true);
+                push(axis.section(domain.height(), depth, r, (k as f64 + turn) / (6 * ring) as f64), faces);
             }
         }
     }

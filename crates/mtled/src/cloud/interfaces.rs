@@ -1,7 +1,7 @@
 //! Nodes on the boundaries of regions in space: on their edges and where they meet the body's side first, then over the
 //! surfaces by an advancing front, relaxed within the surface. Those on surfaces may slide there after that, the others are fixed.
 
-use super::domain::Domain;
+use super::domain::{Domain, MIRROR};
 use super::edges::{Nodes, circle, equidistribute};
 use super::packing::Packing;
 use super::solid::Solid;
@@ -61,6 +61,28 @@ impl Solid {
                     edges.push((Box::new(circle([0.0; 2], radius, z)), true, 4));
                 }
             }
+            (Self::Layer { bottom, top }, Domain::HalfCylinder { radius, .. }) => {
+                for z in [bottom, top] {
+                    let whole = circle([0.0; 2], radius, z);
+                    for x in [radius, -radius] {
+                        edges.push((Box::new(move |_| [x, 0.0, z]), true, 4 | MIRROR));
+                    }
+                    edges.push((Box::new(move |t| whole(0.5 * t)), false, 4));
+                }
+            }
+            (Self::Layer { bottom, top }, Domain::HalfBox { size }) => {
+                let (x, y) = (0.5 * size[0], 0.5 * size[1]);
+                for z in [bottom, top] {
+                    for (corner, faces) in
+                        [([-x, 0.0], 4 | MIRROR), ([x, 0.0], 8 | MIRROR), ([-x, y], 36), ([x, y], 40)]
+                    {
+                        edges.push((Box::new(move |_| [corner[0], corner[1], z]), true, faces));
+                    }
+                    edges.push((Box::new(line([-x, 0.0, z], [-x, y, z])), false, 4));
+                    edges.push((Box::new(line([x, 0.0, z], [x, y, z])), false, 8));
+                    edges.push((Box::new(line([-x, y, z], [x, y, z])), false, 32));
+                }
+            }
             (Self::Layer { bottom, top }, Domain::Box { size }) => {
                 let (x, y) = (0.5 * size[0], 0.5 * size[1]);
                 for z in [bottom, top] {
@@ -71,6 +93,28 @@ impl Solid {
                     for (corner, faces) in [([-x, -y], 20), ([x, -y], 24), ([-x, y], 36), ([x, y], 40)] {
                         edges.push((Box::new(move |_| [corner[0], corner[1], z]), true, faces));
                     }
+                }
+            }
+            (Self::Sphere { centre, radius }, half) if half.is_half() => {
+                let round = circle([centre[0], centre[2]], radius, 0.0);
+                let upright = move |t: f64| {
+                    let [x, z, y] = round(t);
+                    [x, y, z]
+                };
+                edges.push((Box::new(upright), true, MIRROR));
+            }
+            (Self::Cylinder { centre: [x, _, z], radius, height }, half) if half.is_half() => {
+                let ends = [z - 0.5 * height, z + 0.5 * height];
+                for z in ends {
+                    let whole = circle([x, 0.0], radius, z);
+                    for x in [x - radius, x + radius] {
+                        edges.push((Box::new(move |_| [x, 0.0, z]), true, MIRROR));
+                    }
+                    edges.push((Box::new(move |t| whole(0.5 * t)), false, 0));
+                    edges.push((Box::new(line([x - radius, 0.0, z], [x + radius, 0.0, z])), false, MIRROR));
+                }
+                for x in [x - radius, x + radius] {
+                    edges.push((Box::new(line([x, 0.0, ends[0]], [x, 0.0, ends[1]])), false, MIRROR));
                 }
             }
             (Self::Cylinder { centre: [x, y, z], radius, height }, _) => {
@@ -125,6 +169,20 @@ impl Spacing {
     }
 }
 
+/// Heights at which layers end within a body.
+pub(crate) fn heights(domain: &Domain, spacing: &Spacing) -> Vec<f64> {
+    let step = 4.0 * ON * domain.height();
+    let ends = spacing.solids().flat_map(|solid| match *solid {
+        Solid::Layer { bottom, top } => vec![bottom, top],
+        _ => Vec::new(),
+    });
+    let parts = |z: &f64| spacing.region([0.0, 0.0, z - step]) != spacing.region([0.0, 0.0, z + step]);
+    let mut heights: Vec<f64> = ends.filter(|z| *z > step && *z < domain.height() - step).filter(parts).collect();
+    heights.sort_by(f64::total_cmp);
+    heights.dedup_by(|a, b| (*a - *b).abs() < step);
+    heights
+}
+
 /// Nodes on the edges of the regions' boundaries, as far as they lie in the body.
 pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
     let step = 4.0 * ON * domain.height();
@@ -140,7 +198,9 @@ pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes)
                 let inside = p[2] > step && p[2] < domain.height() - step && domain.depth(p) > -step;
                 let apart = |q: &Point| distance(p, *q) > 0.5 * spacing.at(domain, p);
                 let bits = spacing.touching(domain, p);
-                if inside && bits.count_ones() > 1 && nodes.points.iter().all(apart) {
+                // a path's own nodes stand where it passes the boundary
+                let free = !domain.is_half() || !Packing { domain, spacing }.reserved(p);
+                if inside && free && bits.count_ones() > 1 && nodes.points.iter().all(apart) {
                     nodes.push(p, faces, true);
                 }
             }

@@ -7,6 +7,8 @@
 //! Points are (r, 0, z), so that whatever knows distances in space knows them here as well: the same [`Spacing`] with
 //! the same features grades both kinds of cloud.
 
+mod relax;
+
 use super::domain::{BASE, Domain, SIDE, TOP};
 use super::edges::{equidistribute, path_shape};
 use super::error::CloudError;
@@ -337,74 +339,5 @@ impl Plane<'_> {
             let least = 0.5 * GAP * (h + spacings[j as usize]);
             squared < least * least
         })
-    }
-
-    /// Short-range forces between neighbours, as in [`super::packing`].
-    fn relax(&self, nodes: &mut Nodes) {
-        let mut near: Vec<Vec<u32>> = Vec::new();
-        for iteration in 0..RELAXATIONS {
-            let spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
-            if iteration % REFRESH == 0 {
-                let grid = self.grid(&nodes.points);
-                near = (nodes.fixed..nodes.points.len())
-                    .map(|i| {
-                        let mut found = Vec::new();
-                        grid.any(&nodes.points, nodes.points[i], 1.7 * spacings[i], |j, _| {
-                            if j as usize != i {
-                                found.push(j);
-                            }
-                            false
-                        });
-                        found
-                    })
-                    .collect();
-            }
-            let moved: Vec<Point> = (nodes.fixed..nodes.points.len())
-                .map(|i| self.relaxed(&nodes.points, &spacings, i, &near[i - nodes.fixed]))
-                .collect();
-            nodes.points[nodes.fixed..].copy_from_slice(&moved);
-        }
-    }
-
-    fn relaxed(&self, points: &[Point], spacings: &[f64], i: usize, near: &[u32]) -> Point {
-        let (p, h) = (points[i], spacings[i]);
-        let mut force = [0.0; 3];
-        for &j in near {
-            let d = sub(p, points[j as usize]);
-            let length = super::vector::norm(d);
-            let w = 2.0 * length / (h + spacings[j as usize]);
-            if w < 1.5 {
-                let f = 1.125 + w * w * (1.25 * w - 2.375);
-                force = add(force, scale(d, f / length));
-            }
-        }
-        let step = super::vector::norm(force).max(1.0);
-        let q = add(p, scale(force, 0.2 * h / step));
-        if self.room(q) < CLEARANCE * self.h(q) || self.reserved(q) { p } else { q }
-    }
-
-    /// One sweep of centroidal-patch smoothing (Chen 2004), graded: each free node goes to the mean of its triangles'
-    /// centroids, weighted by area over h².
-    fn smooth(&self, points: &mut [Point], fixed: &[bool], triangles: &[[u32; 3]]) {
-        let mut sums = vec![([0.0; 3], 0.0); points.len()];
-        for t in triangles {
-            let p = t.map(|v| points[v as usize]);
-            let middle = scale(add(add(p[0], p[1]), p[2]), 1.0 / 3.0);
-            let weight = orient(p[0], p[1], p[2]) / self.h(middle).powi(2);
-            for &v in t {
-                let (sum, total) = &mut sums[v as usize];
-                *sum = add(*sum, scale(middle, weight));
-                *total += weight;
-            }
-        }
-        for (i, (sum, total)) in sums.into_iter().enumerate() {
-            if fixed[i] || total <= 0.0 {
-                continue;
-            }
-            let q = scale(sum, 1.0 / total);
-            if self.room(q) > 0.5 * CLEARANCE * self.h(q) && !self.reserved(q) {
-                points[i] = q;
-            }
-        }
     }
 }

@@ -30,6 +30,7 @@ mod packing;
 mod path;
 pub mod quality;
 mod reconnect;
+pub mod reflect;
 pub mod revolve;
 mod shift;
 mod smooth;
@@ -38,12 +39,13 @@ mod spacing;
 mod triangulate;
 mod vector;
 
-pub use domain::{BASE, Domain, SIDE, TOP};
+pub use domain::{BASE, Domain, MIRROR, SIDE, TOP};
 pub use error::CloudError;
 pub use meridian::Meridian;
 pub use order::{hilbert_order, sort_cells};
 pub use path::Axis;
 pub use quality::Summary;
+pub use reflect::Reflected;
 pub use revolve::Revolved;
 pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
@@ -71,7 +73,7 @@ pub struct Cloud {
     pub points: Vec<[f64; 3]>,
     /// Cells, each with positive volume (v1-v0)·((v2-v0)×(v3-v0)); they fill the body without gap or overlap.
     pub cells: Vec<[u32; 4]>,
-    /// Faces that each node lies on: [`BASE`], [`TOP`], bits of [`SIDE`]; 0 inside.
+    /// Faces that each node lies on: [`BASE`], [`TOP`], bits of [`SIDE`], of a half body [`MIRROR`]; 0 inside.
     pub faces: Vec<u8>,
     /// Surface triangles, counter-clockwise seen from outside.
     pub surface: Vec<[u32; 3]>,
@@ -88,7 +90,8 @@ impl Cloud {
     }
 }
 
-/// Generates the cloud of a body for a spacing.
+/// Generates the cloud of a body, or of the half of one, for a spacing. The features of a half are those of the whole body, symmetric about
+/// y = 0; no box among the regions.
 ///
 /// # Errors
 /// A number out of its range, too many nodes ([`CloudError::TooManyNodes`], before anything is allocated), or features

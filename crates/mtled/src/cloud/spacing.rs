@@ -132,8 +132,8 @@ impl Feature {
             Feature::Patch { radius, .. } => PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s,
             Feature::Rim { .. } => {
                 let length = match *domain {
-                    Domain::Cylinder { radius, .. } => 2.0 * PI * radius,
-                    Domain::Box { size } => 2.0 * (size[0] + size[1]),
+                    Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => 2.0 * PI * radius,
+                    Domain::Box { size } | Domain::HalfBox { size } => 2.0 * (size[0] + size[1]),
                 };
                 length * 0.5 * PI * s
             }

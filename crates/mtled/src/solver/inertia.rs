@@ -116,9 +116,11 @@ impl Model {
         }
         let Constraints { role, path, instrument, way, drag, .. } = &state.constraints;
         let (mut sum, mut count) = ([0.0; 3], 0.0_f64);
-        for (path, _) in path.iter().zip(role).filter(|(_, role)| **role == Role::Instrument) {
-            (0..3).for_each(|k| sum[k] += path.end[k] - path.start[k]);
-            count += 1.0;
+        for (n, path) in path.iter().enumerate().filter(|(n, _)| role[*n] == Role::Instrument) {
+            let moved = std::array::from_fn(|k| path.end[k] - path.start[k]);
+            let (moved, nodes) = self.half.as_ref().map_or((moved, 1.0), |half| half.with_image(n, &moved));
+            (0..3).for_each(|k| sum[k] += moved[k]);
+            count += nodes;
         }
         if count == 0.0 && instrument.is_some() {
             (sum, count) = (std::array::from_fn(|k| way.end[k] - way.start[k]), 1.0);

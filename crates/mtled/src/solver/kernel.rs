@@ -10,8 +10,8 @@
 
 use super::VolumeRatio;
 use crate::approximation::ShapeTable;
+use crate::material::Law;
 use crate::material::neo_hookean::Gradient;
-use crate::material::{Law, Volumetric};
 
 use super::block::{Block, BlockScratch, ForceOfLane, Shares};
 use super::dilatation::Dilatation;
@@ -19,15 +19,13 @@ use super::disjoint::{Chunks, Each, Offsets, Runs};
 use super::memory::Memory;
 use super::points::{Constants, Relaxing};
 use super::pool::Pool;
-use super::strip::{Strip, StripScratch};
+use super::projection::{Projection, ProjectionScratch};
 use super::vertices::Vertices;
-use crate::number::lanes::{LANES, Lanes, Loop, run};
+use crate::number::lanes::{LANES, Lanes};
 use crate::number::{Number, Real};
 
-/// Nodes per part of a phase over nodes. Under Miri, here and below, so few that a tiny model has several parts.
+/// Nodes per part of a phase over nodes. Under Miri so few that a tiny model has several parts.
 pub const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
-/// Coarse nodes per part of a phase over them.
-const COARSE_PER_CHUNK: usize = if cfg!(miri) { 4 } else { 64 };
 
 /// Internal-force kernel of one model: what never changes.
 #[derive(Debug)]
@@ -58,20 +56,6 @@ pub struct InternalForce {
     pub deformation: Vec<Gradient<f64>>,
 }
 
-/// The projection of the dilation.
-#[derive(Debug)]
-struct Projection<T> {
-    /// N_aP, [`NODES_PER_CHUNK`] nodes each; none with the pointwise volume ratio.
-    strips: Vec<Strip<T>>,
-    /// Where the sums of each strip begin.
-    runs: Offsets,
-    shares: Shares,
-    /// V_P, m^3.
-    volume: Vec<f64>,
-    /// Region of each coarse node.
-    region: Vec<u8>,
-}
-
 /// What a state says of the integration points.
 #[derive(Debug)]
 pub struct Points<T> {
@@ -100,17 +84,6 @@ pub struct Scratch<T: Real> {
     projection: ProjectionScratch<T>,
     /// Of each thread.
     lanes: Vec<ForceOfLane<T>>,
-}
-
-#[derive(Debug)]
-struct ProjectionScratch<T> {
-    strips: Vec<StripScratch<T>>,
-    /// Sums of the strips to each of their coarse nodes, strip after strip, m^3.
-    sums: Vec<T>,
-    /// (kappa - kappa_s) u'(J_P), Pa.
-    coarse: Vec<T>,
-    /// The same at the nodes, Pa; whole groups of lanes.
-    nodal: Vec<T>,
 }
 
 impl<T: Real> Kernel<T> {
@@ -183,18 +156,12 @@ impl<T: Real> Kernel<T> {
 
     /// Scratch memory for a team of so many threads.
     pub(super) fn scratch(&self, threads: usize) -> Scratch<T> {
-        let Projection { strips, runs, volume, .. } = &self.projection;
         let most = self.blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
         Scratch {
             blocks: self.blocks.iter().map(BlockScratch::new).collect(),
             force: vec![[T::default(); 3]; self.force_runs.total()],
             dilation: vec![T::default(); self.dilation_runs.total()],
-            projection: ProjectionScratch {
-                strips: strips.iter().map(StripScratch::new).collect(),
-                sums: vec![T::default(); runs.total()],
-                coarse: vec![T::default(); volume.len()],
-                nodal: vec![T::default(); strips.len() * NODES_PER_CHUNK],
-            },
+            projection: self.projection.scratch(),
             lanes: vec![vec![Default::default(); most]; threads.max(1)],
         }
     }
@@ -218,18 +185,8 @@ impl<T: Real> Kernel<T> {
 
     /// Strain energy at the last evaluation, J.
     pub(super) fn energy(&self, scratch: &Scratch<T>) -> f64 {
-        let projected: f64 = if self.projects() {
-            let density = |p: f64, region: u8| match &self.constants[usize::from(region)] {
-                Constants { projected: kappa, law, .. } if *kappa > 0.0 => {
-                    kappa * law.volumetric.energy(law.volumetric.dilation(p / kappa))
-                }
-                _ => 0.0,
-            };
-            let coarse = scratch.projection.coarse.iter().zip(&self.projection.region).zip(&self.projection.volume);
-            coarse.map(|((p, region), v)| v * density(p.get(), *region)).sum()
-        } else {
-            0.0
-        };
+        let projected =
+            if self.projects() { self.projection.energy(&scratch.projection, &self.constants) } else { 0.0 };
         scratch.blocks.iter().map(|b| b.energy).sum::<f64>() + projected
     }
 
@@ -349,89 +306,5 @@ impl<T: Real> Kernel<T> {
             energy: self.energy(&scratch),
             deformation: (0..self.slot.len()).map(|p| self.deformation(&scratch, p)).collect(),
         }
-    }
-}
-
-impl<T: Real> Projection<T> {
-    fn new(dilatation: &Dilatation, table: &ShapeTable, cells: &[[u32; 4]], nodes: usize) -> Self {
-        let entries = |a: usize| {
-            let (coarse, value) = dilatation.of_node(a);
-            coarse.iter().copied().zip(value.iter().copied())
-        };
-        let mut volume = vec![0.0; dilatation.count];
-        let corners = table.form.corners();
-        let share = 1.0 / corners as f64;
-        for (p, v) in table.volume.iter().enumerate() {
-            for n in &cells[table.cell[p] as usize][..corners] {
-                entries(*n as usize).for_each(|(coarse, value)| volume[coarse as usize] += share * v * value);
-            }
-        }
-        let strips: Vec<Strip<T>> = if dilatation.count > 0 {
-            let range = |first: usize| first..(first + NODES_PER_CHUNK).min(nodes);
-            (0..nodes).step_by(NODES_PER_CHUNK).map(|first| Strip::new(range(first), entries)).collect()
-        } else {
-            Vec::new()
-        };
-        Self {
-            runs: Offsets::of(strips.iter().map(|s| s.coarse().len())),
-            shares: Shares::of(strips.iter().map(Strip::coarse), dilatation.count),
-            volume,
-            region: dilatation.region.clone(),
-            strips,
-        }
-    }
-
-    /// Pressure at the nodes, Pa, from V_a (J_a - 1) of each, m^3.
-    fn project<'s>(
-        &self,
-        scratch: &'s mut ProjectionScratch<T>,
-        pool: &mut Pool,
-        constants: &[Constants],
-        dilation: impl Fn(usize) -> T + Sync,
-    ) -> &'s [T] {
-        let sums = (Each::new(&mut scratch.strips), Runs::new(&mut scratch.sums, &self.runs));
-        pool.each(sums, |s, (scratch, out)| run(ToCoarse(&self.strips[s], scratch, &dilation, out)));
-        let sums = &scratch.sums;
-        pool.each(Chunks::new(&mut scratch.coarse, COARSE_PER_CHUNK), |i, out| {
-            for (out, coarse) in out.iter_mut().zip(i * COARSE_PER_CHUNK..) {
-                let sum: f64 = self.shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum();
-                let constants = &constants[usize::from(self.region[coarse])];
-                *out = pressure(constants, sum, self.volume[coarse]);
-            }
-        });
-        let coarse = &scratch.coarse;
-        let nodal = (Each::new(&mut scratch.strips), Chunks::new(&mut scratch.nodal, NODES_PER_CHUNK));
-        pool.each(nodal, |s, (scratch, out)| run(ToNodes(&self.strips[s], scratch, coarse, out)));
-        &scratch.nodal
-    }
-}
-
-/// (kappa - kappa_s) u'(J_P), Pa, from the sum of V_a N_aP (J_a - 1) and V_P, m^3.
-fn pressure<T: Real>(constants: &Constants, sum: f64, volume: f64) -> T {
-    let (kappa, dilation) = (constants.projected, sum / volume);
-    T::of(match constants.law.volumetric {
-        _ if volume <= 0.0 => 0.0,
-        Volumetric::Quadratic => kappa * dilation,
-        other => kappa * other.slope(dilation),
-    })
-}
-
-/// The dilations of one strip's nodes, to its coarse nodes.
-struct ToCoarse<'a, T: Real, D>(&'a Strip<T>, &'a mut StripScratch<T>, &'a D, &'a mut [T]);
-
-impl<T: Real, D: Fn(usize) -> T> Loop for ToCoarse<'_, T, D> {
-    #[inline(always)]
-    fn go(self) {
-        self.0.sum_to_coarse(self.1, self.2, self.3);
-    }
-}
-
-/// The coarse pressures to one strip's nodes.
-struct ToNodes<'a, T: Real>(&'a Strip<T>, &'a mut StripScratch<T>, &'a [T], &'a mut [T]);
-
-impl<T: Real> Loop for ToNodes<'_, T> {
-    #[inline(always)]
-    fn go(self) {
-        self.0.hand_to_nodes(self.1, self.2, self.3);
     }
 }

@@ -12,6 +12,7 @@ mod explicit;
 #[allow(unsafe_code)] // what the owner of a phase tells its helpers
 mod gate;
 mod group;
+mod half;
 mod inertia;
 mod kernel;
 mod mass;
@@ -22,8 +23,10 @@ mod passes;
 mod points;
 #[allow(unsafe_code)] // threads that run a borrowed closure
 mod pool;
+mod projection;
 mod relax;
 mod settings;
+mod slide;
 mod state;
 mod step;
 mod strip;

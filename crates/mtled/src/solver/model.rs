@@ -13,6 +13,7 @@ use crate::material::Law;
 
 use super::contact::{Surface, Touch};
 use super::drag::Drag;
+use super::half::Half;
 use super::inertia::{Motion, Sums};
 use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
 use super::mass::FundamentalMode;
@@ -74,6 +75,8 @@ pub struct Model {
     pub(super) kernel: Precise<Kernel<f32>, Kernel<f64>>,
     /// What the shape table describes.
     pub(super) form: Form,
+    /// What a body with a plane of symmetry has.
+    pub(super) half: Option<Half>,
     pub(super) mode: FundamentalMode,
     /// s of [`super::mass`].
     pub(super) mass_scale: f64,
@@ -157,7 +160,7 @@ impl Model {
             Precision::F64 => Precise::F64(Kernel::of_materials(table, cells, points, laws, ratio)),
         };
         let threads = match table.form {
-            Form::Full => settings.threads,
+            Form::Full | Form::Mirrored(_) => settings.threads,
             // Blocks are what threads share, and a half plane has one or a few. So short a step gains nothing from a
             // second thread on a quiet machine, and loses tenfold where one has to wait for a processor.
             Form::Axisymmetric => {
@@ -165,9 +168,11 @@ impl Model {
                 settings.threads.min(blocks.div_ceil(BLOCKS_PER_THREAD))
             }
         };
+        let half = table.form.mirror().map(|mirror| Half::new(mirror, points));
         let mut model = Self {
             points: points.to_vec(),
-            rest: undeformed(&kernel, role),
+            rest: undeformed(&kernel, role, half.as_ref()),
+            half,
             kernel,
             form: table.form,
             mode: mode(table, cells, points, laws),
@@ -229,6 +234,15 @@ impl Model {
         with_kernel!((&self.kernel, &mut state.points) => (k, points) { k.set_active(points, point, share) });
     }
 
+    /// The part of a node's vector that its place leaves: of one on a plane of symmetry what lies within that.
+    #[inline]
+    pub(super) fn of_node(&self, n: usize, v: [f64; 3]) -> [f64; 3] {
+        match &self.half {
+            Some(half) => half.of_node(n, v),
+            None => v,
+        }
+    }
+
     /// Evaluates the internal force at the present nodal parameters, so that deformation, energy and smallest volume
     /// ratio are those of the state and not of a probe.
     pub(super) fn evaluate(&self, state: &State, work: &mut Workspace) {
@@ -244,7 +258,7 @@ fn mode(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], laws: &[Law
     let modulus = |law: &Law| {
         let mu = law.shear_modulus();
         match table.form {
-            Form::Full => mu,
+            Form::Full | Form::Mirrored(_) => mu,
             Form::Axisymmetric => 9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu),
         }
     };
@@ -261,7 +275,7 @@ fn mode(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], laws: &[Law
 }
 
 /// No displacement, no mass.
-fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> State {
+fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>, half: Option<&Half>) -> State {
     let nodes = role.len();
     let zero = vec![[0.0; 3]; nodes];
     let points = match kernel {
@@ -285,7 +299,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
         control: Control {
             mass: vec![0.0; nodes],
             slowest: 0.0,
-            probe: noise(&role),
+            probe: noise(&role, half),
             largest: 0.0,
             steps_since_refresh: 0,
             usual_travel: 0.0,
@@ -305,9 +319,12 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>) -> St
     }
 }
 
-/// A fixed vector with no symmetry, zero on held nodes.
-fn noise(role: &[Role]) -> Vec<[f64; 3]> {
+/// A fixed vector with no symmetry but the body's own, zero on held nodes.
+fn noise(role: &[Role], half: Option<&Half>) -> Vec<[f64; 3]> {
     let value = |i: usize| ((i.wrapping_mul(2_654_435_761) >> 7) % 1009) as f64 / 1009.0 - 0.5;
-    let free = |(i, r): (usize, &Role)| std::array::from_fn(|k| if r.frees(k) { value(3 * i + k) } else { 0.0 });
+    let free = |(i, r): (usize, &Role)| {
+        let v = std::array::from_fn(|k| if r.frees(k) { value(3 * i + k) } else { 0.0 });
+        half.map_or(v, |half| half.of_node(i, v))
+    };
     role.iter().enumerate().map(free).collect()
 }

@@ -166,7 +166,12 @@ impl<'a> Nodes<'a> {
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
                 // the spring at the end of the step, so that it is stable however stiff it is
                 let spring = path.spring * inverse;
-                for k in 0..2 {
+                let on_axis = held.revolved && held.points[n][0] == 0.0 && held.role[n] == Role::Dragged;
+                if on_axis {
+                    // the radial parameter of a node on the axis has no force
+                    (u[0], q[0]) = (0.0, 0.0);
+                }
+                for k in usize::from(on_axis)..2 {
                     let drift = rule.drift(tangent, k);
                     let free = drift + rule.keep * q[k] - f[k] * inverse;
                     let v = (free + spring * (path.at(s, k) - u[k])) / (1.0 + spring);

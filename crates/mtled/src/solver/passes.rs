@@ -35,6 +35,14 @@ impl<T: Real> Block<T> {
                 }
                 run(Deform::<_, false> { block: self, active, scratch, dilation });
             }
+            Form::Mirrored(mirror) => {
+                for (l, (local, &n)) in scratch.u.iter_mut().zip(&self.nodes).enumerate() {
+                    let u = &u[n as usize];
+                    let u = if l < self.originals { *u } else { mirror.image(u) };
+                    *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
+                }
+                run(Deform::<_, false> { block: self, active, scratch, dilation });
+            }
             Form::Axisymmetric => {
                 self.copy_meridian(u, origin[2], &mut scratch.u);
                 run(Deform::<_, true> { block: self, active, scratch, dilation });
@@ -76,9 +84,12 @@ impl<T: Real> Block<T> {
             scratch.energy += memory.offset;
         }
         T::sum_and_clear(lanes, force);
-        // what pulls an image outwards pulls its node the other way
+        // what pulls an image pulls its node the mirrored way
         for force in &mut force[self.originals..] {
-            force[0] = -force[0];
+            match self.form {
+                Form::Mirrored(mirror) => *force = mirror.image(&force.map(T::get)).map(T::of),
+                Form::Full | Form::Axisymmetric => force[0] = -force[0],
+            }
         }
     }
 
@@ -90,7 +101,7 @@ impl<T: Real> Block<T> {
         lanes: &mut ForceOfLane<T>,
     ) {
         match self.form {
-            Form::Full => run(Stress::<_, _, false> { block: self, law, active, scratch, lanes }),
+            Form::Full | Form::Mirrored(_) => run(Stress::<_, _, false> { block: self, law, active, scratch, lanes }),
             Form::Axisymmetric => run(Stress::<_, _, true> { block: self, law, active, scratch, lanes }),
         }
     }
@@ -102,7 +113,7 @@ impl<T: Real> Block<T> {
         let two = Lanes::look_up(pressure, a) + Lanes::look_up(pressure, b);
         let third = Lanes::look_up(pressure, c);
         match self.form {
-            Form::Full => Lanes::of(0.25) * (two + (third + Lanes::look_up(pressure, d))),
+            Form::Full | Form::Mirrored(_) => Lanes::of(0.25) * (two + (third + Lanes::look_up(pressure, d))),
             Form::Axisymmetric => Lanes::of(1.0 / 3.0) * (two + third),
         }
     }

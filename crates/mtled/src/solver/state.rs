@@ -2,7 +2,7 @@
 
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
-use super::drag::{Drag, End, Slip, Wall};
+use super::drag::{Drag, End, Grip, Slip, Wall};
 use super::inertia::{Motion, Sums};
 use super::kernel::Points;
 use super::memory::Memory;
@@ -182,6 +182,10 @@ impl State {
         let before = &mut self.constraints.drag.walls[layer];
         let begins = before.limit <= 0.0 && wall.limit > 0.0;
         *before = wall;
+        if wall.grip == Grip::Free {
+            let places = self.constraints.drag.layer(layer);
+            self.moving.slip.held[places].fill(false);
+        }
         if begins {
             self.moving.slip.wall[layer] = self.moving.slip.at - self.constraints.drag.of_layer(layer, &self.moving.u);
         }

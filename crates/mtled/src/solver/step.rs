@@ -27,8 +27,6 @@ const LEARNING: f64 = 0.3;
 const FLOOR: f64 = 0.2;
 /// How fast the memory of the usual travel fades, per advance.
 const USUAL_DECAY: f64 = 0.995;
-/// The same where a rod drags tissue: the steps per pose change with what slips, and the travel per step with them.
-const USUAL_DECAY_OF_DRAG: f64 = 0.8;
 /// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
 const REFRESH: u32 = 24;
 /// Share of the present velocities in the probe.
@@ -73,9 +71,8 @@ impl Model {
     pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) -> u32 {
         let travel = advance.travel.map(|d| d / f64::from(advance.steps));
         self.note_motion(state, advance.travel);
-        let decay = if state.constraints.drag.nodes.is_empty() { USUAL_DECAY } else { USUAL_DECAY_OF_DRAG };
         let control = &mut state.control;
-        control.usual_travel = dot(&travel, &travel).sqrt().max(decay * control.usual_travel);
+        control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
         let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
         control.motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
         let mut first = 1;
@@ -148,7 +145,7 @@ impl Model {
                 pool.each((nodes(moving), Each::new(sums)), |i, (part, sums)| {
                     let mut part = Nodes::new(i, part);
                     for l in 0..part.u.len() {
-                        part.f[l] = k.node_force(scratch, part.first + l);
+                        part.f[l] = self.of_node(part.first + l, k.node_force(scratch, part.first + l));
                         if step < rule.last {
                             part.integrate(l, &held, step + 1, rule);
                         }
@@ -170,13 +167,17 @@ impl Model {
     /// Forces and energies after the last advance.
     #[must_use]
     pub fn balance(&self, state: &State, work: &Workspace) -> Balance {
-        let sums = state.control.sums.iter().fold(state.control.dragged, |all, chunk| all + *chunk);
+        let mut sums = state.control.sums.iter().fold(state.control.dragged, |all, chunk| all + *chunk);
+        let mut strain = with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) });
+        if let Some(half) = &self.half {
+            (sums, strain) = (half.whole(&sums), 2.0 * strain);
+        }
         let mut b = Balance {
             instrument: sums.instrument,
             base: sums.base,
             moment: sums.moment,
             kinetic: sums.kinetic,
-            strain: with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) }),
+            strain,
             ..Balance::default()
         };
         if self.form == Form::Axisymmetric {
@@ -267,9 +268,10 @@ impl Model {
         });
         let (mut up, mut down) = (0.0, 0.0);
         for n in 0..image.len() {
+            let there = self.of_node(n, image[n]);
             for k in 0..3 {
                 let e = control.probe[n][k];
-                let image = if constraints.role[n].frees(k) { image[n][k] - f[n][k] } else { 0.0 };
+                let image = if constraints.role[n].frees(k) { there[k] - f[n][k] } else { 0.0 };
                 up += e * image;
                 down += control.mass[n] * e * e;
                 control.probe[n][k] = image / control.mass[n];

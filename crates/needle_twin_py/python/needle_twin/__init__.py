@@ -14,6 +14,7 @@ Units are SI. Frame `sample`: origin at the centre of the sample's bottom face, 
 
 - `Scene`: what is modelled; `presets()`: the scenes that are compiled in.
 - `Twin`: a pose in, a `Prediction` out; `Twin.look_ahead`: what a further motion would bring.
+- `Ensemble`: many twins in step, with other values of what isn't known for sure; a pose in, a `ForceBand` out.
 - `solve`, `replay`: whole runs; a `Run` has curves, metrics, verdict, and `save` writes the report.
 - `Recording`: bags and tables; `calibrate`: values of scene keys from a recording.
 - `needle_twin.gym`: an environment for controllers (needs gymnasium).
@@ -26,6 +27,8 @@ from ._needle_twin import (
     Calibration,
     CalibrationError,
     Diverged,
+    Ensemble,
+    ForceBand,
     NeedleTwinError,
     PoseRefused,
     Prediction,
@@ -47,6 +50,8 @@ __all__ = [
     "Calibration",
     "CalibrationError",
     "Diverged",
+    "Ensemble",
+    "ForceBand",
     "NeedleTwinError",
     "PoseRefused",
     "Prediction",

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 __version__: str
 
 Path = str | PathLike[str]
-Value = str | float | int | bool | Sequence[float]
+Prior = Mapping[Literal["normal", "lognormal", "uniform"], Sequence[float]]
+Value = str | float | int | bool | Sequence[float] | Prior
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint32]
 
@@ -112,6 +113,42 @@ class Twin:
     def targets(self) -> Floats: ...
     def pose_at_depth(self, depth_m: float) -> tuple[list[float], list[float]]: ...
 
+class ForceBand:
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def depth_m(self) -> float: ...
+    @property
+    def mean_n(self) -> float: ...
+    @property
+    def standard_deviation_n(self) -> float: ...
+    @property
+    def low_n(self) -> float: ...
+    @property
+    def high_n(self) -> float: ...
+    @property
+    def members(self) -> int: ...
+
+class Ensemble:
+    def __new__(cls, scene: Scene | Path, members: int = 24, seed: int = 0) -> Ensemble: ...
+    def step(
+        self,
+        time_s: float,
+        depth_m: float | None = None,
+        *,
+        tip: Sequence[float] | Floats | None = None,
+        axis: Sequence[float] | Floats | None = None,
+    ) -> ForceBand: ...
+    @property
+    def predicted_n(self) -> Floats: ...
+    def targets(self) -> tuple[Floats, Floats]: ...
+    @property
+    def keys(self) -> list[str]: ...
+    @property
+    def values(self) -> Floats: ...
+    def reset(self) -> None: ...
+    def __len__(self) -> int: ...
+
 class Recording:
     def __new__(
         cls,
@@ -174,6 +211,10 @@ class Run:
     @property
     def measured_vector_n(self) -> Floats: ...
     @property
+    def predicted_low_n(self) -> Floats | None: ...
+    @property
+    def predicted_high_n(self) -> Floats | None: ...
+    @property
     def phase(self) -> list[str]: ...
     @property
     def target_names(self) -> list[str]: ...
@@ -214,6 +255,8 @@ def solve(
     pose_hz: float | None = None,
     changes: Mapping[str, Value] | None = None,
     threads: int = 0,
+    members: int = 0,
+    seed: int = 0,
 ) -> Run: ...
 def replay(
     recording: Recording | Path,
@@ -222,6 +265,8 @@ def replay(
     changes: Mapping[str, Value] | None = None,
     threads: int = 0,
     force: bool = False,
+    members: int = 0,
+    seed: int = 0,
 ) -> Run: ...
 def calibrate(
     recording: Recording | Path,

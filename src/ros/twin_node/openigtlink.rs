@@ -1,0 +1,59 @@
+//! What the node shows by OpenIGTLink.
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+
+use super::declared;
+use super::shared::Shared;
+use super::tissue::{Model, Snapshot};
+use crate::openigtlink::{Board, Instrument, Server};
+use crate::ros::parameters::Parameters;
+use crate::ros::start::NodeError;
+
+/// A link that is served.
+pub(super) struct Link {
+    pub board: Arc<Board>,
+    _server: Server,
+}
+
+impl Link {
+    /// Serves it, if the parameters say so.
+    ///
+    /// # Errors
+    /// [`NodeError`] if the port is taken.
+    pub fn open(parameters: &Parameters, shared: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
+        if !parameters.get(declared::OPENIGTLINK) {
+            return Ok(None);
+        }
+        let address = parameters.get(declared::OPENIGTLINK_ADDRESS).parse().unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST));
+        let port = u16::try_from(parameters.get(declared::OPENIGTLINK_PORT)).unwrap_or(0);
+        if !address.is_loopback() {
+            tracing::warn!(
+                "openigtlink_address {address}: whoever reaches this machine can watch, since nothing is encrypted"
+            );
+        }
+        let board = Arc::new(Board::default());
+        let instrument = {
+            let shared = Arc::clone(shared);
+            move || {
+                let answer = shared.lock().last?;
+                let at = answer.pose.pose;
+                Some(Instrument { stamp_nanos: answer.stamp.nanos(), tip: at.tip, axis: at.axis })
+            }
+        };
+        let server = Server::start((address, port), Arc::clone(&board), instrument);
+        let server = server.map_err(|e| NodeError::Other(e.to_string()))?;
+        tracing::info!("OpenIGTLink: {}", server.address());
+        Ok(Some(Self { board, _server: server }))
+    }
+}
+
+/// Shows the sample.
+pub(super) fn model(board: &Board, model: &Model) {
+    board.model(&model.points, &model.surface, &model.target_names);
+}
+
+/// Shows the sample at a moment.
+pub(super) fn tissue(board: &Board, snapshot: &Snapshot) {
+    board.tissue(snapshot.stamp.nanos(), &snapshot.displacements, &snapshot.targets);
+}

@@ -1,0 +1,27 @@
+#![allow(clippy::unwrap_used)]
+use super::*;
+
+#[test]
+fn patterns_and_names() {
+    assert!(fits("EF10_0T_A1.csv", "*.csv") && fits("a", "*") && !fits("a.txt", "*.csv") && fits("xayb", "x*y*"));
+    assert!(!fits("ab", "ab*b") && fits("aabb", "a*ab*b") && !fits("a", "*b*") && fits("", "**"));
+    assert_eq!(filled("{folder}/{name:3}-{name:-1}", "EF10", "x"), "x/EF1-EF1");
+    assert_eq!(filled("{name:x} {} {name:-9}{name", "EF10", "x"), "{name:x} {} {name");
+}
+
+/// A file's own name is no field, and a pattern of many stars is not tried in every way.
+#[test]
+fn names_and_patterns_end() {
+    assert_eq!(filled("{name:99}/{name}", "{name:99}{folder}", "x"), "{name:99}{folder}/{name:99}{folder}");
+    assert!(!fits(&"a".repeat(250), &("*a".repeat(120) + "b")));
+}
+
+#[test]
+fn numbers_that_mean_nothing_are_refused() {
+    let read = |text: &str| Manifest::from_text(Path::new("m.toml"), text, Some(Path::new("none")));
+    for (key, bad) in [("rate_hz", "0.0"), ("rate_hz", "nan"), ("gauge_length_m", "-1.0"), ("time_offset_s", "inf")] {
+        let error = read(&format!("[[recordings]]\nfile = \"a.csv\"\n{key} = {bad}\n")).unwrap_err().to_string();
+        assert!(error.contains(key) && error.contains("a.csv"), "{error}");
+    }
+    assert!(read("[[recordings]]\nfile = \"a.csv\"\nrate_hz = 10.0\ntime_offset_s = -1.0\n").is_ok());
+}
