@@ -4,9 +4,11 @@
 mod coarse;
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use coarse::scene;
+use needle_twin::scene::Scene;
 use needle_twin::twin::{Phase, StampedPose, Twin};
 
 /// The system's allocator, counting while told to. Freed memory counts too: a real-time loop must do neither.
@@ -15,10 +17,17 @@ struct Counting;
 static COUNTS: AtomicBool = AtomicBool::new(false);
 static CALLS: AtomicU64 = AtomicU64::new(0);
 static BYTES: AtomicU64 = AtomicU64::new(0);
+/// Calls by the thread that calls [`Twin::step`].
+static OWN: AtomicU64 = AtomicU64::new(0);
+
+thread_local! {
+    static STEPS: Cell<bool> = const { Cell::new(false) };
+}
 
 fn count(bytes: usize) {
     if COUNTS.load(Ordering::Relaxed) {
         CALLS.fetch_add(1, Ordering::Relaxed);
+        OWN.fetch_add(STEPS.with(|own| u64::from(own.get())), Ordering::Relaxed);
         BYTES.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 }
@@ -47,10 +56,12 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Allocations during the poses from depth to depth, and the phases seen.
-fn calls(twin: &mut Twin, depths: &[f64]) -> (u64, Vec<Phase>) {
+/// Allocations during the poses from depth to depth, those by this thread, and the phases seen.
+fn calls(twin: &mut Twin, depths: &[f64]) -> ([u64; 2], Vec<Phase>) {
     let mut phases = Vec::with_capacity(depths.len());
-    let before = CALLS.load(Ordering::SeqCst);
+    let now = || [&CALLS, &OWN].map(|count| count.load(Ordering::SeqCst));
+    let before = now();
+    STEPS.set(true);
     for depth in depths {
         let pose = StampedPose { time_s: 0.01 * phases.len() as f64, pose: twin.pose_at_depth(*depth) };
         COUNTS.store(true, Ordering::SeqCst);
@@ -58,7 +69,26 @@ fn calls(twin: &mut Twin, depths: &[f64]) -> (u64, Vec<Phase>) {
         COUNTS.store(false, Ordering::SeqCst);
         phases.push(answer.unwrap().phase);
     }
-    (CALLS.load(Ordering::SeqCst) - before, phases)
+    let after = now();
+    ([after[0] - before[0], after[1] - before[1]], phases)
+}
+
+/// A twin that steps on two threads. The threads that built it have ended: only those that step are left to be counted (a worker of rayon's
+/// that looks for work now and then frees what its queues have left).
+fn on_two_threads(scene: &Scene) -> Twin {
+    let mut workers = Vec::new();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(2)
+        .spawn_handler(|worker| {
+            workers.push(std::thread::spawn(|| worker.run()));
+            Ok(())
+        })
+        .build()
+        .unwrap();
+    let twin = pool.install(|| Twin::new(scene)).unwrap();
+    drop(pool);
+    workers.into_iter().for_each(|worker| worker.join().unwrap());
+    twin
 }
 
 /// Every part of a material that has one.
@@ -110,32 +140,34 @@ fn a_step_allocates_nothing() {
         ("needle_insertion", &HALF),
         ("needle_insertion", &FRICTIONAL),
     ] {
-        rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(|| {
-            let mut twin = Twin::new(&scene(preset, changes)).unwrap();
-            // the first poses wake the threads up
-            calls(&mut twin, &[-2e-3, -1e-3, 1e-5, 2e-5]);
-            let down = (1..=60).map(|k| f64::from(k) * 5e-5);
-            let up = (0..60).rev().map(|k| f64::from(k) * 5e-5);
-            let depths: Vec<f64> = down.chain(up).chain([-1e-3, 1e-3]).collect();
-            let (count, phases) = calls(&mut twin, &depths);
-            assert!(phases.contains(&Phase::Indentation) && phases.contains(&Phase::Approach), "{phases:?}");
-            assert_eq!(phases.contains(&Phase::Penetration), preset == "needle_insertion", "{phases:?}");
-            // what stands between two poses when somebody looks ahead
-            let before = BYTES.load(Ordering::SeqCst);
-            COUNTS.store(true, Ordering::SeqCst);
-            let mut double = twin.double();
-            COUNTS.store(false, Ordering::SeqCst);
-            let branch = BYTES.load(Ordering::SeqCst) - before;
-            let state = state_bytes(&twin, changes.iter().any(|(key, _)| key.contains("prony")));
-            println!("{preset} {changes:?}: {branch} bytes for a branch, a state has {state}");
-            // in three dimensions the gradients alone would be two or three times as much again
-            assert!(branch < 2 * state, "{preset} {changes:?}: {branch} bytes for a branch of a state of {state}");
-            let before = CALLS.load(Ordering::SeqCst);
-            COUNTS.store(true, Ordering::SeqCst);
-            double.take_over(&twin);
-            COUNTS.store(false, Ordering::SeqCst);
-            assert_eq!(CALLS.load(Ordering::SeqCst) - before, 0, "{preset} {changes:?}: copying the state allocates");
-            assert_eq!(count, 0, "{preset} {changes:?}: {count} calls of the allocator in {} poses", depths.len());
-        });
+        let mut twin = on_two_threads(&scene(preset, changes));
+        // the first poses wake the threads up
+        calls(&mut twin, &[-2e-3, -1e-3, 1e-5, 2e-5]);
+        let down = (1..=60).map(|k| f64::from(k) * 5e-5);
+        let up = (0..60).rev().map(|k| f64::from(k) * 5e-5);
+        let depths: Vec<f64> = down.chain(up).chain([-1e-3, 1e-3]).collect();
+        let ([count, own], phases) = calls(&mut twin, &depths);
+        assert!(phases.contains(&Phase::Indentation) && phases.contains(&Phase::Approach), "{phases:?}");
+        assert_eq!(phases.contains(&Phase::Penetration), preset == "needle_insertion", "{phases:?}");
+        // what stands between two poses when somebody looks ahead
+        let before = BYTES.load(Ordering::SeqCst);
+        COUNTS.store(true, Ordering::SeqCst);
+        let mut double = twin.double();
+        COUNTS.store(false, Ordering::SeqCst);
+        let branch = BYTES.load(Ordering::SeqCst) - before;
+        let state = state_bytes(&twin, changes.iter().any(|(key, _)| key.contains("prony")));
+        println!("{preset} {changes:?}: {branch} bytes for a branch, a state has {state}");
+        // in three dimensions the gradients alone would be two or three times as much again
+        assert!(branch < 2 * state, "{preset} {changes:?}: {branch} bytes for a branch of a state of {state}");
+        let before = CALLS.load(Ordering::SeqCst);
+        COUNTS.store(true, Ordering::SeqCst);
+        double.take_over(&twin);
+        COUNTS.store(false, Ordering::SeqCst);
+        assert_eq!(CALLS.load(Ordering::SeqCst) - before, 0, "{preset} {changes:?}: copying the state allocates");
+        let poses = depths.len();
+        assert_eq!(
+            count, 0,
+            "{preset} {changes:?}: {count} calls of the allocator in {poses} poses, {own} by the thread that steps"
+        );
     }
 }

@@ -12,7 +12,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
 
 use super::backoff::Backoff;
@@ -50,6 +50,8 @@ impl Job {
 struct Shared {
     gate: Gate<Job>,
     stop: AtomicBool,
+    /// Helpers that have begun.
+    begun: AtomicUsize,
 }
 
 /// Persistent threads; the caller takes part as rank 0.
@@ -67,15 +69,19 @@ impl std::fmt::Debug for Pool {
 }
 
 impl Pool {
-    /// Starts `threads - 1` helpers (at least none). A thread that can't be started is done without.
+    /// Starts `threads - 1` helpers (at least none), and returns when they have begun: what the start of a thread allocates is no part of
+    /// a step. A thread that can't be started is done without.
     #[must_use]
     pub fn new(threads: usize) -> Self {
-        let shared = Arc::new(Shared { gate: Gate::new(), stop: AtomicBool::new(false) });
+        let shared = Arc::new(Shared { gate: Gate::new(), stop: AtomicBool::new(false), begun: AtomicUsize::new(0) });
         let start = |rank: usize| {
             let shared = Arc::clone(&shared);
             thread::Builder::new().name(format!("solver-{rank}")).spawn(move || help(&shared, rank)).ok()
         };
-        let helpers = (1..threads).map_while(start).collect();
+        let helpers: Vec<_> = (1..threads).map_while(start).collect();
+        while shared.begun.load(Ordering::Acquire) < helpers.len() {
+            thread::yield_now();
+        }
         Self { shared, helpers, backoff: Backoff::default(), poisoned: false }
     }
 
@@ -171,6 +177,7 @@ impl Drop for Pool {
 }
 
 fn help(shared: &Shared, rank: usize) {
+    shared.begun.fetch_add(1, Ordering::Release);
     let (mut seen, mut turns) = (0, 0);
     while !shared.stop.load(Ordering::Acquire) {
         let Some(job) = shared.gate.enter(&mut seen) else {
