@@ -4,6 +4,7 @@ use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, MUTED, Panel, VERMILION, label, legend},
     raster::fitted,
+    regions,
     unit::significant,
 };
 use crate::study::calibrate::Calibration;
@@ -39,7 +40,10 @@ pub(super) fn calibration_plot(calibration: &Calibration, source: &str) -> Pictu
     let y = Axis::holding(forces.iter().flat_map(|v| v.iter().map(|f| factor * f)).chain([0.0]), 6, 0.06);
     let x = Axis::holding(f.depth_m.iter().map(|d| 1e3 * d).chain([0.0]), 10, 0.025);
     let upper = Panel { frame: [SIDES[0], 176.0, SIDES[1], 440.0], x, y };
+    let ground = regions::ground(&calibration.regions);
+    upper.ground(&mut picture, &ground);
     upper.grid(&mut picture, true);
+    upper.strip(&mut picture, &ground);
     upper.title(&mut picture, &format!("Force against insertion in {unit}, over depth in mm"), 11.0);
     for (force, pen) in forces.into_iter().zip([MEASURED, START, FITTED]) {
         upper.curve(&mut picture, points(&f.depth_m, 1e3, force), pen);

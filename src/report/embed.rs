@@ -116,8 +116,11 @@ fn bands(stretches: &[Stretch]) -> Value {
 /// Regions over the depth, with their pale colours as a style sheet takes them.
 fn depth_regions(run: &Run) -> Value {
     let colour = |[r, g, b]: [u8; 3]| format!("rgb({r},{g},{b})");
-    let stretch = |s: &regions::Depths| json!({ "name": regions::name(run, s.region), "from": s.from, "to": s.to, "colour": colour(regions::colour(s.region)) });
-    regions::over_depth(run).iter().map(stretch).collect()
+    let depths = run.regions_over_depth();
+    let stretches = depths
+        .iter()
+        .map(|s| json!({ "name": s.name, "from": s.from, "to": s.to, "colour": colour(regions::colour(s.region)) }));
+    stretches.collect()
 }
 
 /// Depth and time spent at the deepest point, where the run stays there.

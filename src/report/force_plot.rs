@@ -5,7 +5,7 @@ use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, Panel, VERMILION, label, legend},
     raster::fitted,
-    regions::{self, Depths},
+    regions,
     thin::thin,
     unit::{Scale, significant},
 };
@@ -43,9 +43,7 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     let y = Axis::holding(forces.chain(bands).chain([0.0]), 6, 0.06);
     let bottom = if measured { 470.0 } else { 636.0 };
     let upper = Panel { frame: [SIDES[0], 172.0, SIDES[1], bottom], x: x.clone(), y };
-    let depths =
-        |s: &Depths| (1e3 * s.from, 1e3 * s.to, regions::name(run, s.region).to_owned(), regions::tint(s.region));
-    let ground: Vec<_> = regions::over_depth(run).iter().map(depths).collect();
+    let ground = regions::ground(&run.regions_over_depth());
     upper.ground(&mut picture, &ground);
     upper.grid(&mut picture, !measured);
     upper.strip(&mut picture, &ground);

@@ -4,6 +4,7 @@ use super::{
     picture::Pen,
     picture::{Anchor, Picture, Type},
     plot::{Axis, BLUE, INK, Panel, VERMILION, label, legend},
+    regions,
     unit::Scale,
 };
 use crate::study::verification::{Compared, Verification};
@@ -28,7 +29,10 @@ pub(super) fn verification_plot(verification: &Verification) -> Picture {
     let forces = compared.iter().flat_map(|c| [c.predicted_n, c.reference_n]).map(|f| force.factor * f).chain([0.0]);
     let x = Axis::holding(depths(), 10, 0.025);
     let upper = Panel { frame: [SIDES[0], 128.0, SIDES[1], 430.0], x: x.clone(), y: Axis::holding(forces, 6, 0.06) };
+    let ground = regions::ground(&run.regions_over_depth());
+    upper.ground(&mut picture, &ground);
     upper.grid(&mut picture, false);
+    upper.strip(&mut picture, &ground);
     upper.title(&mut picture, &format!("Force in {}", force.unit), 12.0);
     let last = compared.last().map_or(0.0, |c| c.depth_m);
     let shown = run.answers.iter().filter(|a| a.depth_m <= last).step_by(1 + run.answers.len() / 1000);

@@ -27,6 +27,7 @@ mod rig_bag;
 mod shell;
 #[path = "../synthetic_run/mod.rs"]
 mod synthetic_run;
+mod tissues;
 mod tune;
 mod verdict;
 mod vtu;

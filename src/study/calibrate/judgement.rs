@@ -58,6 +58,7 @@ pub(super) fn judged(
         correlation: (0..names.len()).map(|a| (0..names.len()).map(|b| correlated(a, b)).collect()).collect(),
         indistinguishable: about.indistinguishable().into_iter().map(group).collect(),
         verdict: verdict(&rows, names.len(), task.force_error, &calibration_notes(problem)),
+        regions: problem.regions().to_vec(),
         forces,
         parts: problem.parts().clone(),
         left_out: 0,

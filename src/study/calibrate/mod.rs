@@ -31,7 +31,7 @@ mod unknown;
 use std::ops::Range;
 
 use crate::compare::alignment::Alignment;
-use crate::compare::{Verdict, Watch};
+use crate::compare::{Depths, Verdict, Watch};
 use crate::scene::{Override, Scene};
 
 pub use curve_table::CurveTable;
@@ -108,6 +108,8 @@ pub struct Calibration {
     pub indistinguishable: Vec<Vec<String>>,
     /// Measured force and the twin's, before and after.
     pub forces: Forces,
+    /// Regions that the tip was in over the depth, with the values found; empty where the scene has none.
+    pub regions: Vec<Depths>,
     /// Readings that were fitted, and those that were held out, as indices into `forces`.
     pub parts: Parts,
     /// Readings of the fitted part that were left out as spikes.

@@ -11,7 +11,7 @@ use super::unknown::Sought;
 use super::{CalibrateError, Forces, Parts, Task};
 use crate::compare::path::ForcePath;
 use crate::compare::rows::{Rows, at_rest};
-use crate::compare::{Answer, At, Reading, Run, Watch, least_squares::Problem};
+use crate::compare::{Answer, At, Depths, Reading, Run, Watch, least_squares::Problem};
 use crate::scene::{Override, Scene};
 
 /// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
@@ -32,6 +32,8 @@ pub(super) struct Kept {
     pub x: Vec<f64>,
     /// Of the force against the axis, then of those across it.
     pub paths: Vec<ForcePath>,
+    /// Regions that the tip was in.
+    pub regions: Vec<Depths>,
 }
 
 pub(super) struct Recorded<'a> {
@@ -209,6 +211,11 @@ impl<'a> Recorded<'a> {
         self.kept.as_ref().map(|kept| &kept.paths[0])
     }
 
+    /// Regions that the tip was in during the last run.
+    pub fn regions(&self) -> &[Depths] {
+        self.kept.as_ref().map_or(&[], |kept| &kept.regions)
+    }
+
     /// Value of an unknown that may not be sought; 0 then.
     pub fn value(&self, x: &[f64], of: &Sought) -> f64 {
         self.sought.iter().position(|s| s == of).map_or(0.0, |k| x[k])
@@ -271,8 +278,8 @@ impl<'a> Recorded<'a> {
     /// The same against the axis, then along each direction across it.
     fn all_predicted(&mut self, x: &[f64]) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
         if self.relative_to_kept(x).is_none() {
-            match self.paths_with(x)? {
-                Some(paths) => self.kept = Some(Kept { x: x.to_vec(), paths }),
+            match self.run_with(x)? {
+                Some(kept) => self.kept = Some(kept),
                 None => return Ok(None),
             }
         }
@@ -299,7 +306,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// A run with the values x.
-    fn paths_with(&mut self, x: &[f64]) -> Result<Option<Vec<ForcePath>>, CalibrateError> {
+    fn run_with(&mut self, x: &[f64]) -> Result<Option<Kept>, CalibrateError> {
         let values = self.sought.iter().zip(x).filter(|(s, _)| matches!(s, Sought::Key(_) | Sought::Contact));
         let values: Vec<String> = values.map(|(s, v)| format!("{} = {v:.6}", s.name())).collect();
         (self.tell)(&format!("run {}: {}", self.runs + 1, values.join(", ")));
@@ -308,7 +315,8 @@ impl<'a> Recorded<'a> {
             Err(CalibrateError::Build { .. } | CalibrateError::OutsideTable) => return Ok(None),
             other => other?,
         };
-        Ok(paths_of(&run, &self.directions).filter(|_| run.diverged.is_none() && answered(&run, self.task)))
+        let paths = paths_of(&run, &self.directions).filter(|_| run.diverged.is_none() && answered(&run, self.task));
+        Ok(paths.map(|paths| Kept { x: x.to_vec(), paths, regions: run.regions_over_depth() }))
     }
 
     /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
@@ -320,10 +328,10 @@ impl<'a> Recorded<'a> {
         for change in [size, -size] {
             let mut beside = x.to_vec();
             beside[k] += change;
-            if let Some(paths) = self.paths_with(&beside)? {
+            if let Some(kept) = self.run_with(&beside)? {
                 let clock = self.value(x, &Sought::Clock);
                 let times = || self.fitted.iter().map(|&i| self.forces.time_s[i] - clock);
-                let other = paths.iter().flat_map(|path| times().map(|t| path.force_n(t, 0.0)));
+                let other = kept.paths.iter().flat_map(|path| times().map(|t| path.force_n(t, 0.0)));
                 return Ok(Some(other.zip(force).map(|(a, b)| (a - b) / change).collect()));
             }
         }

@@ -19,7 +19,11 @@ impl Recorded<'_> {
         };
         let x: Option<Vec<f64>> = self.sought.iter().map(at).collect();
         let paths = paths_of(first, &self.directions);
-        self.kept = x.zip(paths).filter(|_| answered(first, self.task)).map(|(x, paths)| Kept { x, paths });
+        self.kept = x.zip(paths).filter(|_| answered(first, self.task)).map(|(x, paths)| Kept {
+            x,
+            paths,
+            regions: first.regions_over_depth(),
+        });
     }
 
     /// Begins the search at that point of the table which, with pressures of the right size, leaves the least: friction and exponents have
