@@ -48,6 +48,9 @@ const SHORT_WINDOW: f64 = 0.375;
 /// The same in layers of nodes, where they are longer.
 const LEAST_WINDOW: f64 = 2.0;
 
+/// How much earlier than the window says a ramp begins and ends at most, over the window: half a layer where it has four.
+const EARLY: f64 = 0.125;
+
 /// State of the insertion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Insertion {
@@ -98,6 +101,8 @@ cloned_field_by_field! {
         /// What pressing has done to the surface so far.
         strained: Strained,
         withdrawn: bool,
+        /// Depth of the tip below the top face at the pose before, m.
+        tip: f64,
     }
 }
 
@@ -154,6 +159,7 @@ impl NeedlePath {
                 state,
                 strained: Strained::default(),
                 withdrawn: false,
+                tip: 0.0,
             },
             inner,
             effective_radius,
@@ -198,6 +204,12 @@ impl NeedlePath {
     }
 
     pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
+        let answered = self.go_to(tip, solver);
+        self.progress.tip = -tip.offset[2];
+        answered
+    }
+
+    fn go_to(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
         // the nodes' depths are vertical
         let depth = -tip.offset[2];
         if !self.progress.state.punctured {
@@ -334,9 +346,16 @@ impl NeedlePath {
             Hold::Free | Hold::Indented => {
                 let shift = self.layer_shift(z, solver);
                 let shift = if hold == Hold::Indented { shift } else { carried(shift, behind) };
-                Capture { since: depth, from: solver.parameters()[n], beside: beside(shift), passed }
+                Capture { since: self.entered(depth, z), from: solver.parameters()[n], beside: beside(shift), passed }
             }
         }
+    }
+
+    /// Depth of the tip at which a node at depth z began its ramp, m: where the tip was at the pose before, since the node has moved freely up
+    /// to there. A node that began within the pose would stand still, or nearly so, for all of it.
+    fn entered(&self, depth: f64, z: f64) -> f64 {
+        let reached = z - self.window;
+        self.progress.tip.max(reached - EARLY * self.window).min(depth)
     }
 
     /// How far the needle has carried what is captured at depth z sideways off the path, m.
