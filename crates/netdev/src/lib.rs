@@ -1,0 +1,111 @@
+//! The network addresses of this machine as RustDDS asks for them, each with the MTU of the way to it.
+//!
+//! RustDDS 0.15.1 asks the crate `netdev` for the interfaces of the machine, and sizes its datagrams to a peer by the MTU of the
+//! interface in whose subnet the peer is. A peer on this machine announces the address of a network card, whose MTU is 1500 bytes,
+//! but the kernel sends what is meant for an own address over the loopback device, whose MTU is 65,536, whatever card has the
+//! address (`ip route show table local`). In datagrams of 1.4 kB, answers of services are lost, and messages of 160 kB
+//! overflow the receive buffer of Fast DDS: `docs/lab/decisions/datagrams.md`.
+//!
+//! So this crate stands in netdev's place (`[patch.crates-io]` of the workspace) and gives each IPv4 address alone, as a subnet of
+//! one address, with the MTU of the loopback. All other addresses are in no subnet, for which RustDDS takes 1452 bytes, which
+//! Ethernet carries. It has what RustDDS calls and nothing else, is written anew, and can go when RustDDS asks for the route itself
+//! (`docs/lab/upstream/rustdds.md`, 8).
+#![forbid(unsafe_code)]
+
+use std::net::{Ipv4Addr, Ipv6Addr};
+
+use nix::ifaddrs::getifaddrs;
+use nix::net::if_::{InterfaceFlags, if_nametoindex};
+
+/// An address of this machine.
+#[derive(Debug, Clone)]
+pub struct Interface {
+    /// The system's number of the interface that has the address, 0 if it has gone meanwhile.
+    pub index: u32,
+    /// The address, if it is one of IPv4.
+    pub ipv4: Option<Own<Ipv4Addr>>,
+    /// The address, if it is one of IPv6.
+    pub ipv6: Option<Own<Ipv6Addr>>,
+    /// Largest packet in bytes that goes to the address from this machine, if the system says so.
+    pub mtu: Option<u32>,
+    flags: InterfaceFlags,
+}
+
+/// An own address.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Own<A>(A);
+
+impl<A: Copy> Own<A> {
+    /// The address.
+    #[must_use]
+    pub fn addr(&self) -> A {
+        self.0
+    }
+}
+
+impl Own<Ipv4Addr> {
+    /// The mask of a subnet that has this address alone.
+    #[must_use]
+    pub fn netmask(&self) -> Ipv4Addr {
+        Ipv4Addr::BROADCAST
+    }
+}
+
+impl Interface {
+    /// Whether the interface is the loopback.
+    #[must_use]
+    pub fn is_loopback(&self) -> bool {
+        self.flags.contains(InterfaceFlags::IFF_LOOPBACK)
+    }
+
+    /// Whether the interface takes part in multicast.
+    #[must_use]
+    pub fn is_multicast(&self) -> bool {
+        self.flags.contains(InterfaceFlags::IFF_MULTICAST)
+    }
+}
+
+/// Every address of this machine, in the system's order; none if the system does not tell.
+#[must_use]
+pub fn get_interfaces() -> Vec<Interface> {
+    let mtu = loopback_mtu();
+    let Ok(addresses) = getifaddrs() else { return Vec::new() };
+    let interface = |of: nix::ifaddrs::InterfaceAddress| {
+        let address = of.address?;
+        let ipv4 = address.as_sockaddr_in().map(|a| Own(a.ip()));
+        let ipv6 = address.as_sockaddr_in6().map(|a| Own(a.ip()));
+        let index = if_nametoindex(of.interface_name.as_str()).unwrap_or(0);
+        (ipv4.is_some() || ipv6.is_some()).then_some(Interface { index, ipv4, ipv6, mtu, flags: of.flags })
+    };
+    addresses.filter_map(interface).collect()
+}
+
+/// MTU of the loopback device; none where the system does not say it here, which RustDDS takes for 1500 bytes.
+fn loopback_mtu() -> Option<u32> {
+    std::fs::read_to_string("/sys/class/net/lo/mtu").ok()?.trim().parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::net::UdpSocket;
+
+    use super::*;
+
+    /// As large as RustDDS makes a datagram: the MTU less the headers of IP, UDP and RTPS.
+    #[test]
+    fn a_datagram_of_the_mtu_goes_to_every_own_address_in_one_piece() {
+        let all = get_interfaces();
+        assert!(all.iter().any(|i| i.is_loopback() && i.ipv4 == Some(Own(Ipv4Addr::LOCALHOST)) && i.index != 0));
+        for own in all.iter().filter_map(|i| i.ipv4) {
+            let size = loopback_mtu().unwrap() as usize - 48;
+            let ear = UdpSocket::bind((own.addr(), 0)).unwrap();
+            ear.set_read_timeout(Some(std::time::Duration::from_secs(5))).unwrap();
+            let mouth = UdpSocket::bind((own.addr(), 0)).unwrap();
+            assert_eq!(mouth.send_to(&vec![7; size], ear.local_addr().unwrap()).unwrap(), size);
+            assert_eq!(ear.recv(&mut vec![0; 1 << 16]).unwrap(), size);
+            // every own address and no other is in its subnet
+            assert_eq!(own.netmask(), Ipv4Addr::BROADCAST);
+        }
+    }
+}
