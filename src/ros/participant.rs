@@ -294,7 +294,7 @@ impl Participant {
         let service = self.names.resolve(name, Endpoint::Service)?;
         let endpoint = self.wish(Role::Server, &service, package, type_name, &qos::service())?;
         let (mailbox, _) = self.mailbox(&qos::service());
-        Ok(Service::new(mailbox, Arc::clone(&self.link), endpoint, self.mapping, service))
+        Ok(Service::new(mailbox, Arc::clone(&self.link), endpoint, self.mapping, service, !self.plan.localhost))
     }
 
     /// Makes a service client of `name` (as the program calls it).

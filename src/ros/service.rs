@@ -67,10 +67,10 @@ pub struct Caller {
 const LONGEST_CALL: usize = 60_000;
 /// Longest answer to a caller whose identity stands in front of it, bytes.
 const LONGEST_ANSWER: usize = 1_000_000;
-/// Longest answer to others, bytes: what goes into one UDP packet. What is cut into fragments is malformed for other implementations of
-/// DDS, since RustDDS writes a byte too many in front of the identity beside it.
+/// Longest answer to others, bytes: what goes into one UDP packet on this machine. What is cut into fragments is malformed for other
+/// implementations of DDS, since RustDDS writes a byte too many in front of the identity beside it.
 const LONGEST_WHOLE: usize = 60_000;
-/// The same where the caller announces a network card: an Ethernet packet less the headers.
+/// The same to another machine: an Ethernet packet less the headers.
 const LONGEST_ON_A_CARD: usize = 1368;
 
 /// A service server.
@@ -80,14 +80,23 @@ pub struct Service<Q, R> {
     endpoint: u16,
     mapping: Mapping,
     name: String,
+    /// Whether callers may be on other machines.
+    open: bool,
     complaints: std::cell::RefCell<Throttle>,
     types: PhantomData<fn(Q) -> R>,
 }
 
 impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
-    pub(super) fn new(mailbox: Mailbox, link: Arc<Link>, endpoint: u16, mapping: Mapping, name: String) -> Self {
+    pub(super) fn new(
+        mailbox: Mailbox,
+        link: Arc<Link>,
+        endpoint: u16,
+        mapping: Mapping,
+        name: String,
+        open: bool,
+    ) -> Self {
         let complaints = std::cell::RefCell::new(Throttle::new(COMPLAINTS));
-        Self { mailbox, link, endpoint, mapping, name, complaints, types: PhantomData }
+        Self { mailbox, link, endpoint, mapping, name, open, complaints, types: PhantomData }
     }
 
     /// The next request that has come. One that can't be read is reported and skipped.
@@ -152,7 +161,7 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         });
         if let Err(reason) = sent {
             tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);
-        } else if !in_payload && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_ON_A_CARD {
+        } else if self.open && !in_payload && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_ON_A_CARD {
             self.warn_of_fragments(bytes_sent);
         }
     }
@@ -160,8 +169,8 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
     fn warn_of_fragments(&self, bytes: usize) {
         if self.complaints.borrow_mut().pass().is_some() {
             tracing::warn!(
-                "an answer of `{}` has {bytes} bytes: a caller on rmw_fastrtps_cpp does not get it unless it keeps to the loopback \
-                 (ROS_LOCALHOST_ONLY=1, or the profile share/needle_twin/fast_dds.xml); rmw_cyclonedds_cpp does",
+                "an answer of `{}` has {bytes} bytes: a caller on rmw_fastrtps_cpp on another machine does not get it; \
+                 one on this machine does, and so does rmw_cyclonedds_cpp",
                 self.name
             );
         }

@@ -105,7 +105,7 @@ struct Writer {
     number: u16,
     name: String,
     publisher: Publisher<RawCdr>,
-    /// Whether a reader on Fast DDS is matched that has not been spoken of.
+    /// Whether a reader on Fast DDS, perhaps on another machine, is matched that has not been spoken of.
     fast_dds: Arc<AtomicBool>,
 }
 
@@ -158,12 +158,12 @@ impl Domain {
         };
         // RustDDS has deadlocked when endpoints were made while another thread asked discovery: no thread of ours yet.
         for (number, endpoint) in (0..).zip(&plan.endpoints) {
-            domain.make(number, endpoint).map_err(|reason| format!("{}: {reason}", endpoint.name))?;
+            domain.make(number, endpoint, plan.localhost).map_err(|reason| format!("{}: {reason}", endpoint.name))?;
         }
         Ok(domain)
     }
 
-    fn make(&mut self, number: u16, endpoint: &Endpoint) -> Result<(), String> {
+    fn make(&mut self, number: u16, endpoint: &Endpoint, localhost: bool) -> Result<(), String> {
         let say = |e: &dyn std::fmt::Display| e.to_string();
         let node = &mut self.node;
         let name = Name::parse(&endpoint.name).map_err(|e| say(&e))?;
@@ -177,7 +177,9 @@ impl Domain {
                     let publisher = node.create_publisher(&topic, None).map_err(|e| say(&e))?;
                     let (side, guid, name) = (Side::Publisher, publisher.guid(), endpoint.name.clone());
                     let record = EndpointRecord::new(number, side, guid, &name, &dds_type, profile);
-                    self.publishers.push(Writer { number, name, publisher, fast_dds: record.fast_dds() });
+                    // To readers on this machine messages go in datagrams of 64 kB, which lose nothing.
+                    let fast_dds = if localhost { Arc::default() } else { record.fast_dds() };
+                    self.publishers.push(Writer { number, name, publisher, fast_dds });
                     self.graph.add(record);
                 } else {
                     let subscription = node.create_subscription(&topic, None).map_err(|e| say(&e))?;
@@ -319,8 +321,8 @@ fn publish_all(
 
 fn advice(topic: &str, bytes: usize) -> String {
     format!(
-        "`{topic}`: a reader on Fast DDS, whose default receive buffer loses most messages of {bytes} bytes; if it misses some, start it with \
-         FASTDDS_DEFAULT_PROFILES_FILE naming share/needle_twin/fast_dds.xml (launch-scripts/fast_dds.xml)"
+        "`{topic}`: a reader on Fast DDS, whose default receive buffer loses most messages of {bytes} bytes from another machine; if it misses \
+         some, start it there with FASTDDS_DEFAULT_PROFILES_FILE naming share/needle_twin/fast_dds.xml (launch-scripts/fast_dds.xml)"
     )
 }
 
