@@ -16,12 +16,14 @@
 #![forbid(unsafe_code)]
 
 mod bell;
+mod early_call;
 mod graph;
 mod health;
 mod keeper;
 mod link;
 mod loopback;
 mod obituary;
+mod outflow;
 mod process;
 pub mod qos;
 mod raw;

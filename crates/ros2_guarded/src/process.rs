@@ -12,21 +12,21 @@ use std::pin::Pin;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crossbeam_channel::Receiver;
 use ros2_client::dds::rustdds::{DomainParticipantBuilder, RTPSEntity as _};
 use ros2_client::{
-    Client, Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
-    ServiceMapping, ServiceTypeName, Subscription,
+    Client, Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, QosProfile, ServiceMapping,
+    ServiceTypeName, Subscription,
 };
 
 use super::ARGUMENT;
 use super::graph::{EndpointRecord, Graph};
 use super::loopback;
 use super::obituary;
-use super::services::{ORDERS, Order, ReplyReaders, Served, be_answered, be_asked, obey};
+use super::outflow::{Writer, publish_all};
+use super::services::{ORDERS, ReplyReaders, Served, be_answered, be_asked, obey};
 use super::uplink::Uplink;
 use super::watch::{Finding, Voice, Watch, threads, ticks};
 use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, times, wall_nanos};
@@ -34,9 +34,6 @@ use crate::qos::Side;
 use crate::raw::RawCdr;
 use crate::signals::Signals;
 use crate::threads::{join, spawn};
-
-/// Messages of so many bytes come as bursts of datagrams that a receive buffer of 208 kB, Linux' default, may not hold.
-const BURST: usize = 60_000;
 
 /// Makes the process a middleware process if that is what its arguments ask for, and gives its exit code. Every program
 /// whose nodes come from this library calls it first of all in `main`: a node starts its own program a second time.
@@ -98,15 +95,6 @@ fn limit(bytes: u64) -> io::Result<()> {
 #[cfg(not(target_os = "linux"))]
 fn limit(_bytes: u64) -> io::Result<()> {
     Ok(())
-}
-
-/// A publisher of the plan.
-struct Writer {
-    number: u16,
-    name: String,
-    publisher: Publisher<RawCdr>,
-    /// Whether a reader on Fast DDS, perhaps on another machine, is matched that has not been spoken of.
-    fast_dds: Arc<AtomicBool>,
 }
 
 /// Everything on the network.
@@ -280,50 +268,6 @@ fn confine_to_loopback(uplink: &Uplink) {
 /// Where RustDDS listens for the participant's messages (RTPS: 7400 + 250 domain + 11 + 2 participant).
 fn ear(domain: u16, participant: u16) -> SocketAddr {
     SocketAddr::from((Ipv4Addr::LOCALHOST, 7411_u16.wrapping_add(250 * domain).wrapping_add(2 * participant)))
-}
-
-fn publish_all(
-    writers: &[Writer],
-    mut frames: Frames,
-    socket: &UnixStream,
-    uplink: &Uplink,
-    orders: &smol::channel::Sender<Order>,
-) {
-    loop {
-        loop {
-            match frames.next() {
-                Ok(Some((head, body))) if head.kind == Kind::Message => {
-                    let Ok(at) = writers.binary_search_by_key(&head.endpoint, |w| w.number) else { continue };
-                    let writer = &writers[at];
-                    if body.len() > BURST && writer.fast_dds.swap(false, Ordering::Relaxed) {
-                        uplink.log(log::Level::Info, &advice(&writer.name, body.len()));
-                    }
-                    if writer.publisher.publish(RawCdr::new(body.to_vec())).is_err() {
-                        uplink.send(Head::of(Kind::Failed, head.endpoint, [0; 24]), &[]);
-                    }
-                }
-                Ok(Some((head, body))) => {
-                    if orders.try_send(Order { head, body: body.to_vec() }).is_err() {
-                        uplink.log(log::Level::Warn, "an answer of a service is lost: too many wait");
-                    }
-                }
-                Ok(None) => break,
-                Err(_) => return,
-            }
-        }
-        match frames.read(socket) {
-            Ok(0) => return,
-            Err(e) if e.kind() != io::ErrorKind::Interrupted => return,
-            _ => {}
-        }
-    }
-}
-
-fn advice(topic: &str, bytes: usize) -> String {
-    format!(
-        "`{topic}`: a reader on Fast DDS, whose default receive buffer loses most messages of {bytes} bytes from another machine; if it misses \
-         some, start it there with FASTDDS_DEFAULT_PROFILES_FILE naming share/needle_twin/fast_dds.xml (launch-scripts/fast_dds.xml)"
-    )
 }
 
 fn stamps(info: &MessageInfo) -> [i64; 2] {

@@ -1,0 +1,138 @@
+//! What the node says on its way to the network: small messages at once, large ones one after the other with a pause behind each.
+
+use std::io;
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use crossbeam_channel::{Receiver, Sender, bounded};
+use ros2_client::Publisher;
+
+use super::services::Order;
+use super::uplink::Uplink;
+use super::wire::{Frames, Head, Kind};
+use crate::raw::RawCdr;
+
+/// Messages of so many bytes are several datagrams, of which a receive buffer of 208 kB, Linux' default, holds three or four.
+const LARGE: usize = 60_000;
+/// Large messages follow one another at this rate, bytes per second: 160 kB have 5 ms, in which the reader takes them out of its
+/// buffer. Three topics of them at 20 Hz need 9.6 MB/s.
+const PACE: f64 = 32.0e6;
+/// Large messages that may wait.
+const WAITING: usize = 16;
+
+/// A publisher of the plan.
+pub(super) struct Writer {
+    pub number: u16,
+    pub name: String,
+    pub publisher: Publisher<RawCdr>,
+    /// Whether a reader on Fast DDS, perhaps on another machine, is matched that has not been spoken of.
+    pub fast_dds: Arc<AtomicBool>,
+}
+
+impl Writer {
+    fn publish(&self, body: Vec<u8>, uplink: &Uplink) {
+        if self.publisher.publish(RawCdr::new(body)).is_err() {
+            uplink.send(Head::of(Kind::Failed, self.number, [0; 24]), &[]);
+        }
+    }
+}
+
+/// Publishes what the node says and hands on its answers and calls, until it closes the socket.
+pub(super) fn publish_all(
+    writers: &[Writer],
+    frames: Frames,
+    socket: &UnixStream,
+    uplink: &Uplink,
+    orders: &smol::channel::Sender<Order>,
+) {
+    let (large, waiting) = bounded(WAITING);
+    thread::scope(|scope| {
+        let paced = || publish_paced(writers, &waiting, uplink);
+        if let Err(error) = thread::Builder::new().name("large to network".to_owned()).spawn_scoped(scope, paced) {
+            uplink.log(log::Level::Error, &format!("large messages are not sent: {error}"));
+        }
+        sort(writers, frames, socket, uplink, orders, &large);
+        drop(large);
+    });
+}
+
+/// Takes what the node says apart. A topic that has had a large message keeps its order: all that follow go behind it.
+fn sort(
+    writers: &[Writer],
+    mut frames: Frames,
+    socket: &UnixStream,
+    uplink: &Uplink,
+    orders: &smol::channel::Sender<Order>,
+    large: &Sender<(usize, Vec<u8>)>,
+) {
+    let mut is_large = vec![false; writers.len()];
+    loop {
+        loop {
+            match frames.next() {
+                Ok(Some((head, body))) if head.kind == Kind::Message => {
+                    let Ok(at) = writers.binary_search_by_key(&head.endpoint, |w| w.number) else { continue };
+                    let (writer, is_large) = (&writers[at], &mut is_large[at]);
+                    if body.len() > LARGE && writer.fast_dds.swap(false, Ordering::Relaxed) {
+                        uplink.log(log::Level::Info, &advice(&writer.name, body.len()));
+                    }
+                    *is_large |= body.len() > LARGE;
+                    if !*is_large {
+                        writer.publish(body.to_vec(), uplink);
+                    } else if large.try_send((at, body.to_vec())).is_err() {
+                        uplink.send(Head::of(Kind::Failed, head.endpoint, [0; 24]), &[]);
+                    }
+                }
+                Ok(Some((head, body))) => {
+                    if orders.try_send(Order { head, body: body.to_vec() }).is_err() {
+                        uplink.log(log::Level::Warn, "an answer of a service is lost: too many wait");
+                    }
+                }
+                Ok(None) => break,
+                Err(_) => return,
+            }
+        }
+        match frames.read(socket) {
+            Ok(0) => return,
+            Err(e) if e.kind() != io::ErrorKind::Interrupted => return,
+            _ => {}
+        }
+    }
+}
+
+/// Publishes large messages one after the other.
+fn publish_paced(writers: &[Writer], waiting: &Receiver<(usize, Vec<u8>)>, uplink: &Uplink) {
+    for (at, body) in waiting {
+        let pause = pause_behind(body.len());
+        if let Some(writer) = writers.get(at) {
+            writer.publish(body, uplink);
+        }
+        thread::sleep(pause);
+    }
+}
+
+/// Time in which a reader takes so many bytes out of its buffer.
+fn pause_behind(bytes: usize) -> Duration {
+    #[allow(clippy::cast_precision_loss)] // far below 2^53
+    Duration::from_secs_f64(bytes as f64 / PACE)
+}
+
+fn advice(topic: &str, bytes: usize) -> String {
+    format!(
+        "`{topic}`: a reader on Fast DDS, whose default receive buffer loses most messages of {bytes} bytes from another machine; if it misses \
+         some, start it there with FASTDDS_DEFAULT_PROFILES_FILE naming share/needle_twin/fast_dds.xml (launch-scripts/fast_dds.xml)"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_twin_shows_at_its_rates_finds_room() {
+        let second = pause_behind(160_000) * 3 * 20;
+        assert!(second < Duration::from_millis(500), "{second:?} of a second for three topics at 20 Hz");
+    }
+}
