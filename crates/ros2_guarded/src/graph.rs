@@ -13,7 +13,6 @@ use ros2_client::dds::rustdds::{DomainParticipant, GUID, RTPSEntity};
 use ros2_client::qos::{Durability, Reliability};
 use smol::stream::StreamExt;
 
-use super::early_call;
 use super::services::ReplyReaders;
 use super::uplink::Uplink;
 use super::wire::{Head, Kind};
@@ -97,20 +96,14 @@ impl Graph {
 
     fn take(&mut self, event: Status) {
         let uplink = &self.uplink;
-        let is_of_a_writer = matches!(event, Status::RemoteWriterMatched { .. });
         match event {
             Status::RemoteReaderMatched { local_writer: own, remote_reader: remote }
             | Status::RemoteWriterMatched { local_reader: own, remote_writer: remote }
                 if remote.prefix != own.prefix =>
             {
                 self.readers.matched(remote);
-                let is_fast_dds = remote.prefix.as_ref().starts_with(&VENDOR_FAST_DDS);
-                // A writer of no topic is a caller of a service. Without a socket it is asked for 3 s later.
-                if is_of_a_writer && is_fast_dds && !self.records.iter().any(|r| r.guid == own) {
-                    let _ = early_call::ask(own, remote, self.participant.domain_id());
-                }
                 if let Some(record) = self.records.iter_mut().find(|r| r.guid == own) {
-                    if is_fast_dds {
+                    if remote.prefix.as_ref().starts_with(&VENDOR_FAST_DDS) {
                         record.fast_dds.store(true, Ordering::Relaxed);
                     }
                     record.update(uplink, |remotes| {

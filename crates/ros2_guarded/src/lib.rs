@@ -16,7 +16,6 @@
 #![forbid(unsafe_code)]
 
 mod bell;
-mod early_call;
 mod graph;
 mod health;
 mod keeper;

@@ -14,7 +14,7 @@ const PORTS: [u16; 4] = [7400, 250, 10, 2];
 /// RTPS 9.6.2.4.1.
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 /// Participants of one machine that are told: as many as rmw_cyclonedds looks for.
-pub(super) const NUMBERS: u16 = 33;
+const NUMBERS: u16 = 33;
 /// A number beyond those of the messages that the participant has sent, one every ten seconds.
 const LATE: u32 = 1 << 30;
 
