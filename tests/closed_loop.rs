@@ -6,6 +6,9 @@
 //! `measured_js`.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+/// Over DDS.
+const ZENOH: bool = false;
+
 #[path = "common/ros.rs"]
 mod ros;
 

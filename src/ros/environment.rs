@@ -5,6 +5,10 @@
 use std::path::PathBuf;
 
 use ros2_client::ServiceMapping;
+use ros2_guarded::ZenohSession;
+
+/// ROS 2's middleware over Zenoh.
+const ZENOH: &str = "rmw_zenoh_cpp";
 
 const OWN_DDS: &str = "the programs bring their own DDS";
 
@@ -48,6 +52,9 @@ pub struct Environment {
     pub reach: Reach,
     /// How services are mapped to DDS, from `RMW_IMPLEMENTATION` (the middleware of the peers).
     pub mapping: ServiceMapping,
+    /// `RMW_IMPLEMENTATION=rmw_zenoh_cpp`: over Zenoh instead of DDS, with `ZENOH_SESSION_CONFIG_URI`, `ZENOH_CONFIG_OVERRIDE` and
+    /// `ZENOH_ROUTER_CHECK_ATTEMPTS`.
+    pub zenoh: Option<ZenohSession>,
     /// `ROS_LOG_DIR`: folder of a file with the log.
     pub log_folder: Option<PathBuf>,
     /// What can't be honoured or is doubtful; to be printed once.
@@ -72,6 +79,7 @@ impl Environment {
         let domain = domain(&lookup, &mut warnings)?;
         let reach = reach(&lookup, &mut warnings);
         let mapping = mapping(&lookup, &mut warnings);
+        let zenoh = zenoh(&lookup)?;
         if lookup("ROS_SECURITY_ENABLE").is_some_and(|v| v == "true") {
             return Err(EnvironmentError {
                 variable: "ROS_SECURITY_ENABLE",
@@ -90,7 +98,7 @@ impl Environment {
             }
         }
         let log_folder = lookup("ROS_LOG_DIR").map(PathBuf::from);
-        Ok(Self { domain, reach, mapping, log_folder, warnings })
+        Ok(Self { domain, reach, mapping, zenoh, log_folder, warnings })
     }
 }
 
@@ -156,6 +164,15 @@ fn mapping(lookup: &impl Fn(&'static str) -> Option<String>, warnings: &mut Vec<
     match lookup("RMW_IMPLEMENTATION").as_deref() {
         Some("rmw_cyclonedds_cpp") => ServiceMapping::Cyclone,
         None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => ServiceMapping::Enhanced,
+        Some(ZENOH) => {
+            if !cfg!(feature = "zenoh") {
+                warnings.push(format!(
+                    "RMW_IMPLEMENTATION={ZENOH}: Zenoh is not in this build, so topics and services are offered over DDS, where peers on {ZENOH} \
+                     do not hear them; build it with `cargo install --path . --features zenoh`"
+                ));
+            }
+            ServiceMapping::Enhanced
+        }
         Some(other) => {
             warnings.push(format!(
                 "RMW_IMPLEMENTATION={other}: topics and services are offered over DDS as for rmw_fastrtps_cpp; peers on another middleware won't hear them"
@@ -163,6 +180,21 @@ fn mapping(lookup: &impl Fn(&'static str) -> Option<String>, warnings: &mut Vec<
             ServiceMapping::Enhanced
         }
     }
+}
+
+/// Over Zenoh, if it is asked for and built in.
+fn zenoh(lookup: &impl Fn(&'static str) -> Option<String>) -> Result<Option<ZenohSession>, EnvironmentError> {
+    const CHECKS: &str = "ZENOH_ROUTER_CHECK_ATTEMPTS";
+    if !cfg!(feature = "zenoh") || lookup("RMW_IMPLEMENTATION").as_deref() != Some(ZENOH) {
+        return Ok(None);
+    }
+    let router_checks = lookup(CHECKS).map_or(Ok(0), |text| {
+        let reason = "is a whole number of seconds to look for a router: 0 for ever, negative not at all";
+        text.trim().parse().map_err(|_| EnvironmentError { variable: CHECKS, value: text, reason })
+    })?;
+    let config_file = lookup("ZENOH_SESSION_CONFIG_URI").map(PathBuf::from);
+    let overrides = lookup("ZENOH_CONFIG_OVERRIDE").unwrap_or_default();
+    Ok(Some(ZenohSession { config_file, overrides, router_checks }))
 }
 
 #[cfg(test)]
@@ -197,7 +229,23 @@ mod tests {
     fn mapping_follows_the_peers_middleware() {
         assert_eq!(with(&[]).unwrap().mapping, ServiceMapping::Enhanced);
         assert_eq!(with(&[("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")]).unwrap().mapping, ServiceMapping::Cyclone);
-        assert_eq!(with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap().warnings.len(), 1);
+        assert_eq!(with(&[("RMW_IMPLEMENTATION", "rmw_other")]).unwrap().warnings.len(), 1);
+    }
+
+    #[test]
+    fn zenoh_is_taken_or_it_is_said_how_to_build_it() {
+        const ASKED: (&str, &str) = ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp");
+        let found = with(&[ASKED, ("ZENOH_CONFIG_OVERRIDE", "mode=\"client\""), ("ZENOH_ROUTER_CHECK_ATTEMPTS", "-1")])
+            .unwrap();
+        if cfg!(feature = "zenoh") {
+            let session = found.zenoh.unwrap();
+            assert_eq!((session.router_checks, &*session.overrides), (-1, "mode=\"client\""));
+            let wrong = with(&[ASKED, ("ZENOH_ROUTER_CHECK_ATTEMPTS", "often")]).unwrap_err();
+            assert_eq!(wrong.variable, "ZENOH_ROUTER_CHECK_ATTEMPTS");
+        } else {
+            assert!(found.zenoh.is_none() && found.warnings[0].contains("--features zenoh"), "{:?}", found.warnings);
+        }
+        assert_eq!(with(&[]).unwrap().zenoh, None);
     }
 
     #[test]

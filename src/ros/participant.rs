@@ -19,7 +19,6 @@ use ros2_client::{MessageTypeName, QosProfile, ServiceMapping};
 use super::arguments::{ParameterOverride, RosArguments};
 pub use super::endpoint::{Input, Output, Wish};
 use super::environment::{Environment, Reach};
-use super::logging::Severity;
 use super::messages::RosMessage;
 use super::names::{self, Endpoint, NameError, Names};
 use super::parameter::{Parameter, parameters};
@@ -27,10 +26,11 @@ use super::parameters::{Declaration, Parameters};
 use super::qos::{self, Side};
 use super::recorder::{Recorder, Recording, Tap};
 use super::service::{Client, Mapping, Service};
-use super::start::NodeError;
+use super::start::{NodeError, verbosity};
 use ros2_guarded::Bell;
 use ros2_guarded::{Health, Inlets, Link, Mailbox, Middleware, Plan, Quality, Role};
 use ros2_messages::schema::{Schema, schema};
+use ros2_messages::type_hash;
 
 /// Messages that wait where the QoS keeps all.
 const KEEP_ALL: usize = 4096;
@@ -119,12 +119,13 @@ impl Participant {
             verbosity: verbosity(arguments),
             hears: false,
             predecessor: None,
+            zenoh: environment.zenoh.clone(),
             endpoints: Vec::new(),
         };
         let (link, woken) = Link::new().map_err(|e| refuse(fully_qualified)(e.to_string()))?;
         Ok(Self {
             names,
-            mapping: Mapping::OfCaller(environment.mapping),
+            mapping: Mapping::of_environment(environment),
             overrides,
             plan,
             declarations: Vec::new(),
@@ -223,6 +224,11 @@ impl Participant {
         let tap = self.tap(name, &topic, schema, &profile)?;
         self.declarations.extend(qos::declarations(&topic, Side::Publisher, &profile));
         let output = self.output(topic, type_name, &profile)?;
+        // a bag may have types of its own
+        if let (Some(schema), Some(endpoint)) = (schema.filter(|s| !s.hash.is_empty()), self.plan.endpoints.last_mut())
+        {
+            endpoint.type_hash = Some(schema.hash.clone());
+        }
         Ok(Output { tap, ..output })
     }
 
@@ -312,8 +318,7 @@ impl Participant {
         Response: serde::de::DeserializeOwned,
     {
         let service = self.names.resolve(name, Endpoint::Service)?;
-        let (Mapping::OfCaller(mapping) | Mapping::Fixed(mapping)) = self.mapping;
-        let role = Role::Client { cyclone: mapping == ServiceMapping::Cyclone };
+        let role = Role::Client { cyclone: self.mapping.own() == ServiceMapping::Cyclone };
         let endpoint = self.wish(role, &service, package, type_name, &qos::service())?;
         let (mailbox, _) = self.mailbox(&qos::service());
         Ok(Client::new(mailbox, Arc::clone(&self.link), endpoint))
@@ -367,6 +372,7 @@ impl Participant {
         type_name: &str,
         profile: &QosProfile,
     ) -> Result<u16, ParticipantError> {
+        let kind = if matches!(role, Role::Publisher | Role::Subscription) { "msg" } else { "srv" };
         let number = u16::try_from(self.plan.endpoints.len())
             .map_err(|_| refuse(name)("a node has no more than 65536 endpoints".to_owned()))?;
         self.plan.endpoints.push(ros2_guarded::Endpoint {
@@ -374,6 +380,7 @@ impl Participant {
             name: name.to_owned(),
             package: package.to_owned(),
             type_name: type_name.to_owned(),
+            type_hash: type_hash(&format!("{package}/{kind}/{type_name}")),
             quality: Quality::from(profile),
         });
         Ok(number)
@@ -387,14 +394,4 @@ impl Participant {
 
 fn mebibytes(count: i64) -> u64 {
     u64::try_from(count).unwrap_or(0) << 20
-}
-
-/// Level up to which somebody wants to see lines of the middleware, from 1 (error) to 5 (trace).
-fn verbosity(arguments: &RosArguments) -> u8 {
-    match arguments.log.loggers.iter().map(|(_, level)| *level).min() {
-        Some(Severity::Debug) => 4,
-        Some(Severity::Info) => 3,
-        Some(Severity::Warn) => 2,
-        _ => 1,
-    }
 }

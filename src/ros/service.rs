@@ -12,6 +12,7 @@ use byteorder::LittleEndian;
 use ros2_client::ServiceMapping;
 use serde::{Serialize, de::DeserializeOwned};
 
+use super::environment::Environment;
 use super::logging::Throttle;
 use ros2_guarded::{Delivery, Head, Kind, Link, Mailbox, Stamp, cdr};
 
@@ -31,13 +32,31 @@ pub enum Mapping {
     OfCaller(ServiceMapping),
     /// One for all.
     Fixed(ServiceMapping),
+    /// Zenoh's: the identity goes beside the message, and a message of any length is whole.
+    Zenoh,
 }
 
 impl Mapping {
+    /// What the environment asks for.
+    #[must_use]
+    pub const fn of_environment(environment: &Environment) -> Self {
+        if environment.zenoh.is_some() { Self::Zenoh } else { Self::OfCaller(environment.mapping) }
+    }
+
+    /// For the node's own calls.
+    #[must_use]
+    pub const fn own(self) -> ServiceMapping {
+        match self {
+            Self::OfCaller(mapping) | Self::Fixed(mapping) => mapping,
+            Self::Zenoh => ServiceMapping::Enhanced,
+        }
+    }
+
     /// `caller` begins with the caller's GUID.
     fn of(self, caller: &Stamp) -> ServiceMapping {
         match (self, &caller[..2]) {
             (Self::Fixed(mapping), _) => mapping,
+            (Self::Zenoh, _) => ServiceMapping::Enhanced,
             (_, vendor) if vendor == VENDOR_CYCLONE => ServiceMapping::Cyclone,
             (Self::OfCaller(otherwise), vendor) if vendor == VENDOR_RUSTDDS => otherwise,
             _ => ServiceMapping::Enhanced,
@@ -51,6 +70,7 @@ impl Mapping {
             Self::OfCaller(_) => "rmw_fastrtps_cpp and rmw_cyclonedds_cpp have them",
             Self::Fixed(ServiceMapping::Cyclone) => "rmw_cyclonedds_cpp has them",
             Self::Fixed(_) => "rmw_fastrtps_cpp has them",
+            Self::Zenoh => "rmw_zenoh_cpp has them",
         }
     }
 }
@@ -147,7 +167,8 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
     pub fn send(&self, caller: Caller, response: &R) {
         let (in_payload, mut bytes_sent) = (!caller.header.is_empty(), 0);
         let head = Head { flag: u8::from(in_payload), ..Head::of(Kind::Response, self.endpoint, caller.id) };
-        let longest = if in_payload { LONGEST_ANSWER } else { LONGEST_WHOLE };
+        let whole = in_payload || self.mapping == Mapping::Zenoh;
+        let longest = if whole { LONGEST_ANSWER } else { LONGEST_WHOLE };
         let sent = self.link.send(head, false, |bytes| {
             bytes.extend(&caller.header);
             // The header's 16 bytes keep the alignment of what follows.
@@ -161,7 +182,7 @@ impl<Q: DeserializeOwned, R: Serialize> Service<Q, R> {
         });
         if let Err(reason) = sent {
             tracing::warn!("an answer of `{}` could not be sent: {reason}", self.name);
-        } else if self.open && !in_payload && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_ON_A_CARD {
+        } else if self.open && !whole && caller.id[..2] != VENDOR_RUSTDDS && bytes_sent > LONGEST_ON_A_CARD {
             self.warn_of_fragments(bytes_sent);
         }
     }

@@ -6,7 +6,7 @@ use ros2_client::ServiceMapping;
 
 use super::arguments::{self, ArgumentError, ParameterOverride, RosArguments};
 use super::environment::{Environment, EnvironmentError, Reach};
-use super::logging;
+use super::logging::{self, Severity};
 use super::names::{NameError, Names};
 use super::parameter::{Parameter, Typed, parameters};
 use super::parameters::{Declaration, ParameterError, Parameters};
@@ -122,6 +122,9 @@ impl Start {
     /// Says once what is exposed to whom: whoever is within reach can do everything that a peer can do.
     pub fn announce(&self, mapping: Mapping) {
         let reach = match self.environment.reach {
+            _ if self.environment.zenoh.is_some() => {
+                "this machine over Zenoh, and by whoever its Zenoh router lets in: they can read, send poses, change parameters and stop the node"
+            }
             Reach::Localhost => "this machine's loopback (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network)",
             Reach::Subnet => {
                 "every network of this machine: whoever is on them can read, send poses, change parameters and stop the \
@@ -176,9 +179,20 @@ pub fn common_declarations() -> Vec<Declaration> {
 #[must_use]
 pub fn mapping(parameters: &Parameters, environment: &Environment) -> Mapping {
     match parameters.get(SERVICE_MAPPING).as_str() {
+        _ if environment.zenoh.is_some() => Mapping::Zenoh,
         "enhanced" => Mapping::Fixed(ServiceMapping::Enhanced),
         "cyclone" => Mapping::Fixed(ServiceMapping::Cyclone),
         _ => Mapping::OfCaller(environment.mapping),
+    }
+}
+
+/// Level up to which somebody wants to see lines of the middleware, from 1 (error) to 5 (trace).
+pub(super) fn verbosity(arguments: &RosArguments) -> u8 {
+    match arguments.log.loggers.iter().map(|(_, level)| *level).min() {
+        Some(Severity::Debug) => 4,
+        Some(Severity::Info) => 3,
+        Some(Severity::Warn) => 2,
+        _ => 1,
     }
 }
 

@@ -19,6 +19,20 @@ pub const CYCLONE: &str = r#"<CycloneDDS><Domain Id="any"><General><Interfaces><
 /// card, 1.4 kB.
 pub const CYCLONE_AS_ROS: &str = r#"<CycloneDDS><Domain Id="any"><General><AllowMulticast>spdp</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers><Peer Address="localhost"/></Peers></Discovery></Domain></CycloneDDS>"#;
 
+/// How a node is to find the router of [`Peer`] in the domain: as by default, but at a port of its own.
+pub fn zenoh_router(domain: u16) -> String {
+    let quick = "connect/retry={period_init_ms:100,period_max_ms:200,period_increase_factor:2}";
+    format!("connect/endpoints=[\"tcp/127.0.0.1:{}\"];{quick}", router_port(domain))
+}
+
+/// Below the ports that Linux gives away.
+fn router_port(domain: u16) -> u16 {
+    20_000 + domain
+}
+
+/// What `zenoh_peer.py` needs, at the versions that were tried.
+const ZENOH_PACKAGES: [&str; 3] = ["cyclonedds==11.0.1", "eclipse-zenoh==1.10.2", "zenoh-ros2-sdk==0.1.8"];
+
 /// The twin as a program.
 pub const TWIN: &str = env!("CARGO_BIN_EXE_twin_node");
 
@@ -107,19 +121,18 @@ impl Program {
     pub fn start(path: &str, arguments: &[&str], domain: u16, environment: &[(&str, &str)]) -> Self {
         let mut command = Command::new(path);
         for (name, _) in std::env::vars()
-            .filter(|(name, _)| name.starts_with("ROS_") || name.starts_with("RMW_") || name.starts_with("RCUTILS_"))
+            .filter(|(name, _)| ["ROS_", "RMW_", "RCUTILS_", "ZENOH_"].iter().any(|prefix| name.starts_with(prefix)))
         {
             command.env_remove(name);
         }
-        let mut child = command
-            .args(arguments)
-            .env("ROS_DOMAIN_ID", domain.to_string())
-            .envs(environment.iter().copied())
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        command.args(arguments).env("ROS_DOMAIN_ID", domain.to_string()).envs(environment.iter().copied());
+        if crate::ZENOH {
+            command.env("RMW_IMPLEMENTATION", "rmw_zenoh_cpp");
+            if !environment.iter().any(|(name, _)| name.starts_with("ZENOH_")) {
+                command.env("ZENOH_CONFIG_OVERRIDE", zenoh_router(domain));
+            }
+        }
+        let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let stderr = BufReader::new(child.stderr.take().unwrap());
         let log = std::thread::spawn(move || {
             let mut text = String::new();
@@ -196,17 +209,21 @@ impl Peer {
 
     /// With a configuration of its own.
     pub fn start_with(domain: u16, configuration: &str) -> Self {
-        let python = python::python();
-        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/peer.py");
-        let mut child = Command::new(python)
-            .arg(script)
-            .env("ROS_DOMAIN_ID", domain.to_string())
-            .env("CYCLONEDDS_URI", configuration)
-            .env("PYTHONDONTWRITEBYTECODE", "1")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let script = if crate::ZENOH { "zenoh_peer.py" } else { "peer.py" };
+        let mut child = Command::new(if crate::ZENOH {
+            python::environment("python-zenoh", &ZENOH_PACKAGES)
+        } else {
+            python::python()
+        })
+        .arg(format!("{}/tests/peers/{script}", env!("CARGO_MANIFEST_DIR")))
+        .env("ROUTER_PORT", router_port(domain).to_string())
+        .env("ROS_DOMAIN_ID", domain.to_string())
+        .env("CYCLONEDDS_URI", configuration)
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
         let stdin = child.stdin.take().unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         let mut peer = Self { child, stdin, stdout };

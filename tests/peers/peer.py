@@ -333,8 +333,7 @@ class Peer:
         return {"heard": heard}
 
 
-def main():
-    peer = Peer()
+def main(peer):
     print(json.dumps({"ready": True}), flush=True)
     for line in sys.stdin:
         request = json.loads(line)
@@ -345,4 +344,5 @@ def main():
         print(json.dumps(finite(answer)), flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main(Peer())

@@ -1,5 +1,8 @@
 //! Nodes on a ROS 2 graph, seen by independent peers.
 
+/// Over DDS.
+const ZENOH: bool = false;
+
 #[path = "../common/chromium.rs"]
 mod chromium;
 #[path = "../coarse/mod.rs"]

@@ -21,7 +21,7 @@ use crate::qos::{self, Side};
 /// RTPS's number for Fast DDS, with which the GUIDs of its participants begin.
 const VENDOR_FAST_DDS: [u8; 2] = [0x01, 0x0f];
 /// Topics that every node publishes.
-const SHARED: [&str; 3] = ["/diagnostics", "/rosout", "/parameter_events"];
+pub(super) const SHARED: [&str; 3] = ["/diagnostics", "/rosout", "/parameter_events"];
 
 /// One own endpoint.
 pub(super) struct EndpointRecord {
@@ -157,24 +157,14 @@ impl Graph {
                 // ros2-client nodes subscribe /clock under a second name.
                 let known = record.topic == "/clock" && remote.type_name.contains("builtin_interfaces");
                 if !known && self.warned.insert((record.guid, remote.guid)) {
-                    self.warn(&format!(
-                        "`{}`: a {} of type {} is on this topic; this node speaks {}. Remap one of them (-r {0}:=/other)",
-                        record.topic,
-                        side.word(),
-                        ros_type(&remote.type_name),
-                        ros_type(&record.dds_type),
-                    ));
+                    self.warn(&other_type(&record.topic, side, &remote.type_name, &record.dds_type));
                 }
             } else if side == Side::Publisher
                 && record.side == Side::Publisher
                 && !SHARED.contains(&record.topic.as_str())
                 && self.warned.insert((record.guid, remote.guid))
             {
-                self.warn(&format!(
-                    "`{}` is published by somebody else too: readers get both. Give one of the nodes a namespace \
-                     (--ros-args -r __ns:=/name)",
-                    record.topic
-                ));
+                self.warn(&second_publisher(&record.topic));
             }
         }
     }
@@ -184,8 +174,26 @@ impl Graph {
     }
 }
 
+/// A peer on the topic speaks another type.
+pub(super) fn other_type(topic: &str, side: Side, theirs: &str, ours: &str) -> String {
+    format!(
+        "`{topic}`: a {} of type {} is on this topic; this node speaks {}. Remap one of them (-r {topic}:=/other)",
+        side.word(),
+        ros_type(theirs),
+        ros_type(ours),
+    )
+}
+
+/// A peer publishes what this node publishes.
+pub(super) fn second_publisher(topic: &str) -> String {
+    format!(
+        "`{topic}` is published by somebody else too: readers get both. Give one of the nodes a namespace \
+         (--ros-args -r __ns:=/name)"
+    )
+}
+
 /// `std_msgs::msg::dds_::String_` as ROS calls it: `std_msgs/msg/String`; what is none of ROS stays.
-fn ros_type(dds_type: &str) -> String {
+pub(super) fn ros_type(dds_type: &str) -> String {
     let parts = dds_type.split_once("::dds_::").and_then(|(package, name)| Some((package, name.strip_suffix('_')?)));
     parts.map_or_else(|| dds_type.to_owned(), |(package, name)| format!("{}/{name}", package.replace("::", "/")))
 }

@@ -27,6 +27,7 @@ mod process;
 pub mod qos;
 mod raw;
 mod services;
+mod session;
 pub mod signals;
 mod silence;
 pub mod threads;
@@ -34,6 +35,11 @@ mod throttle;
 mod uplink;
 mod watch;
 mod wire;
+#[cfg(feature = "zenoh")]
+mod zenoh;
+#[cfg(not(feature = "zenoh"))]
+#[path = "without_zenoh.rs"]
+mod zenoh;
 
 pub use bell::Bell;
 pub use health::Health;
@@ -41,6 +47,7 @@ pub use keeper::Middleware;
 pub use link::{Delivery, Inlets, Link, Mailbox, Unsent, cdr, publication};
 pub use process::serve;
 pub use raw::RawCdr;
+pub use session::ZenohSession;
 pub use throttle::Throttle;
 pub use wire::{Endpoint, Head, Kind, Plan, Quality, Role, Stamp, origin_of, times_of, wall_nanos};
 

@@ -30,6 +30,7 @@ use super::services::{ORDERS, ReplyReaders, Served, be_answered, be_asked, obey}
 use super::uplink::Uplink;
 use super::watch::{Finding, Voice, Watch, threads, ticks};
 use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, times, wall_nanos};
+use super::zenoh;
 use crate::qos::Side;
 use crate::raw::RawCdr;
 use crate::signals::Signals;
@@ -67,6 +68,9 @@ fn run() -> Result<(), String> {
     limit(plan.memory_bytes).map_err(|e| e.to_string())?;
     let (voice, lines) = Voice::listen(plan.verbosity);
     let uplink = Arc::new(Uplink::new(socket.try_clone().map_err(|e| e.to_string())?));
+    if let Some(session) = &plan.zenoh {
+        return zenoh::run(&plan, session, frames, &socket, &uplink, &lines);
+    }
     // Without it peers list the dead one until its lease ends, which is not worth an error.
     let _ = plan.predecessor.map(|prefix| obituary::announce(prefix, plan.domain, plan.localhost));
     match Domain::join(&plan, &uplink) {

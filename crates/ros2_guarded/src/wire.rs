@@ -12,6 +12,8 @@ use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, Liveliness, Reliability, WhenFull};
 use serde::{Deserialize, Serialize};
 
+use crate::session::ZenohSession;
+
 /// Longest body of a frame: more than any tissue that can be answered in time.
 pub const LONGEST: usize = 16 << 20;
 /// Length of the part before the body.
@@ -243,6 +245,8 @@ pub struct Plan {
     pub hears: bool,
     /// First bytes of the GUID of the process before, which may have been killed.
     pub predecessor: Option<[u8; 12]>,
+    /// Over Zenoh, and how, instead of DDS.
+    pub zenoh: Option<ZenohSession>,
     /// What it makes.
     pub endpoints: Vec<Endpoint>,
 }
@@ -258,6 +262,8 @@ pub struct Endpoint {
     pub package: String,
     /// `WrenchStamped`.
     pub type_name: String,
+    /// RIHS01 hash of its type, which Zenoh's names have; none if it is not known.
+    pub type_hash: Option<String>,
     /// Its QoS.
     pub quality: Quality,
 }

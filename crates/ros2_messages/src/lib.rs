@@ -28,9 +28,11 @@ pub mod schema;
 pub mod sensor_msgs;
 pub mod std_msgs;
 pub mod std_srvs;
+mod type_hash;
 pub mod visualization_msgs;
 
 pub use cdr::{CdrError, from_cdr, to_cdr, to_cdr_in};
+pub use type_hash::{hashed_types, type_hash};
 
 /// A message type that has a name in ROS: what a topic, a bag channel or a schema is labelled with.
 pub trait RosMessage: serde::Serialize + serde::de::DeserializeOwned {

@@ -148,6 +148,7 @@ impl<'a> Stage<'a> {
             domain: self.domain,
             reach: Reach::Localhost,
             mapping: ServiceMapping::Enhanced,
+            zenoh: None,
             log_folder: None,
             warnings: Vec::new(),
         };
