@@ -115,7 +115,9 @@ class Writer:
             self.publisher = zenoh.ext.declare_advanced_publisher(
                 node.session, key, cache=zenoh.ext.CacheConfig(depth), publisher_detection=True)
         else:
-            self.publisher = node.session.declare_publisher(key, express=True)
+            # a test's own message is never dropped
+            block = zenoh.CongestionControl.BLOCK
+            self.publisher = node.session.declare_publisher(key, express=True, congestion_control=block)
         self.wanted = ("MS", entity.name, entity.dds_type_name, entity.type_hash)
 
     def write(self, message):

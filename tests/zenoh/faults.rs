@@ -56,10 +56,32 @@ fn a_process_that_is_killed_or_stopped_is_replaced_and_the_state_is_kept() {
         1,
         "the new process has what those who come later must get"
     );
+    drop(late);
     let (code, log, took) = node.stop("INT");
     assert!(code == Some(0) && took < Duration::from_secs(5), "{took:?} {log}");
     assert!(log.contains("was killed") && log.contains("is stopped"), "{log}");
     assert_eq!(peer.ask(json!({"op": "participants", "wanted": 0}))["others"], 0, "the node has left");
+}
+
+#[test]
+fn a_reader_that_is_frozen_holds_nobody_up() {
+    let domain = free_domain();
+    let (_node, mut peer) = connected_twin(domain, &["-p", "max_pose_age_s:=0", "-p", "tissue_rate_hz:=20.0"]);
+    let mut frozen = Peer::start(domain);
+    for (topic, kind) in
+        [("/predicted_cf", "geometry_msgs/msg/WrenchStamped"), ("/tissue_surface", "visualization_msgs/msg/Marker")]
+    {
+        frozen.ask(json!({"op": "subscribe", "topic": topic, "type": kind}));
+    }
+    frozen.ask(json!({"op": "wait_matched", "topics": ["/predicted_cf", "/tissue_surface"]}));
+    signal(frozen.id(), "STOP");
+    // until the connection's buffers are full, and beyond
+    let longest = (0..5).map(|_| stream(&mut peer)).inspect(|run| assert_eq!(run["answered"], 100, "{run}"));
+    let longest = longest.map(|run| run["longest_gap_s"].as_f64().unwrap()).fold(0.0, f64::max);
+    println!("longest time between two answers {longest:.3} s");
+    signal(frozen.id(), "CONT");
+    let heard = frozen.ask(json!({"op": "last", "topic": "/predicted_cf", "seconds": 3.0}));
+    assert!(heard["count"].as_u64().unwrap() > 0, "it hears again: {heard}");
 }
 
 #[test]

@@ -105,7 +105,7 @@ fn who_comes_later_has_the_log_and_the_model_and_hears_of_changed_parameters() {
     ] {
         peer.ask(json!({"op": "subscribe", "topic": topic, "type": kind, "qos": qos}));
     }
-    let mut take = |peer: &mut Peer, topic: &str| {
+    let take = |peer: &mut Peer, topic: &str| {
         peer.ask(json!({"op": "take", "topic": topic, "timeout": 10.0}))["messages"].as_array().unwrap().clone()
     };
     let (lines, models) = (take(&mut peer, "/rosout"), take(&mut peer, "/tissue_model"));
