@@ -135,6 +135,11 @@ impl Domain {
 
     fn send(&self, head: &Head, body: &[u8], uplink: &Arc<Uplink>) {
         let number = head.endpoint;
+        let warn_unless = |sent: bool, text: &str| {
+            if !sent {
+                uplink.log(log::Level::Warn, text);
+            }
+        };
         match head.kind {
             Kind::Message => {
                 let Ok(at) = self.writers.binary_search_by_key(&number, |w| w.number) else { return };
@@ -143,14 +148,12 @@ impl Domain {
                 }
             }
             Kind::Response => {
-                if !self.servers.iter().any(|s| s.number == number && s.answer(&head.stamp, body)) {
-                    uplink.log(log::Level::Warn, "an answer of a service is lost: its caller has gone");
-                }
+                let answered = self.servers.iter().any(|s| s.number == number && s.answer(&head.stamp, body));
+                warn_unless(answered, "an answer of a service is lost: its caller has gone");
             }
             Kind::Request => {
-                if !self.callers.iter().any(|c| c.number == number && c.call(body, &self.session, uplink)) {
-                    uplink.log(log::Level::Warn, "a call of a service could not be sent");
-                }
+                let called = self.callers.iter().any(|c| c.number == number && c.call(body, &self.session, uplink));
+                warn_unless(called, "a call of a service could not be sent");
             }
             _ => {}
         }
