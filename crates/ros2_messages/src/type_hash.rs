@@ -2,7 +2,7 @@
 //!
 //! Messages that are recorded have theirs beside their [`schema`](mod@crate::schema). Here are the others, as rosidl of Jazzy made them
 //! and, for `rosbag2_interfaces` and `needle_twin`, as an independent implementation computes them from the definitions.
-//! `tests/zenoh.rs` compares every one of them with such a computation.
+//! `tests/zenoh/wire.rs` compares every one of them with such a computation.
 
 use crate::schema::schema;
 
