@@ -18,6 +18,7 @@ use crate::compare::Watch as _;
 use crate::report;
 use crate::scene::Override;
 use crate::study::accuracy::StudyError;
+use crate::study::composites::COMPOSITES;
 use crate::study::stability;
 use crate::study::verification::{self, Verification};
 
@@ -90,10 +91,11 @@ impl Stability {
     }
 }
 
-/// Run the presets as they ship, at their own speed, and hold them against independent finite elements
+/// Run the presets as they ship and samples of several materials, at their own speed, and hold them against independent finite elements
 #[derive(Debug, Args)]
 struct Verify {
-    /// Preset to run (may be repeated) [default: all three]
+    /// Scene to run (may be repeated): compression, indentation, needle_insertion, layered_indentation, layered_needle,
+    /// inclusion_indentation, inclusion_compression or membrane_indentation [default: all]
     #[arg(long = "scene", value_name = "NAME")]
     scenes: Vec<String>,
 
@@ -128,24 +130,24 @@ fn bar(work: u64, done: &str) -> ProgressBar {
     bar
 }
 
-/// The presets of these names; all of them if there is none.
-fn presets(names: &[String]) -> Result<Vec<&'static str>, StudyError> {
-    if let Some(unknown) = names.iter().find(|s| !PRESETS.contains(&s.as_str())) {
+/// The scenes of these names that have a reference; all of them if none is named.
+fn verified(names: &[String]) -> Result<Vec<&'static str>, StudyError> {
+    let known = || PRESETS.into_iter().chain(COMPOSITES.iter().map(|c| c.name));
+    if let Some(unknown) = names.iter().find(|s| known().all(|k| k != s.as_str())) {
         return Err(StudyError::NoReference(unknown.clone()));
     }
-    let wanted = |p: &&str| names.is_empty() || names.iter().any(|s| s == p);
-    Ok(PRESETS.into_iter().filter(wanted).collect())
+    Ok(known().filter(|k| names.is_empty() || names.iter().any(|s| s == k)).collect())
 }
 
 impl Verify {
     fn run(&self) -> Result<Outcome, CliError> {
-        let presets = presets(&self.scenes)?;
+        let scenes = verified(&self.scenes)?;
         let folder = self.out.as_deref().map(OutputFolder::prepare).transpose()?;
         let keys = self.set.set.iter().map(|text| Override::parse(text, "--set")).collect::<Result<Vec<_>, _>>()?;
         let mut all = Vec::new();
-        for preset in presets {
-            let mut progress = Progress::preparing(preset);
-            let one = self.threads.install(|| Verification::run(preset, &keys, None, &mut progress))??;
+        for scene in scenes {
+            let mut progress = Progress::preparing(scene);
+            let one = self.threads.install(|| Verification::run(scene, &keys, None, &mut progress))??;
             progress.finish();
             print(&verification::table(&one))?;
             all.push(one);

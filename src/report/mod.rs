@@ -177,17 +177,17 @@ pub fn write_stability(out: &Path, rows: &[stability::Row]) -> Result<Vec<PathBu
     files::write(out, &rendered)
 }
 
-/// Writes `verification.csv` and, for each preset, `verification_SCENE.svg` and `.png`; returns their paths.
+/// Writes `verification.csv` and, for each scene, `verification_SCENE.svg` and `.png`; returns their paths.
 ///
 /// # Errors
 /// As [`write_all`].
 pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBuf>, ReportError> {
     let mut rendered = vec![Rendered::new("verification.csv", verification::csv(all))];
     for one in all {
-        let (preset, picture) = (one.preset, verification_plot::verification_plot(one));
+        let (scene, picture) = (one.scene, verification_plot::verification_plot(one));
         let png = picture.to_png("verification_SCENE.png", PNG_SCALE)?;
-        rendered.push(Rendered::new(format!("verification_{preset}.svg"), picture.to_svg()));
-        rendered.push(Rendered::new(format!("verification_{preset}.png"), png));
+        rendered.push(Rendered::new(format!("verification_{scene}.svg"), picture.to_svg()));
+        rendered.push(Rendered::new(format!("verification_{scene}.png"), png));
     }
     files::write(out, &rendered)
 }

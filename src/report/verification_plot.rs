@@ -15,12 +15,12 @@ const SIDES: [f64; 2] = [84.0, 932.0];
 /// Half of a mark's width, px.
 const MARK: f64 = 5.0;
 
-/// The picture of one preset.
+/// The picture of one scene.
 pub(super) fn verification_plot(verification: &Verification) -> Picture {
-    let Verification { preset, run, compared, .. } = verification;
+    let Verification { scene, run, compared, .. } = verification;
     let mut picture = Picture::new(WIDTH, HEIGHT);
     let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };
-    picture.text([SIDES[0], 36.0], format!("{preset}: predicted force against independent finite elements"), title);
+    picture.text([SIDES[0], 36.0], format!("{scene}: predicted force against independent finite elements"), title);
     let about = format!("{}, {} nodes, at the preset's own speed.", run.method, run.nodes);
     picture.text([SIDES[0], 60.0], about, label(Anchor::Start));
     legend(&mut picture, [SIDES[0], 86.0], &[("predicted", Pen::new(BLUE, 2.0)), ("reference", Pen::new(INK, 2.0))]);

@@ -2,7 +2,7 @@
 //!
 //! [`accuracy`] holds many discretisations of a scene against a [`yardstick`], which is the finite elements of
 //! [`mod@reference`] where there are any; [`tune`] picks one of them for a tolerance and a rate of poses. [`stability`]
-//! drives the indentation on until each method ends. [`verification`] holds the presets, as they ship, to their targets.
+//! drives the indentation on until each method ends. [`verification`] holds the presets, as they ship, and [`composites`] to their targets.
 //! [`mod@calibrate`] finds the values of scene keys with which a recorded force is met. [`sensitivity`] says which uncertain key matters. [`speed`] times the step, beside the [`mod@bounds`] of the machine, and
 //! [`busy`] a needle beside other programs.
 
@@ -12,6 +12,7 @@ pub mod bounds;
 pub mod busy;
 pub mod calibrate;
 mod clock;
+pub mod composites;
 mod csv;
 pub mod kept;
 pub mod reference;

@@ -3,6 +3,7 @@
 
 use serde::Deserialize;
 
+use super::composites::Composite;
 use super::csv;
 use crate::scene::Target;
 
@@ -62,7 +63,7 @@ fn force_table(preset: &str) -> Option<&'static str> {
         "compression" => Some(include_str!("../../bags/reference/compression_force.csv")),
         "indentation" => Some(include_str!("../../bags/reference/indentation_force.csv")),
         "needle_insertion" => Some(include_str!("../../bags/reference/needle_force_capture_radius_0.50mm.csv")),
-        _ => None,
+        other => Composite::find(other).map(|composite| composite.table),
     }
 }
 

@@ -117,7 +117,10 @@ pub(super) fn force_at(path: &[(f64, f64)], depth_m: f64) -> Option<f64> {
 #[must_use]
 pub fn preset_of(scene: &Scene) -> Option<&'static str> {
     let same = |preset: &Scene| {
-        preset.sample == scene.sample && preset.material == scene.material && preset.instrument == scene.instrument
+        preset.sample == scene.sample
+            && preset.material == scene.material
+            && preset.instrument == scene.instrument
+            && scene.regions.is_empty()
     };
     Preset::of_the_paper().iter().find(|p| p.scene().is_ok_and(|preset| same(&preset))).map(|p| p.name)
 }
