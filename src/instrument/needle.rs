@@ -72,8 +72,8 @@ pub struct NeedlePath {
     layer: f64,
     /// Vertical length of the capture window, m.
     window: f64,
-    /// Of the tissue, Pa.
-    shear_modulus: f64,
+    /// Of the tissue at each node, Pa.
+    shear_modulus: Vec<f64>,
     /// Integration points within two spacings of the entry point.
     watched: Vec<u32>,
     /// Integration points in cells all of whose corners are on the path, with the corners' places in `nodes`.
@@ -145,13 +145,13 @@ impl NeedlePath {
         let effective_radius = (filled / (PI * length)).sqrt();
         Self {
             share: vec![1.0; nodes.len()],
+            shear_modulus: vec![0.0; nodes.len()],
             mirror: None,
             nodes,
             needle,
             slope,
             layer,
             window,
-            shear_modulus: 0.0,
             watched,
             progress: Progress {
                 hold,
@@ -184,10 +184,11 @@ impl NeedlePath {
         self
     }
 
-    /// The same path in tissue of a shear modulus in Pa, which sets how the hold grows between two layers of nodes.
+    /// The same path in tissue of a shear modulus in Pa at a depth in m, which sets how the hold grows between two layers of nodes.
     #[must_use]
-    pub fn in_tissue(self, shear_modulus: f64) -> Self {
-        Self { shear_modulus, ..self }
+    pub fn in_tissue(mut self, shear_modulus: impl Fn(f64) -> f64) -> Self {
+        self.shear_modulus = self.nodes.iter().map(|(_, z)| shear_modulus(*z)).collect();
+        self
     }
 
     /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
@@ -380,7 +381,7 @@ impl NeedlePath {
         // motion along the path takes its lateral share along, on the ramp as behind the tip
         let on_path = [off[0] - self.slope[0] * z, off[1] - self.slope[1] * z, z];
         if capture.passed < 1.0 {
-            solver.guide(n, on_path, self.share[i] * capture.spring(self.shear_modulus, self.layer));
+            solver.guide(n, on_path, self.share[i] * capture.spring(self.shear_modulus[i], self.layer));
         } else {
             solver.prescribe(n, on_path);
         }

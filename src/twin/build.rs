@@ -203,7 +203,8 @@ fn make_contact(
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
             let cells = corners.zip(table.volume.iter().copied());
             let path = NeedlePath::new(nodes, cloud.points.len(), *needle, *reach, *layer, watched, cells);
-            let path = path.in_tissue(scene.material.shear_modulus());
+            let at = |depth: f64| [x, y, top - depth];
+            let path = path.in_tissue(|depth| regions::stiffest(scene, *top, at(depth), 0.5 * layer));
             let path = match body.mirror {
                 Some(mirror) => path.mirrored(mirror, &cloud.points),
                 None => path,

@@ -28,6 +28,17 @@ pub(super) fn at(scene: &Scene, top: f64, point: [f64; 3]) -> u8 {
     (0..scene.regions.len()).find(holds).map_or(0, |i| i as u8 + 1)
 }
 
+/// Largest initial shear modulus within a distance above and below a point of a generated body, Pa: what a node on an interface is
+/// held against is the stiffer side.
+pub(super) fn stiffest(scene: &Scene, top: f64, [x, y, z]: [f64; 3], near: f64) -> f64 {
+    let modulus = |z: f64| {
+        let named = at(scene, top, [x, y, z]).checked_sub(1).map(|region| &scene.regions[usize::from(region)].material);
+        let material = named.and_then(|name| scene.materials.iter().find(|m| m.name == *name));
+        material.map_or(&scene.material, |m| &m.material).shear_modulus()
+    };
+    modulus(z - near).max(modulus(z + near))
+}
+
 /// Region of each cell: 0, or one more than the place in the scene's list. `volumes` are the groups of a mesh's cells.
 pub(super) fn of_cells<const K: usize>(
     scene: &Scene,

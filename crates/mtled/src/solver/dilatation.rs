@@ -18,7 +18,7 @@
 //! with J_0 = 0.4 keeps single points from collapsing at a singular edge, where the coarse pressure does not see them:
 //! it costs 0.3% of the force of an indentation of 4 mm, and without it that scene's motion ends at 7.1 of its 10 mm.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
@@ -61,7 +61,8 @@ pub struct Dilatation {
 }
 
 impl Dilatation {
-    /// Chooses coarse nodes greedily in node order (deterministic) and fits N_aP. `region` of each point: no fit reaches
+    /// Chooses coarse nodes greedily (deterministic) and fits N_aP: those that several regions share first, so that what is
+    /// chosen in a region depends neither on the others nor on their order, then in node order. `region` of each point: no fit reaches
     /// from one to another.
     #[must_use]
     pub fn projected(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], form: Form) -> Self {
@@ -72,7 +73,7 @@ impl Dilatation {
                 radii(points, &triangles, 1.0)
             }
         };
-        let mut coarse = coarse_nodes(points, &spacing, region, form.mirror());
+        let mut coarse = coarse_nodes(points, &spacing, region, form.mirror(), &interfaces_first(points, region));
         // In a half plane no volume is negative; without the worst nodes the force on a thin skin would be 2.9 % larger there.
         let thin = form != Form::Axisymmetric && region.iter().any(|r| *r != region[0]);
         let volume = if thin { corner_volumes(points, cells) } else { Vec::new() };
@@ -213,8 +214,27 @@ fn corner_volumes(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Vec<f64> {
     volume
 }
 
-/// Greedy choice in node order: a node is coarse if no coarse node of its region lies within [`COARSENING`] spacings, nor its own image.
-fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64], region: &[u8], mirror: Option<Mirror>) -> Vec<u32> {
+/// All nodes, those at whose place there is one of another region first; in one region the nodes' own order.
+fn interfaces_first(points: &[[f64; 3]], region: &[u8]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    if region.iter().any(|r| *r != region[0]) {
+        let place = |i: u32| points[i as usize].map(f64::to_bits);
+        let mut at: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        order.iter().for_each(|&i| *at.entry(place(i)).or_default() += 1);
+        order.sort_by_key(|&i| at.get(&place(i)) == Some(&1));
+    }
+    order
+}
+
+/// Greedy choice in this order: a node is coarse if no coarse node of its region lies within [`COARSENING`] spacings, nor its own
+/// image. By index, as neighbours are near in memory.
+fn coarse_nodes(
+    points: &[[f64; 3]],
+    spacing: &[f64],
+    region: &[u8],
+    mirror: Option<Mirror>,
+    order: &[u32],
+) -> Vec<u32> {
     let mut sorted = spacing.to_vec();
     sorted.sort_by(f64::total_cmp);
     let size = COARSENING * sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
@@ -224,7 +244,7 @@ fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64], region: &[u8], mirror: Opt
     let mut grid = Grid::of_cells(low, high, size.max(widest / 200.0).max(f64::MIN_POSITIVE));
     let (mut coarse, mut at): (Vec<u32>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());
     let on_plane = mirror.map_or_else(Vec::new, |m| m.holds(points));
-    for (i, &x) in points.iter().enumerate() {
+    for (i, x) in order.iter().map(|&i| (i as usize, points[i as usize])) {
         let reach = COARSENING * spacing[i];
         if mirror.is_some_and(|m| !on_plane[i] && 2.0 * m.across(&x) < reach) {
             continue;
@@ -240,5 +260,6 @@ fn coarse_nodes(points: &[[f64; 3]], spacing: &[f64], region: &[u8], mirror: Opt
             at.push(x);
         }
     }
+    coarse.sort_unstable();
     coarse
 }
