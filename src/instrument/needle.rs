@@ -60,7 +60,7 @@ pub struct Insertion {
     pub deepest: f64,
 }
 
-/// The nodes along the needle's path, and what each is doing.
+/// Nodes along the needle's path, and what each is doing.
 #[derive(Clone, Debug)]
 pub struct NeedlePath {
     /// Node and its reference depth below the top, by depth.
@@ -186,9 +186,8 @@ impl NeedlePath {
 
     /// The same path in tissue of a shear modulus in Pa at a depth in m, which sets how the hold grows between two layers of nodes.
     #[must_use]
-    pub fn in_tissue(mut self, shear_modulus: impl Fn(f64) -> f64) -> Self {
-        self.shear_modulus = self.nodes.iter().map(|(_, z)| shear_modulus(*z)).collect();
-        self
+    pub fn in_tissue(self, shear_modulus: impl Fn(f64) -> f64) -> Self {
+        Self { shear_modulus: self.nodes.iter().map(|(_, z)| shear_modulus(*z)).collect(), ..self }
     }
 
     /// Radius of the straight rod, as long as the path, that has the volume of the cells that the needle fills, m:
@@ -211,8 +210,7 @@ impl NeedlePath {
     }
 
     fn go_to(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
-        // the nodes' depths are vertical
-        let depth = -tip.offset[2];
+        let depth = -tip.offset[2]; // the nodes' depths are vertical
         if !self.progress.state.punctured {
             if depth <= 0.0 {
                 self.release_all(solver);

@@ -109,7 +109,8 @@ impl Verdict {
 }
 
 impl Verification {
-    /// Runs a preset or a sample of several materials with some keys changed, on the present rayon pool, at its own speed and rate of poses, to the last
+    /// Runs a preset or a sample of several materials with some keys changed, on the present rayon pool, at its own speed and rate of
+    /// poses, to the last
     /// depth of the reference or to `depth_m`.
     ///
     /// # Errors
