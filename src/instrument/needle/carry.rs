@@ -1,0 +1,128 @@
+//! What is captured goes with the needle: which node is on its ramp or behind the tip, and where the rule puts it.
+
+use super::NeedlePath;
+use crate::instrument::Tip;
+use crate::instrument::capture::{Capture, Hold, carried, passed};
+use crate::scene::DeformationRule;
+use mtled::solver::Solver;
+
+/// How much earlier than the window says a ramp begins and ends at most, over the window: half a layer where it has four.
+const EARLY: f64 = 0.125;
+
+impl NeedlePath {
+    pub(super) fn penetrate(&mut self, tip: &Tip, solver: &mut Solver) {
+        let depth = -tip.offset[2];
+        // how far the last layer behind the tip is off the path
+        let mut behind = [0.0; 2];
+        for i in 0..self.nodes.len() {
+            let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
+            let before = self.progress.hold[i];
+            let hold = if depth + self.window < z || depth < 0.0 {
+                Hold::Free
+            } else {
+                Hold::Captured(self.capture(i, tip, behind, solver))
+            };
+            if self.role(&hold) != self.role(&before) {
+                solver.set_role(n, self.role(&hold));
+            }
+            self.progress.hold[i] = hold;
+            if let Hold::Captured(capture) = hold {
+                self.carry(i, &capture, tip, solver);
+                if capture.passed >= 1.0 {
+                    behind = self.off_path(tip, z, capture.beside);
+                }
+            }
+        }
+        self.fill(depth, solver);
+    }
+
+    /// What becomes of node i in the window or behind the tip.
+    fn capture(&self, i: usize, tip: &Tip, behind: [f64; 2], solver: &Solver) -> Capture {
+        let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
+        let depth = -tip.offset[2];
+        let passed = passed(depth, z, self.layer);
+        let hold = self.progress.hold[i];
+        let beside = |behind: [f64; 2]| {
+            let axis = tip.axis_at(z);
+            std::array::from_fn(|k| axis[k] - self.slope[k] * z - behind[k])
+        };
+        match hold {
+            Hold::Captured(c) if c.passed > 0.0 || self.revolved => Capture { passed, ..c },
+            Hold::Captured(c) => {
+                let shift = carried(self.layer_shift(z, solver), behind);
+                Capture { beside: beside(shift), passed, ..c }
+            }
+            Hold::Free | Hold::Indented => {
+                let shift = self.layer_shift(z, solver);
+                let shift = if hold == Hold::Indented { shift } else { carried(shift, behind) };
+                Capture { since: self.entered(depth, z), from: solver.parameters()[n], beside: beside(shift), passed }
+            }
+        }
+    }
+
+    /// Depth of the tip at which a node at depth z began its ramp, m: where the tip was at the pose before, since the node has moved freely up
+    /// to there. A node that began within the pose would stand still, or nearly so, for all of it.
+    fn entered(&self, depth: f64, z: f64) -> f64 {
+        let reached = z - self.window;
+        self.progress.tip.max(reached - EARLY * self.window).min(depth)
+    }
+
+    /// How far the needle has carried what is captured at depth z sideways off the path, m.
+    fn off_path(&self, tip: &Tip, z: f64, beside: [f64; 2]) -> [f64; 2] {
+        let axis = tip.axis_at(z);
+        std::array::from_fn(|k| axis[k] - self.slope[k] * z - beside[k])
+    }
+
+    /// Prescribes where a captured node goes.
+    fn carry(&self, i: usize, capture: &Capture, tip: &Tip, solver: &mut Solver) {
+        let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
+        let depth = -tip.offset[2];
+        let along = self.follow(depth, z);
+        let off = self.off_path(tip, z, capture.beside);
+        let to = [off[0] + self.slope[0] * along, off[1] + self.slope[1] * along, -along];
+        let (s, from) = (capture.share(depth, self.window), capture.from);
+        let [x, y, z] = std::array::from_fn(|k| (1.0 - s) * from[k] + s * to[k]);
+        if self.revolved {
+            solver.prescribe(n, [x, y, z]);
+            return;
+        }
+        // motion along the path takes its lateral share along, on the ramp as behind the tip
+        let on_path = [off[0] - self.slope[0] * z, off[1] - self.slope[1] * z, z];
+        if capture.passed < 1.0 {
+            solver.guide(n, on_path, self.share[i] * capture.spring(self.shear_modulus[i], self.layer));
+        } else {
+            solver.prescribe(n, on_path);
+        }
+    }
+
+    /// How far the path's layer of nodes at depth z has been moved sideways off the path, m: its mean lateral
+    /// displacement less what motion along the path would make.
+    fn layer_shift(&self, z: f64, solver: &Solver) -> [f64; 2] {
+        if self.revolved {
+            return [0.0; 2];
+        }
+        let near = 0.25 * self.layer;
+        let first = self.nodes.partition_point(|(_, d)| *d < z - near);
+        let layer = self.nodes[first..].iter().zip(&self.share[first..]).take_while(|((_, d), _)| *d <= z + near);
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for ((n, _), share) in layer {
+            let u = solver.parameters()[*n as usize];
+            (0..2).for_each(|k| sum[k] += share * (u[k] + self.slope[k] * u[2]));
+            count += share;
+        }
+        let [x, y, _] = self.mirror.map_or(sum, |mirror| mirror.within(&sum));
+        if count > 0.0 { [x / count, y / count] } else { [x, y] }
+    }
+
+    /// Displacement along the axis, into the sample, of a node at reference depth z.
+    fn follow(&self, depth: f64, z: f64) -> f64 {
+        let n = &self.needle;
+        let deepest = self.progress.state.deepest;
+        let reached = match n.deformation_rule {
+            DeformationRule::Incremental => n.deformation_coefficient * (deepest - z).max(0.0),
+            DeformationRule::Absolute => n.deformation_coefficient * deepest,
+        };
+        // what retraction can undo ends where the node is released
+        reached - n.retraction_coefficient * (deepest - depth.max(0.0)).min((deepest - z).max(0.0))
+    }
+}
