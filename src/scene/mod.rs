@@ -12,6 +12,7 @@
 mod advice;
 mod check;
 mod check_materials;
+mod correlation;
 mod discretisation;
 mod edit;
 mod error;
@@ -40,6 +41,7 @@ mod values;
 mod words;
 
 pub use check::LARGEST_POISSON_RATIO;
+pub use correlation::Dependence;
 pub use discretisation::{Dimension, Discretisation, Grading, Method};
 pub use edit::{NewValue, Override};
 pub use error::SceneError;

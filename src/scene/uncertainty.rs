@@ -7,15 +7,18 @@
 //! ```
 //!
 //! A key of a single number by its dotted path, or one of [`Recorded`], which say how a recording lies to the model. The keys
-//! are independent of each other. A scene computes the same with the section and without: only ensembles draw from it.
+//! are independent of each other but for their [`correlation`](super::Dependence). A scene computes the same with the section and without: only ensembles draw from it.
+
+use std::collections::BTreeMap;
 
 use statrs::distribution::{ContinuousCDF as _, LogNormal, Normal, Uniform};
 use toml::de::{DeTable, DeValue};
 
 use super::check::Check;
+use super::correlation;
 use super::section::{Scope, Section};
 use super::values::Values;
-use super::{Key, Kind, Range, SceneError, Value, keys};
+use super::{Dependence, Key, Kind, Range, SceneError, Value, keys};
 
 /// Name of the section.
 pub(super) const SECTION: &str = "uncertainty";
@@ -149,6 +152,23 @@ pub struct Uncertain {
     pub key: String,
     /// What is believed of it.
     pub prior: Prior,
+    /// Correlation with other keys, by their paths: see [`Dependence`].
+    pub correlation: BTreeMap<String, f64>,
+}
+
+/// As a file has it.
+impl std::fmt::Display for Uncertain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let list: Vec<String> =
+            self.correlation.iter().map(|(other, r)| format!("\"{other}\" = {}", Value::from(*r))).collect();
+        let numbers = Value::from(self.prior.numbers().to_vec());
+        match list.is_empty() {
+            true => write!(f, "{}", self.prior),
+            false => {
+                write!(f, "{{ {} = {numbers}, {} = {{ {} }} }}", self.prior.word(), correlation::WORD, list.join(", "))
+            }
+        }
+    }
 }
 
 impl Uncertain {
@@ -169,7 +189,7 @@ impl Uncertain {
                 value: Value::from(*end).to_string(),
                 allowed,
             }),
-            None => Ok(Self { key: path.to_owned(), prior }),
+            None => Ok(Self { key: path.to_owned(), prior, correlation: BTreeMap::new() }),
         }
     }
 
@@ -226,18 +246,33 @@ pub(super) fn read(path: &str, value: &DeValue<'_>, shown: &str, place: &str) ->
     let wrong = |path: &str| inconsistent(path, shown, place, NEEDED.to_owned());
     let DeValue::Table(table) = value else { return Err(wrong(path)) };
     let mut found = Vec::new();
-    for (name, inner) in table {
+    // a distribution, with correlations or without
+    let mut correlation = BTreeMap::new();
+    let mut entries: Vec<_> = table.iter().collect();
+    if let [a, b] = entries[..]
+        && let Some((_, linked)) = [a, b].into_iter().find(|(name, _)| name.get_ref() == correlation::WORD)
+        && let DeValue::Table(linked) = linked.get_ref()
+        && [a, b].iter().any(|(_, value)| value.get_ref().is_array())
+    {
+        correlation = correlation::read(linked).map_err(|reason| inconsistent(path, shown, place, reason))?;
+        entries.retain(|(name, _)| name.get_ref() != correlation::WORD);
+    }
+    let alone = entries.len() == 1;
+    for (name, inner) in entries {
         let name = name.get_ref();
         match inner.get_ref() {
             DeValue::Table(_) => found.extend(read(&format!("{path}.{name}"), inner.get_ref(), shown, place)?),
-            DeValue::Array(list) if table.len() == 1 => {
+            DeValue::Array(list) if alone => {
                 let number = |x: &toml::Spanned<DeValue<'_>>| match x.get_ref() {
                     DeValue::Float(digits) => digits.as_str().parse().ok(),
                     DeValue::Integer(digits) => digits.as_str().parse().ok(),
                     _ => None,
                 };
                 let numbers: Vec<f64> = list.iter().map(|x| number(x).unwrap_or(f64::NAN)).collect();
-                found.push(Uncertain::new(path, name, &numbers, place)?);
+                found.push(Uncertain {
+                    correlation: correlation.clone(),
+                    ..Uncertain::new(path, name, &numbers, place)?
+                });
             }
             _ => return Err(wrong(path)),
         }
@@ -263,9 +298,15 @@ impl Check<'_> {
     /// Every uncertain key is one that this scene has.
     pub(super) fn uncertainty(&self) -> Result<(), SceneError> {
         let absent = |one: &&Uncertain| Recorded::of(&one.key).is_none() && self.scene.get(&one.key).is_none();
-        let Some(one) = self.scene.uncertainty.iter().find(absent) else { return Ok(()) };
-        let reason = format!("scene {} has no such key", self.scene.name);
-        Err(inconsistent(&one.key, &one.prior.to_string(), self.values.origin(), reason))
+        let refuse =
+            |one: &Uncertain, reason| Err(inconsistent(&one.key, &one.to_string(), self.values.origin(), reason));
+        if let Some(one) = self.scene.uncertainty.iter().find(absent) {
+            return refuse(one, format!("scene {} has no such key", self.scene.name));
+        }
+        match Dependence::of(&self.scene.uncertainty) {
+            Err((at, reason)) => self.scene.uncertainty.get(at).map_or(Ok(()), |one| refuse(one, reason)),
+            Ok(_) => Ok(()),
+        }
     }
 }
 

@@ -185,7 +185,12 @@ impl Values {
             }
         }
         let mut priors = std::mem::take(&mut self.priors);
-        priors.retain(|prior| keep.contains(&prior.key) || matches!(self.misfit(&prior.key), Ok(None)));
+        let mut fallen = BTreeSet::new();
+        priors.retain(|prior| {
+            let stays = keep.contains(&prior.key) || matches!(self.misfit(&prior.key), Ok(None));
+            stays || !fallen.insert(prior.key.clone())
+        });
+        priors.iter_mut().for_each(|prior| prior.correlation.retain(|key, _| !fallen.contains(key)));
         self.priors = priors;
         Ok(())
     }
@@ -226,8 +231,8 @@ impl Values {
         if !self.priors.is_empty() {
             let _ = writeln!(out, "\n[{}]", uncertainty::SECTION); // writing to a String can't fail
         }
-        for Uncertain { key, prior } in &self.priors {
-            let _ = writeln!(out, "\"{key}\" = {prior}");
+        for one in &self.priors {
+            let _ = writeln!(out, "\"{}\" = {one}", one.key);
         }
         out
     }

@@ -74,6 +74,34 @@ fn solve_gives_the_band_of_its_members() {
 }
 
 #[test]
+fn keys_that_go_together_widen_the_band_and_opposite_ones_narrow_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let width = |correlation: &str| {
+        // at the deepest the force is some 30 mN, of which the modulus' standard deviation makes 6 %
+        let modulus = "uncertainty.material.shear_modulus_pa={normal=[1678, 100]}";
+        let zero = format!("uncertainty.align.force_zero_n={{normal=[0, 0.0025]{correlation}}}");
+        let (code, _, stderr) = solve(&["--members", "32", "--set", modulus, "--set", &zero, "--out", out]);
+        assert_eq!(code, Some(0), "{stderr}");
+        let [low, high] = ["predicted_low_n", "predicted_high_n"].map(|name| column(folder.path(), name));
+        high[high.len() - 1] - low[low.len() - 1]
+    };
+    let [opposite, none, alike] =
+        [-0.95, 0.0, 0.95].map(|r| width(&format!(", correlation = {{ \"material.shear_modulus_pa\" = {r} }}")));
+    assert!(opposite < 0.6 * none && none < 0.8 * alike, "{opposite}, {none}, {alike} N");
+    let alone = width("");
+    assert!((none / alone - 1.0).abs() < 1e-6, "a correlation of 0 is none: {none}, {alone} N");
+    let refused = |of: &str| {
+        let zero = format!("uncertainty.align.force_zero_n={{normal=[0, 0.0025], correlation={of}}}");
+        let (code, _, stderr) = solve(&["--members", "8", "--set", &zero]);
+        assert_eq!(code, Some(1));
+        stderr
+    };
+    assert!(refused("{ \"material.shear_modulus_pa\" = 0.5 }").contains("no other key"));
+    assert!(refused("{ \"material.shear_modulus_pa\" = 1.5 }").contains("above -1 and below 1"));
+}
+
+#[test]
 fn members_of_a_scene_that_is_sure_of_everything_are_refused_with_the_remedy() {
     let (code, _, stderr) = solve(&["--members", "8"]);
     assert_eq!(code, Some(1));

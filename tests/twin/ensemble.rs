@@ -89,6 +89,23 @@ fn members_that_differ_in_a_modulus_share_a_run_that_is_right_to_a_thousandth() 
 }
 
 #[test]
+fn a_scene_keeps_its_correlations_in_its_file() {
+    let linked = "{ normal = [0.01, 0.0003], correlation = { \"material.poisson_ratio\" = -0.5 } }";
+    let scene = scene(&[("uncertainty.instrument.diameter_m", linked)]);
+    let again = Scene::from_toml(&scene.to_toml(), "again").unwrap();
+    assert_eq!(again.uncertainty, scene.uncertainty);
+    assert_eq!(again.uncertainty.iter().map(|one| one.correlation.len()).sum::<usize>(), 1);
+    // keys as TOML nests them, and a material that is named as the word is
+    let nested = "{ normal = [0.01, 0.0003], correlation = { material.poisson_ratio = -0.5 } }";
+    let changed = scene.with(&[Override::text("uncertainty.instrument.diameter_m", nested, "test")]).unwrap();
+    assert_eq!(changed.uncertainty, scene.uncertainty);
+    // the key that it goes with falls away with what has it
+    let plate = [Override::text("instrument.kind", "plate", "test")];
+    let with_plate = scene.with(&plate).unwrap();
+    assert!(with_plate.uncertainty.iter().all(|one| one.correlation.is_empty()), "{:?}", with_plate.uncertainty);
+}
+
+#[test]
 fn keys_that_are_equal_stay_equal_unless_both_are_uncertain() {
     let prior = ("uncertainty.instrument.deformation_coefficient", "{ uniform = [0.3, 0.5] }");
     let back = ("uncertainty.instrument.retraction_coefficient", "{ uniform = [0.3, 0.5] }");

@@ -150,11 +150,19 @@ fn to_python(py: Python<'_>, value: Value) -> PyResult<Bound<'_, PyAny>> {
     }
 }
 
-/// A key's new value, or its prior: `{"normal": [2000, 200]}` of `uncertainty.material.shear_modulus_pa`.
+/// A key's new value, or its prior: `{"normal": [2000, 200]}` of `uncertainty.material.shear_modulus_pa`, with `"correlation": {"OTHER KEY": 0.6}` in it
+/// where it goes with another.
 fn change(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Override> {
     let prior = value.cast::<PyDict>().ok().filter(|_| key.starts_with("uncertainty."));
     let Some(prior) = prior else { return Ok(Override::typed(key, from_python(key, value)?, PLACE)) };
     let of = |(kind, numbers): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<String> {
+        if let Ok(others) = numbers.cast::<PyDict>() {
+            let pair = |(other, r): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<String> {
+                Ok(format!("\"{other}\" = {:?}", r.extract::<f64>()?))
+            };
+            let pairs = others.iter().map(pair).collect::<PyResult<Vec<_>>>()?.join(", ");
+            return Ok(format!("{kind} = {{ {pairs} }}"));
+        }
         Ok(format!("{kind} = {:?}", numbers.extract::<Vec<f64>>()?))
     };
     let written = prior.iter().map(of).collect::<PyResult<Vec<_>>>()?.join(", ");

@@ -81,3 +81,10 @@ def test_runs_with_members_have_a_band(needle, bag):
     assert needle_twin.solve(scene).predicted_low_n is None
     found = needle_twin.replay(bag, scene.changed({"discretisation.spacing_m": 0.004}), members=8)
     assert np.isfinite(found.predicted_high_n).any()
+
+
+def test_keys_that_go_with_each_other_are_drawn_so(needle):
+    other = {"normal": [0.0, 0.01], "correlation": {MODULUS: -0.95}}
+    scene = needle.changed({f"uncertainty.{MODULUS}": {"lognormal": [1500, 0.1]}, f"uncertainty.{ZERO}": other})
+    moduli, zeros = needle_twin.Ensemble(scene, 32).values.T
+    assert np.corrcoef(np.log(moduli), zeros)[0, 1] < -0.85

@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod bell;
+mod drops;
 mod graph;
 mod health;
 mod keeper;

@@ -10,6 +10,7 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use ros2_client::Publisher;
 
+use super::drops::Drops;
 use super::services::Order;
 use super::uplink::Uplink;
 use super::wire::{Frames, Head, Kind};
@@ -104,7 +105,11 @@ fn sort(
 
 /// Publishes large messages one after the other.
 fn publish_paced(writers: &[Writer], waiting: &Receiver<(usize, Vec<u8>)>, uplink: &Uplink) {
+    let mut drops = Drops::new();
     for (at, body) in waiting {
+        if let Some(notice) = drops.notice() {
+            uplink.log(log::Level::Warn, &notice);
+        }
         let pause = pause_behind(body.len());
         if let Some(writer) = writers.get(at) {
             writer.publish(body, uplink);

@@ -29,6 +29,12 @@ pub enum EnsembleError {
     /// More keys than a point has dimensions.
     #[error("{0} uncertain keys are more than can be drawn")]
     Keys(usize),
+    /// Variance can't be shared out among keys that depend on each other.
+    #[error(
+        "uncertainty.{0} has a correlation: Sobol's indices are shares of independent keys. Take `correlation` out (--set \
+         'uncertainty.{0}={{...}}' replaces the entry)"
+    )]
+    Dependent(String),
     /// A draw is no value of its key, or the values don't fit together.
     #[error(transparent)]
     Scene(#[from] SceneError),

@@ -2,7 +2,7 @@
 
 use super::points::{DIMENSIONS, MOST, coordinate};
 use super::{EnsembleError, Size};
-use crate::scene::{Base, InstrumentKind, Override, Recorded, Scene};
+use crate::scene::{Base, Dependence, InstrumentKind, Override, Recorded, Scene};
 
 /// How a recording lies to a member.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,8 +77,14 @@ fn is_proportional(scene: &Scene) -> bool {
 /// [`EnsembleError`] if nothing is uncertain, their number is out of range, or a draw is no value of its key.
 pub fn members(scene: &Scene, size: Size) -> Result<Vec<Member>, EnsembleError> {
     check(scene, size.members, scene.uncertainty.len())?;
+    // a scene's correlations were checked with it
+    let dependence = Dependence::of(&scene.uncertainty).ok();
     let of = |k: usize| {
-        let shares = (0..scene.uncertainty.len()).map(|dimension| coordinate(k, dimension, size.seed));
+        let independent = (0..scene.uncertainty.len()).map(|dimension| coordinate(k, dimension, size.seed)).collect();
+        let shares = match &dependence {
+            Some(dependence) => dependence.shares(independent),
+            None => independent,
+        };
         Member::new(scene, shares, &format!("member {k} of [uncertainty]"))
     };
     (0..size.members).map(of).collect()

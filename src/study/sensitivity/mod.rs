@@ -64,10 +64,13 @@ pub struct KeyIndices {
 /// Members at the points of a design.
 ///
 /// # Errors
-/// [`EnsembleError`] if nothing is uncertain, or a draw is no value of its key.
+/// [`EnsembleError`] if nothing is uncertain, keys depend on each other, or a draw is no value of its key.
 pub fn members(scene: &Scene, points: usize, seed: u64) -> Result<Vec<Member>, EnsembleError> {
     let keys = scene.uncertainty.len();
     crate::compare::ensemble::check(scene, points, 2 * keys)?;
+    if let Some(one) = scene.uncertainty.iter().find(|one| !one.correlation.is_empty()) {
+        return Err(EnsembleError::Dependent(one.key.clone()));
+    }
     let row = |(k, shares): (usize, Vec<f64>)| Member::new(scene, shares, &format!("member {k} of [uncertainty]"));
     design(keys, points, seed).into_iter().enumerate().map(row).collect()
 }
