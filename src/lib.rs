@@ -10,12 +10,12 @@
 //!                                               ▼
 //!                         solver state ─► twin (pace, health, observation) ─► prediction
 //!                                                                               │
-//!        compare, input, rig, guard, study, report, live, openigtlink, ros, cli   ◄──────────┘   the outer ring
+//!        compare, input, rig, guard, study, report, served, live, openigtlink, ros, cli   ◄──┘   the outer ring
 //! ```
 //!
 //! The inner ring (`scene` to `twin`) is numbers only: no sockets, no files but those of the scene, and no clock that a result depends on. The outer
 //! ring is input and output around the same [`twin::Twin`]. A room uses only rooms before it: scene, mesh, instrument, twin,
-//! compare, input, rig, guard, study, report, live, openigtlink, ros, cli (`tests/rooms.rs`).
+//! compare, input, rig, guard, study, report, served, live, openigtlink, ros, cli (`tests/rooms.rs`).
 //!
 //! Crates of their own, useful without the twin: `mtled` (the method), `rosbag2_mcap` (bags), `ros2_guarded` (ROS 2 in a
 //! guarded process), `ros2_messages`.
@@ -58,6 +58,7 @@ pub mod report;
 pub mod rig;
 pub mod ros;
 pub mod scene;
+mod served;
 pub mod study;
 pub mod twin;
 

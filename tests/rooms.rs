@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the ground up: a room may use those before it. What two rooms share belongs below both.
-const ORDER: [&str; 14] = [
+const ORDER: [&str; 15] = [
     "scene",
     "mesh",
     "instrument",
@@ -18,6 +18,7 @@ const ORDER: [&str; 14] = [
     "guard",
     "study",
     "report",
+    "served",
     "live",
     "openigtlink",
     "ros",

@@ -1,12 +1,11 @@
 //! What is shown at present. Whoever puts something on the board replaces what stood there, and never waits for a viewer.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use axum::extract::ws::Message;
-use tokio::sync::watch;
-
 use super::frame::{Frame, Model, unit_m};
+use crate::served::{self, News};
+use axum::extract::ws::Message;
 
 /// Most viewers at a time.
 pub const VIEWERS: usize = 16;
@@ -26,21 +25,21 @@ pub(super) enum Place {
 pub(super) const PLACES: usize = 4;
 
 /// What stands in each place, and how often it was replaced.
-pub(super) type Newest = [(u64, Option<Message>); PLACES];
+pub(super) type Newest = served::Newest<Message, PLACES>;
+/// A viewer's seat.
+pub(super) type Seat = served::Seat<Message, PLACES>;
 
 /// See the module.
 #[derive(Debug)]
 pub struct Board {
-    newest: watch::Sender<Newest>,
-    viewers: watch::Sender<usize>,
+    pub(super) news: Arc<News<Message, PLACES>>,
     /// Length of a step of the tissue's displacements, m.
     unit_m: Mutex<f64>,
 }
 
 impl Default for Board {
     fn default() -> Self {
-        let (newest, viewers) = (watch::Sender::new(Newest::default()), watch::Sender::new(0));
-        Self { newest, viewers, unit_m: Mutex::new(1.0) }
+        Self { news: Arc::new(News::new(VIEWERS)), unit_m: Mutex::new(1.0) }
     }
 }
 
@@ -48,7 +47,7 @@ impl Board {
     /// Whether anybody looks.
     #[must_use]
     pub fn is_watched(&self) -> bool {
-        *self.viewers.borrow() > 0
+        self.news.is_watched()
     }
 
     /// Shows a sample, undeformed.
@@ -74,65 +73,7 @@ impl Board {
         self.put(Place::Figures, Message::Text(json.into()));
     }
 
-    /// What is as before is not sent again.
     fn put(&self, place: Place, message: Message) {
-        self.newest.send_if_modified(|newest| {
-            let (version, stands) = &mut newest[place as usize];
-            let changed = stands.as_ref() != Some(&message);
-            if changed {
-                (*version, *stands) = (*version + 1, Some(message));
-            }
-            changed
-        });
-    }
-
-    /// Hears of everything that is put.
-    pub(super) fn listen(&self) -> watch::Receiver<Newest> {
-        self.newest.subscribe()
-    }
-
-    /// The number of viewers, as it changes.
-    pub(super) fn count(&self) -> watch::Receiver<usize> {
-        self.viewers.subscribe()
-    }
-
-    /// A seat, if one is free. It has to be given back by [`Self::leave`].
-    pub(super) fn enter(&self) -> bool {
-        self.viewers.send_if_modified(|n| {
-            let free = *n < VIEWERS;
-            *n += usize::from(free);
-            free
-        })
-    }
-
-    /// Gives a seat back.
-    pub(super) fn leave(&self) {
-        self.viewers.send_modify(|n| *n = n.saturating_sub(1));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::*;
-
-    #[test]
-    fn the_newest_replaces_what_stood_there_and_the_same_again_is_no_news() {
-        let board = Board::default();
-        let mut news = board.listen();
-        board.status("a".to_owned());
-        board.status("b".to_owned());
-        assert!(news.has_changed().unwrap());
-        assert_eq!(news.borrow_and_update()[Place::Status as usize], (2, Some(Message::Text("b".into()))));
-        board.status("b".to_owned());
-        assert!(!news.has_changed().unwrap());
-    }
-
-    #[test]
-    fn there_are_so_many_seats() {
-        let board = Board::default();
-        assert!((0..VIEWERS).all(|_| board.enter()) && !board.enter());
-        board.leave();
-        assert!(board.is_watched() && board.enter() && !board.enter());
+        self.news.put(place as usize, message);
     }
 }

@@ -2,8 +2,7 @@
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
@@ -17,15 +16,15 @@ use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::sync::{Semaphore, oneshot, watch};
-use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+use tokio::time::timeout;
 
-use super::board::{Board, PERIOD};
+use super::board::{Board, PERIOD, Seat};
 use super::door::Door;
 use super::error::LiveError;
 use super::page;
 use super::request::{Command, LONGEST_REQUEST};
-use super::viewer::{self, Seat};
-use ros2_guarded::threads::{join_before, lower_priority, spawn};
+use super::viewer;
+use crate::served::{Service, accept, bind};
 
 /// Connections that are no viewers' at a time.
 const CONNECTIONS: usize = 32;
@@ -87,8 +86,7 @@ struct House {
 pub struct Server {
     url: String,
     token: String,
-    stop: watch::Sender<bool>,
-    thread: Option<JoinHandle<()>>,
+    _service: Service,
 }
 
 impl Server {
@@ -98,30 +96,19 @@ impl Server {
     /// # Errors
     /// [`LiveError::Bind`] if the port is taken, [`LiveError::Thread`].
     pub fn start(
-        (address, port): (IpAddr, u16),
+        at: (IpAddr, u16),
         board: Arc<Board>,
         figures: impl FnMut() -> String + Send + 'static,
         asked: Sender<Asked>,
         ring: impl Fn() + Send + Sync + 'static,
     ) -> Result<Self, LiveError> {
-        let wanted = SocketAddr::new(address, port);
-        let bind = |source| LiveError::Bind { address: wanted, source };
-        let listener = TcpListener::bind(wanted).map_err(bind)?;
-        listener.set_nonblocking(true).map_err(bind)?;
-        let served = listener.local_addr().map_err(bind)?;
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build();
-        let runtime = runtime.map_err(|e| LiveError::Thread(e.to_string()))?;
+        let (listener, served) = bind(at).map_err(|(address, source)| LiveError::Bind { address, source })?;
         let door = Door::new(served);
         let (url, token) = (url(served), door.token().to_owned());
-        let (stop, stopped) = watch::channel(false);
         let desk = Arc::new(Desk { door, asked, ring: Box::new(ring) });
-        let house = House { board, desk, stop: stopped };
-        let thread = spawn("page", move || {
-            lower_priority();
-            runtime.block_on(serve(listener, house, figures));
-        });
-        let thread = thread.map_err(|e| LiveError::Thread(e.to_string()))?;
-        Ok(Self { url, token, stop, thread: Some(thread) })
+        let serve = |stop| serve(listener, House { board, desk, stop }, figures);
+        let service = Service::start("page", 2 * FAREWELL, serve).map_err(LiveError::Thread)?;
+        Ok(Self { url, token, _service: service })
     }
 
     /// Where it can be looked at: `http://127.0.0.1:8080/`.
@@ -137,15 +124,6 @@ impl Server {
     }
 }
 
-impl Drop for Server {
-    fn drop(&mut self) {
-        self.stop.send_replace(true);
-        if let Some(thread) = self.thread.take() {
-            let _ = join_before(thread, Instant::now() + 2 * FAREWELL);
-        }
-    }
-}
-
 /// Where everything is served, this machine is one place to look from.
 fn url(served: SocketAddr) -> String {
     let host = match served.ip() {
@@ -157,41 +135,23 @@ fn url(served: SocketAddr) -> String {
     format!("http://{host}:{}/", served.port())
 }
 
-async fn serve(listener: TcpListener, house: House, figures: impl FnMut() -> String) {
+async fn serve(listener: TcpListener, house: House, mut figures: impl FnMut() -> String) {
     let mut stop = house.stop.clone();
     let board = Arc::clone(&house.board);
     tokio::select! {
         _ = stop.wait_for(|stopped| *stopped) => {}
-        () = accept(listener, house) => {}
-        () = tick(&board, figures) => {}
+        () = connect(listener, house) => {}
+        () = board.news.while_watched(PERIOD, || board.figures(figures())) => {}
     }
-    let mut viewers = board.count();
-    let _ = timeout(FAREWELL, viewers.wait_for(|n| *n == 0)).await;
+    let _ = timeout(FAREWELL, board.news.left()).await;
 }
 
-/// Puts the figures on the board while somebody looks.
-async fn tick(board: &Board, mut figures: impl FnMut() -> String) {
-    let mut viewers = board.count();
-    let mut beat = interval(PERIOD);
-    beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    while viewers.wait_for(|n| *n > 0).await.is_ok() {
-        beat.tick().await;
-        board.figures(figures());
-    }
-}
-
-async fn accept(listener: TcpListener, house: House) {
-    let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
+async fn connect(listener: TcpListener, house: House) {
     let app = router(house);
     let room = Arc::new(Semaphore::new(CONNECTIONS));
-    loop {
-        let Ok((stream, _)) = listener.accept().await else {
-            // Out of file descriptors, or the peer has gone: nothing that would be better at once.
-            sleep(Duration::from_millis(50)).await;
-            continue;
-        };
+    let take = |stream| {
         // Too many at once: the connection is closed.
-        let Ok(permit) = Arc::clone(&room).try_acquire_owned() else { continue };
+        let Ok(permit) = Arc::clone(&room).try_acquire_owned() else { return };
         let service = TowerToHyperService::new(app.clone());
         tokio::spawn(async move {
             let mut http = http1::Builder::new();
@@ -200,7 +160,8 @@ async fn accept(listener: TcpListener, house: House) {
             let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
             drop(permit);
         });
-    }
+    };
+    accept(listener, take).await;
 }
 
 fn router(house: House) -> Router {
@@ -224,7 +185,7 @@ async fn guarded(State(house): State<House>, request: HttpRequest, next: Next) -
 }
 
 async fn stream(State(house): State<House>, upgrade: WebSocketUpgrade) -> Response {
-    let Some(seat) = Seat::take(&house.board) else {
+    let Some(seat) = Seat::take(&house.board.news) else {
         return (StatusCode::SERVICE_UNAVAILABLE, "as many look as there are seats").into_response();
     };
     let upgrade = upgrade.max_message_size(LONGEST_REQUEST).max_frame_size(LONGEST_REQUEST);

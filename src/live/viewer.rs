@@ -8,7 +8,7 @@ use serde_json::json;
 use tokio::sync::{oneshot, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
-use super::board::{Board, Newest, PERIOD, PLACES};
+use super::board::{Newest, PERIOD, PLACES, Seat};
 use super::request::{Command, Request};
 use super::server::{Desk, Reply};
 
@@ -20,22 +20,6 @@ const MOST_PER_S: u32 = 400;
 /// Codes of a WebSocket's end: the server goes away; a message breaks the rules.
 const AWAY: u16 = 1001;
 const RULES: u16 = 1008;
-
-/// A seat on the board, given back when it is dropped.
-pub(super) struct Seat(Arc<Board>);
-
-impl Seat {
-    /// If one is free.
-    pub fn take(board: &Arc<Board>) -> Option<Self> {
-        board.enter().then(|| Self(Arc::clone(board)))
-    }
-}
-
-impl Drop for Seat {
-    fn drop(&mut self) {
-        self.0.leave();
-    }
-}
 
 /// Why a viewer's connection ends.
 enum End {
@@ -65,8 +49,7 @@ struct Viewer {
 
 /// Serves a viewer until it goes or the server ends.
 pub(super) async fn serve(socket: WebSocket, seat: Seat, desk: Arc<Desk>, mut stop: watch::Receiver<bool>) {
-    let mut news = seat.0.listen();
-    news.mark_changed();
+    let news = seat.listen();
     let (seen, due) = ([0; PLACES], Instant::now());
     let said = (0, due);
     let mut viewer = Viewer { socket, news, seen, ready: false, due, heard: true, said, desk, waiting: None };

@@ -1,10 +1,9 @@
 //! The newest of what clients see.
 
-use std::sync::{Mutex, PoisonError};
-
-use tokio::sync::watch;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::message::{Instrument, Packet, Surface, packet, points, transform};
+use crate::served::{self, News};
 
 /// Most clients at a time.
 pub const CLIENTS: usize = 16;
@@ -19,8 +18,8 @@ enum Place {
 
 pub(super) const PLACES: usize = 3;
 
-/// What stands in each place, and how often it was replaced.
-pub(super) type Newest = [(u64, Option<Packet>); PLACES];
+/// A client's seat.
+pub(super) type Seat = served::Seat<Packet, PLACES>;
 
 /// What does not change of a sample.
 #[derive(Debug, Default)]
@@ -32,15 +31,13 @@ struct Model {
 /// See the module.
 #[derive(Debug)]
 pub struct Board {
-    newest: watch::Sender<Newest>,
-    clients: watch::Sender<usize>,
+    pub(super) news: Arc<News<Packet, PLACES>>,
     model: Mutex<Model>,
 }
 
 impl Default for Board {
     fn default() -> Self {
-        let (newest, clients) = (watch::Sender::new(Newest::default()), watch::Sender::new(0));
-        Self { newest, clients, model: Mutex::default() }
+        Self { news: Arc::new(News::new(CLIENTS)), model: Mutex::default() }
     }
 }
 
@@ -48,7 +45,7 @@ impl Board {
     /// Whether anybody is connected.
     #[must_use]
     pub fn is_watched(&self) -> bool {
-        *self.clients.borrow() > 0
+        self.news.is_watched()
     }
 
     /// Takes another sample and shows it undeformed: points, m, outward triangles among them, names of its targets.
@@ -76,36 +73,6 @@ impl Board {
     }
 
     fn put(&self, place: Place, packet: Packet) {
-        self.newest.send_if_modified(|newest| {
-            let (version, stands) = &mut newest[place as usize];
-            let changed = stands.as_ref() != Some(&packet);
-            if changed {
-                (*version, *stands) = (*version + 1, Some(packet));
-            }
-            changed
-        });
-    }
-
-    pub(super) fn listen(&self) -> watch::Receiver<Newest> {
-        self.newest.subscribe()
-    }
-
-    /// The number of clients, as it changes.
-    pub(super) fn count(&self) -> watch::Receiver<usize> {
-        self.clients.subscribe()
-    }
-
-    /// A seat, if one is free. It has to be given back by [`Self::leave`].
-    pub(super) fn enter(&self) -> bool {
-        self.clients.send_if_modified(|n| {
-            let free = *n < CLIENTS;
-            *n += usize::from(free);
-            free
-        })
-    }
-
-    /// Gives a seat back.
-    pub(super) fn leave(&self) {
-        self.clients.send_modify(|n| *n = n.saturating_sub(1));
+        self.news.put(place as usize, packet);
     }
 }

@@ -2,19 +2,18 @@
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::watch;
-use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
+use tokio::time::timeout;
 
-use super::board::{Board, PLACES};
+use super::board::{Board, PLACES, Seat};
 use super::error::LinkError;
 use super::message::Instrument;
-use ros2_guarded::threads::{join_before, lower_priority, spawn};
+use crate::served::{Service, accept, bind};
 
 /// Time between two looks for the instrument: 100 Hz.
 const PERIOD: Duration = Duration::from_millis(10);
@@ -29,8 +28,7 @@ const FAREWELL: Duration = Duration::from_millis(200);
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
-    stop: watch::Sender<bool>,
-    thread: Option<JoinHandle<()>>,
+    _service: Service,
 }
 
 impl Server {
@@ -40,24 +38,14 @@ impl Server {
     /// # Errors
     /// [`LinkError::Bind`] if the port is taken, [`LinkError::Thread`].
     pub fn start(
-        (address, port): (IpAddr, u16),
+        at: (IpAddr, u16),
         board: Arc<Board>,
         instrument: impl FnMut() -> Option<Instrument> + Send + 'static,
     ) -> Result<Self, LinkError> {
-        let wanted = SocketAddr::new(address, port);
-        let bind = |source| LinkError::Bind { address: wanted, source };
-        let listener = TcpListener::bind(wanted).map_err(bind)?;
-        listener.set_nonblocking(true).map_err(bind)?;
-        let address = listener.local_addr().map_err(bind)?;
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build();
-        let runtime = runtime.map_err(|e| LinkError::Thread(e.to_string()))?;
-        let (stop, stopped) = watch::channel(false);
-        let thread = spawn("openigtlink", move || {
-            lower_priority();
-            runtime.block_on(serve(listener, board, instrument, stopped));
-        });
-        let thread = thread.map_err(|e| LinkError::Thread(e.to_string()))?;
-        Ok(Self { address, stop, thread: Some(thread) })
+        let (listener, address) = bind(at).map_err(|(address, source)| LinkError::Bind { address, source })?;
+        let serve = |stop| serve(listener, board, instrument, stop);
+        let service = Service::start("openigtlink", FAREWELL, serve).map_err(LinkError::Thread)?;
+        Ok(Self { address, _service: service })
     }
 
     /// Where it is.
@@ -67,69 +55,27 @@ impl Server {
     }
 }
 
-impl Drop for Server {
-    fn drop(&mut self) {
-        self.stop.send_replace(true);
-        if let Some(thread) = self.thread.take() {
-            let _ = join_before(thread, Instant::now() + FAREWELL);
-        }
-    }
-}
-
 async fn serve(
     listener: TcpListener,
     board: Arc<Board>,
-    instrument: impl FnMut() -> Option<Instrument>,
+    mut instrument: impl FnMut() -> Option<Instrument>,
     mut stop: watch::Receiver<bool>,
 ) {
-    tokio::select! {
-        _ = stop.wait_for(|stopped| *stopped) => {}
-        () = accept(listener, &board) => {}
-        () = look(&board, instrument) => {}
-    }
-}
-
-/// Puts the instrument on the board while somebody is connected.
-async fn look(board: &Board, mut instrument: impl FnMut() -> Option<Instrument>) {
-    let mut clients = board.count();
-    let mut beat = interval(PERIOD);
-    beat.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    while clients.wait_for(|n| *n > 0).await.is_ok() {
-        beat.tick().await;
+    let look = || {
         if let Some(at) = instrument() {
             board.instrument(&at);
         }
-    }
-}
-
-async fn accept(listener: TcpListener, board: &Arc<Board>) {
-    let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
-    loop {
-        match listener.accept().await {
-            Ok((stream, _)) => match Seat::take(board) {
-                Some(seat) => drop(tokio::spawn(client(stream, seat))),
-                // As many as there are seats: the connection is closed.
-                None => continue,
-            },
-            // Out of file descriptors, or the peer has gone: nothing that would be better at once.
-            Err(_) => sleep(Duration::from_millis(50)).await,
+    };
+    // As many as there are seats; the connection of one more is closed.
+    let take = |stream| {
+        if let Some(seat) = Seat::take(&board.news) {
+            tokio::spawn(client(stream, seat));
         }
-    }
-}
-
-/// A seat on the board, given back when it is dropped.
-struct Seat(Arc<Board>);
-
-impl Seat {
-    /// If one is free.
-    fn take(board: &Arc<Board>) -> Option<Self> {
-        board.enter().then(|| Self(Arc::clone(board)))
-    }
-}
-
-impl Drop for Seat {
-    fn drop(&mut self) {
-        self.0.leave();
+    };
+    tokio::select! {
+        _ = stop.wait_for(|stopped| *stopped) => {}
+        () = accept(listener, take) => {}
+        () = board.news.while_watched(PERIOD, look) => {}
     }
 }
 
@@ -139,7 +85,7 @@ async fn client(stream: TcpStream, seat: Seat) {
     let (reading, writing) = stream.into_split();
     tokio::select! {
         () = drain(reading) => {}
-        () = show(writing, &seat.0) => {}
+        () = show(writing, &seat) => {}
     }
 }
 
@@ -159,9 +105,8 @@ async fn drain(mut reading: OwnedReadHalf) {
 }
 
 /// Sends the newest of what a client has not seen, until it goes.
-async fn show(mut writing: OwnedWriteHalf, board: &Board) {
-    let mut news = board.listen();
-    news.mark_changed();
+async fn show(mut writing: OwnedWriteHalf, seat: &Seat) {
+    let mut news = seat.listen();
     let mut seen = [0; PLACES];
     while news.changed().await.is_ok() {
         let newest = news.borrow_and_update().clone();
