@@ -1,6 +1,5 @@
 //! What the node says on its way to the network: small messages at once, large ones one after the other with a pause behind each.
 
-use std::io;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -63,44 +62,32 @@ pub(super) fn publish_all(
 /// Takes what the node says apart. A topic that has had a large message keeps its order: all that follow go behind it.
 fn sort(
     writers: &[Writer],
-    mut frames: Frames,
+    frames: Frames,
     socket: &UnixStream,
     uplink: &Uplink,
     orders: &smol::channel::Sender<Order>,
     large: &Sender<(usize, Vec<u8>)>,
 ) {
     let mut is_large = vec![false; writers.len()];
-    loop {
-        loop {
-            match frames.next() {
-                Ok(Some((head, body))) if head.kind == Kind::Message => {
-                    let Ok(at) = writers.binary_search_by_key(&head.endpoint, |w| w.number) else { continue };
-                    let (writer, is_large) = (&writers[at], &mut is_large[at]);
-                    if body.len() > LARGE && writer.fast_dds.swap(false, Ordering::Relaxed) {
-                        uplink.log(log::Level::Info, &advice(&writer.name, body.len()));
-                    }
-                    *is_large |= body.len() > LARGE;
-                    if !*is_large {
-                        writer.publish(body.to_vec(), uplink);
-                    } else if large.try_send((at, body.to_vec())).is_err() {
-                        uplink.send(Head::of(Kind::Failed, head.endpoint, [0; 24]), &[]);
-                    }
-                }
-                Ok(Some((head, body))) => {
-                    if orders.try_send(Order { head, body: body.to_vec() }).is_err() {
-                        uplink.log(log::Level::Warn, "an answer of a service is lost: too many wait");
-                    }
-                }
-                Ok(None) => break,
-                Err(_) => return,
+    frames.take_all(socket, |head, body| {
+        if head.kind != Kind::Message {
+            if orders.try_send(Order { head, body: body.to_vec() }).is_err() {
+                uplink.log(log::Level::Warn, "an answer of a service is lost: too many wait");
             }
+            return;
         }
-        match frames.read(socket) {
-            Ok(0) => return,
-            Err(e) if e.kind() != io::ErrorKind::Interrupted => return,
-            _ => {}
+        let Ok(at) = writers.binary_search_by_key(&head.endpoint, |w| w.number) else { return };
+        let (writer, is_large) = (&writers[at], &mut is_large[at]);
+        if body.len() > LARGE && writer.fast_dds.swap(false, Ordering::Relaxed) {
+            uplink.log(log::Level::Info, &advice(&writer.name, body.len()));
         }
-    }
+        *is_large |= body.len() > LARGE;
+        if !*is_large {
+            writer.publish(body.to_vec(), uplink);
+        } else if large.try_send((at, body.to_vec())).is_err() {
+            uplink.send(Head::of(Kind::Failed, head.endpoint, [0; 24]), &[]);
+        }
+    });
 }
 
 /// Publishes large messages one after the other.

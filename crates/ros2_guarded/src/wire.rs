@@ -224,6 +224,24 @@ impl Frames {
         let kind = Kind::of(kind).ok_or_else(nonsense)?;
         Ok(Some((Head { kind, flag, endpoint: u16::from_ne_bytes([e, f]), stamp: *stamp }, body)))
     }
+
+    /// Takes every frame, until the other side closes the socket or does not follow the protocol.
+    pub fn take_all(mut self, socket: &UnixStream, mut take: impl FnMut(Head, &[u8])) {
+        loop {
+            loop {
+                match self.next() {
+                    Ok(Some((head, body))) => take(head, body),
+                    Ok(None) => break,
+                    Err(_) => return,
+                }
+            }
+            match self.read(socket) {
+                Ok(0) => return,
+                Err(e) if e.kind() != io::ErrorKind::Interrupted => return,
+                _ => {}
+            }
+        }
+    }
 }
 
 /// Everything that the process is to make.

@@ -116,21 +116,8 @@ impl Domain {
     }
 
     /// Sends what the node says, until it closes the socket.
-    fn carry(&self, mut frames: Frames, socket: &UnixStream, uplink: &Arc<Uplink>) {
-        loop {
-            loop {
-                match frames.next() {
-                    Ok(Some((head, body))) => self.send(&head, body, uplink),
-                    Ok(None) => break,
-                    Err(_) => return,
-                }
-            }
-            match frames.read(socket) {
-                Ok(0) => return,
-                Err(e) if e.kind() != io::ErrorKind::Interrupted => return,
-                _ => {}
-            }
-        }
+    fn carry(&self, frames: Frames, socket: &UnixStream, uplink: &Arc<Uplink>) {
+        frames.take_all(socket, |head, body| self.send(&head, body, uplink));
     }
 
     fn send(&self, head: &Head, body: &[u8], uplink: &Arc<Uplink>) {
