@@ -6,6 +6,7 @@
 //! Both sides are the same program on the same machine, so numbers are sent in native byte order.
 
 use std::io::{self, Read};
+use std::os::unix::net::UnixStream;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use ros2_client::QosProfile;

@@ -10,7 +10,6 @@ mod services;
 mod topics;
 
 use std::any::Any;
-use std::io;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::time::Duration;
