@@ -7,8 +7,8 @@ use clap::Args;
 
 use super::CliError;
 use super::progress::Bar;
-use crate::compare::ensemble::{self, Crew, Member, Size};
-use crate::compare::{Reading, Run};
+use crate::compare::Run;
+use crate::compare::ensemble::{self, Crew, Driven, Member, Size};
 use crate::scene::Scene;
 
 /// How many members, and the seed of their draws.
@@ -40,19 +40,18 @@ impl MemberOptions {
 }
 
 impl Drawn {
-    /// Runs them over the readings of a finished run, and adds what they say to it; `at` are the readings of its answers.
+    /// Runs them over what drove a finished run, and adds what they say to it.
     pub(super) fn add(
         &self,
         run: &mut Run,
         scene: &Scene,
-        readings: &[Reading],
-        at: &[usize],
+        driven: Driven,
         stop: Option<Arc<AtomicBool>>,
     ) -> Result<(), CliError> {
         let bar = Bar::new(self.size.members as u64, "members");
         let done = || bar.add(1, "");
         let crew = Crew { threads: rayon::current_num_threads(), stop, done: &done };
-        let added = ensemble::add(run, scene, &self.members, readings, at, self.size, &crew);
+        let added = ensemble::add(run, scene, &self.members, driven, self.size, &crew);
         bar.finish();
         Ok(added?)
     }

@@ -7,7 +7,7 @@ use super::options::{OutputOptions, SeriesOptions, ThreadOptions};
 use super::progress::Progress;
 use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
-use crate::compare::ensemble::Answered;
+use crate::compare::ensemble::{Answered, Driven};
 use crate::compare::scale::mistaken;
 use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run, Watch as _};
 use crate::input::Recording;
@@ -91,7 +91,8 @@ fn replay(
     let stop = progress.stop_flag();
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
-        members.add(&mut run, scene, &readings, &at, stop)?;
+        let sightings = recording.sightings();
+        members.add(&mut run, scene, Driven { readings: &readings, at: &at, sightings: &sightings }, stop)?;
     }
     Ok(run)
 }

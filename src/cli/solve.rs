@@ -6,7 +6,7 @@ use super::members::{Drawn, MemberOptions};
 use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
-use crate::compare::ensemble::Answered;
+use crate::compare::ensemble::{Answered, Driven};
 use crate::compare::{self, At, Collector, Keep, Reading, Run, Watch as _};
 use crate::scene::{Motion, Override, Scene};
 
@@ -85,7 +85,8 @@ pub(super) fn solve(scene: &Scene, motion: &Motion, keep: Keep, members: Option<
     let stop = progress.stop_flag();
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
-        members.add(&mut run, scene, &readings().collect::<Vec<_>>(), &at, stop)?;
+        let readings: Vec<_> = readings().collect();
+        members.add(&mut run, scene, Driven { readings: &readings, at: &at, sightings: &[] }, stop)?;
     }
     Ok(run)
 }

@@ -1,6 +1,7 @@
 //! A recording as the twin takes it: readings of the instrument's place, and the measured force over time.
 
 use super::Recording;
+use crate::compare::ensemble::Sighting;
 use crate::compare::{At, ForceSeries, Reading};
 
 impl Recording {
@@ -18,6 +19,12 @@ impl Recording {
     #[must_use]
     pub fn measured(&self) -> ForceSeries {
         ForceSeries::new(self.forces.iter().map(|s| (s.time_s, s.force_n)).collect()).on_one_clock(self.one_clock)
+    }
+
+    /// Where tracked points were seen.
+    #[must_use]
+    pub fn sightings(&self) -> Vec<Sighting> {
+        self.markers.iter().map(|m| Sighting { time_s: m.time_s, places: m.positions.clone() }).collect()
     }
 
     /// What to say of forces that are recorded in another frame: a replay has no transforms to bring them over.

@@ -30,10 +30,10 @@ pub fn force_csv(run: &Run) -> String {
 }
 
 /// Content of `forecast.csv`: `time_s,depth_m,measured_n,forecast_n,forecast_low_n,forecast_high_n`, one line per reading that was forecast
-/// from those up to one horizon before; `None` where nothing was measured or there are no members.
+/// from those up to one horizon before; `None` without a load cell or members.
 #[must_use]
 pub(super) fn forecast_csv(run: &Run) -> Option<String> {
-    let (answers, found) = run.ensemble.as_ref()?.assimilated.as_ref()?;
+    let (answers, found) = run.ensemble.as_ref()?.assimilated.as_ref().filter(|(answers, _)| !answers.is_empty())?;
     let mut text = String::from("time_s,depth_m,measured_n,forecast_n,forecast_low_n,forecast_high_n\n");
     for (i, forecast) in answers.iter().zip(&found.forecasts) {
         let (Some(f), a) = (forecast, &run.answers[*i]) else { continue };

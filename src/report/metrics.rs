@@ -200,6 +200,8 @@ fn assimilated_json(run: &Run, ensemble: &Ensemble) -> Value {
         "forecast_mean_width_n": mean(1),
         "blocks": found.blocks,
         "rejected_blocks": found.rejected_blocks,
+        "tracked_blocks": found.tracked_blocks,
+        "rejected_tracked_blocks": found.rejected_tracked_blocks,
         "keys": ensemble.keys.iter().zip(&found.keys).map(key).collect::<Vec<_>>(),
     })
 }

@@ -31,17 +31,17 @@ pub struct Heard {
 
 /// Listens, and carries the sensors' words to guard and twin.
 pub struct Judge {
-    domain: u16,
-    heard: Arc<Mutex<Heard>>,
-    cut: Arc<AtomicBool>,
+    pub domain: u16,
+    pub heard: Arc<Mutex<Heard>>,
+    pub cut: Arc<AtomicBool>,
     /// Bits of a force in N.
-    push: Arc<AtomicU64>,
+    pub push: Arc<AtomicU64>,
     /// When the last position passed, ns.
-    passed_ns: Arc<AtomicU64>,
+    pub passed_ns: Arc<AtomicU64>,
     /// When the first force passed that was too high, ns.
-    push_ns: Arc<AtomicU64>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    pub push_ns: Arc<AtomicU64>,
+    pub stop: Arc<AtomicBool>,
+    pub thread: Option<JoinHandle<()>>,
 }
 
 impl Judge {

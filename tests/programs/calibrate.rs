@@ -122,12 +122,13 @@ fn the_truth_lies_in_the_95_percent_interval_of_nineteen_seeds_of_twenty() {
         for seed in 101..121 {
             let found = from_seed(scene, key, seed);
             let estimate = found.estimate(key).unwrap();
-            let [low, high] = estimate.interval_95().unwrap();
+            // a recording that is said not to be explained has none, and counts as a miss
+            let intervals = [key, "load_cell.offset_n"].map(|key| found.estimate(key).unwrap().interval_95());
+            let [Some([low, high]), Some([least, most])] = intervals else { continue };
             inside += u32::from(low <= truth && truth <= high);
             worst = worst.max((estimate.value / truth - 1.0).abs());
             widest = widest.max(0.5 * (high - low) / truth);
-            let [low, high] = found.estimate("load_cell.offset_n").unwrap().interval_95().unwrap();
-            offset_inside += u32::from(low <= 3e-4 && 3e-4 <= high);
+            offset_inside += u32::from(least <= 3e-4 && 3e-4 <= most);
         }
         println!(
             "{key}: {inside} of 20 inside, worst {:.2} %, interval +- {:.2} %; offset {offset_inside} of 20 inside",

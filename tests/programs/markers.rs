@@ -131,6 +131,34 @@ fn the_deformation_coefficient_comes_back_from_tracked_points_better_than_from_t
 }
 
 #[test]
+fn members_learn_from_tracked_points_of_a_recording() {
+    let folder = TempDir::new().unwrap();
+    let scene = scene(folder.path());
+    let (table, names) = table(folder.path(), &scene);
+    let replay = |more: &[&str]| -> Value {
+        let mut command = program();
+        command.arg("replay").arg(&table).arg("--scene").arg(&scene).args(["--json", "--members", "16", "--set"]);
+        command.args(["uncertainty.instrument.deformation_coefficient={uniform=[0.35, 0.55]}", "--set"]);
+        // the load cell's size is wrong
+        command.args(["uncertainty.material.shear_modulus_pa={normal=[1678, 100]}"]).args(more);
+        let output = command.output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{stderr}");
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()["ensemble"]["assimilated"].clone()
+    };
+    let coefficient = |found: &Value| {
+        let keys = found["keys"].as_array().unwrap();
+        let key = keys.iter().find(|key| key["key"] == "instrument.deformation_coefficient").unwrap();
+        [&key["mean"], &key["standard_deviation"]].map(|x| x.as_f64().unwrap())
+    };
+    let (force, both) = (replay(&[]), replay(&["--marker-columns", &names.join(",")]));
+    assert_eq!((&force["tracked_blocks"], &both["blocks"]), (&Value::from(0), &force["blocks"]));
+    assert!(both["tracked_blocks"].as_u64() > Some(500), "{both}");
+    let ([_, unsure], [mean, sure]) = (coefficient(&force), coefficient(&both));
+    assert!((mean / TRUTH - 1.0).abs() < 0.03 && sure < 0.5 * unsure, "{force}, then {both}");
+}
+
+#[test]
 fn a_scene_without_the_markers_is_refused() {
     let folder = TempDir::new().unwrap();
     let scene = scene(folder.path());

@@ -1,7 +1,7 @@
 //! Contract of ensembles: each member is a run of its own, to the last bit, and nothing depends on the threads.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::compare::ensemble::{self, Crew, Member, MemberPath, Paths, Size};
+use needle_twin::compare::ensemble::{self, Crew, Driven, Member, MemberPath, Paths, Size};
 use needle_twin::compare::{self, At, Collector, Keep, Reading, Run};
 use needle_twin::scene::{Override, Prior, Scene};
 
@@ -183,7 +183,8 @@ fn a_member_that_is_lost_is_counted_and_left_out() {
     let mut run = single(&scene, &readings);
     let at: Vec<usize> = (0..run.answers.len()).collect();
     let crew = Crew { threads: 2, stop: None, done: &|| {} };
-    ensemble::add(&mut run, &scene, &members, &readings, &at, Size { members: 4, seed: 0 }, &crew).unwrap();
+    let driven = Driven { readings: &readings, at: &at, sightings: &[] };
+    ensemble::add(&mut run, &scene, &members, driven, Size { members: 4, seed: 0 }, &crew).unwrap();
     let found = run.ensemble.clone().unwrap();
     assert_eq!((found.members, found.used), (4, 3));
     assert!(

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use needle_twin::compare::ensemble::{self, Answered, Band, Crew, Size};
+use needle_twin::compare::ensemble::{self, Answered, Band, Crew, Driven, Sighting, Size};
 use needle_twin::compare::{self, At, Collector, ForceSeries, Keep, Reading, scale};
 use needle_twin::report;
 use needle_twin::scene::Scene;
@@ -177,7 +177,7 @@ pub fn solve(
     };
     let motion = scene.motion.ok_or_else(none)?;
     let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) }).collect();
-    let asked = Asked { threads, size: Size { members, seed }, command: "solve" };
+    let asked = Asked { threads, size: Size { members, seed }, command: "solve", sightings: Vec::new() };
     drive(py, &scene, asked, readings, None, |_, _| Ok(()), |_| {})
 }
 
@@ -215,7 +215,7 @@ pub fn replay(
                 collector.measured_source(&recorded.source);
             }
         };
-        let asked = Asked { threads, size: Size { members, seed }, command: "replay" };
+        let asked = Asked { threads, size: Size { members, seed }, command: "replay", sightings: recorded.sightings() };
         drive(py, &scene, asked, readings, Some(&measured), look, prepare)
     })
 }
@@ -239,6 +239,8 @@ struct Asked {
     /// No members: no ensemble.
     size: Size,
     command: &'static str,
+    /// Tracked points, for the members.
+    sightings: Vec<Sighting>,
 }
 
 /// What `needle_twin solve` and `replay` do: build, look at the readings, drive, collect, and run the members.
@@ -254,7 +256,7 @@ fn drive(
     if readings.is_empty() {
         return Err(PyValueError::new_err("there is no reading of the instrument's place: nothing to run"));
     }
-    let Asked { threads, size, command } = asked;
+    let Asked { threads, size, command, sightings } = asked;
     let members = if size.members > 0 { ensemble::members(scene, size).map_err(error::ensemble)? } else { Vec::new() };
     let work = |stop: &mut Stop| -> PyResult<compare::Run> {
         let built = compare::build(scene);
@@ -269,7 +271,8 @@ fn drive(
         let mut run = compare::drive(&mut twin, readings.iter().copied(), measured, collector, &mut answered);
         if !members.is_empty() {
             let crew = Crew { threads: rayon::current_num_threads(), stop: Some(flag), done: &|| {} };
-            ensemble::add(&mut run, scene, &members, &readings, &answered.at, size, &crew).map_err(error::ensemble)?;
+            let driven = Driven { readings: &readings, at: &answered.at, sightings: &sightings };
+            ensemble::add(&mut run, scene, &members, driven, size, &crew).map_err(error::ensemble)?;
         }
         Ok(run)
     };

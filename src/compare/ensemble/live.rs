@@ -1,7 +1,7 @@
 //! Members that follow a stream of poses one by one, learn from the load cell, and look ahead.
 
-use super::assimilate::{Assimilation, Observed};
-use super::path::distinct;
+use super::assimilate::{Assimilation, Observed, Tracked};
+use super::path::{between, distinct};
 use super::{Band, EnsembleError, Member, Spread};
 use crate::scene::Recorded;
 use crate::twin::{Halt, Motion, Pose, Prediction, StampedPose, Twin};
@@ -22,7 +22,7 @@ pub struct Live {
     halt: Option<Halt>,
     /// The last pose.
     last: Option<StampedPose>,
-    /// What the load cell has said, and the members that had an answer at its first reading.
+    /// What load cell and tracked points have said, and the members that had an answer when they first spoke.
     learnt: Option<(Assimilation, Vec<usize>)>,
 }
 
@@ -37,6 +37,17 @@ pub struct Ahead {
     pub targets_now: Vec<Vec<[f64; 3]>>,
     /// And at the last.
     pub targets_ahead: Vec<Vec<[f64; 3]>>,
+}
+
+/// What the members said at a pose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Told {
+    /// Time of the pose, s.
+    pub time_s: f64,
+    /// What the load cell should read by each member, N; not a number where it has no answer.
+    pub forces_n: Vec<f64>,
+    /// Targets of each member, m; none where it has no answer, or where they were not asked for.
+    pub targets_m: Vec<Vec<[f64; 3]>>,
 }
 
 /// Whether members can follow poses as they come.
@@ -115,23 +126,52 @@ impl Live {
         self.halt.as_ref()
     }
 
-    /// Takes a reading of the load cell at a pose for which the members had these forces; false if it says nothing, since one of those that
-    /// have learnt so far had no answer then.
-    pub fn measured(&mut self, time_s: f64, measured_n: f64, forces_n: &[f64]) -> bool {
+    /// What the members say at the last pose, with their targets if these are wanted.
+    #[must_use]
+    pub fn told(&self, with_targets: bool) -> Told {
+        let targets_m = match with_targets {
+            true => self.members.iter().map(|(k, ..)| self.positions[*k].clone()).collect(),
+            false => Vec::new(),
+        };
+        Told { time_s: self.last.map_or(f64::NAN, |pose| pose.time_s), forces_n: self.forces().collect(), targets_m }
+    }
+
+    /// The filter and its members, which are those that have an answer now if nothing has been learnt yet.
+    fn learning(&mut self, told: &Told) -> Option<&mut (Assimilation, Vec<usize>)> {
         if self.learnt.is_none() {
-            let used: Vec<usize> = (0..forces_n.len()).filter(|k| forces_n[*k].is_finite()).collect();
+            let used: Vec<usize> = (0..told.forces_n.len()).filter(|k| told.forces_n[*k].is_finite()).collect();
             self.learnt = Assimilation::new(used.len()).map(|filter| (filter, used));
         }
-        let Some((filter, used)) = &mut self.learnt else { return false };
-        let members_n: Vec<f64> = used.iter().map(|k| forces_n[*k]).collect();
+        self.learnt.as_mut()
+    }
+
+    /// Takes a reading of the load cell at a pose at which the members said this; false if it says nothing, since one of those that have learnt so
+    /// far had no answer then.
+    pub fn measured(&mut self, measured_n: f64, told: &Told) -> bool {
+        let Some((filter, used)) = self.learning(told) else { return false };
+        let members_n: Vec<f64> = used.iter().map(|k| told.forces_n[*k]).collect();
         let complete = members_n.iter().all(|f| f.is_finite()) && measured_n.is_finite();
         if complete {
-            filter.take(Observed { time_s, measured_n, members_n });
+            filter.take(Observed { time_s: told.time_s, measured_n, members_n });
         }
         complete
     }
 
-    /// What has been learnt from the load cell.
+    /// Takes places of the targets, m (not a number where one was not seen), that were measured a share of the way from one pose to the next; false
+    /// if they say nothing, since one of the members that have learnt so far has none.
+    pub fn tracked(&mut self, measured_m: &[[f64; 3]], from: &Told, to: &Told, share: f64) -> bool {
+        let Some((filter, used)) = self.learning(from) else { return false };
+        let of_member = |k: &usize| {
+            let both = from.targets_m.get(*k).zip(to.targets_m.get(*k));
+            both.map(|(a, b)| between(a, b, share)).filter(|places| places.len() == measured_m.len())
+        };
+        let Some(members_m) = used.iter().map(of_member).collect() else { return false };
+        let time_s = from.time_s + share * (to.time_s - from.time_s);
+        filter.track(&Tracked { time_s, measured_m: measured_m.to_vec(), members_m });
+        true
+    }
+
+    /// What has been learnt from load cell and tracked points.
     #[must_use]
     pub fn assimilation(&self) -> Option<&Assimilation> {
         self.learnt.as_ref().map(|(filter, _)| filter)

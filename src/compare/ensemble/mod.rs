@@ -10,6 +10,7 @@ pub mod assimilate;
 mod band;
 mod crew;
 mod error;
+mod filter;
 mod live;
 mod member;
 mod path;
@@ -20,16 +21,16 @@ pub use assimilate::{Assimilated, Assimilation};
 pub use band::{Band, Spread};
 pub use crew::Crew;
 pub use error::EnsembleError;
-pub use live::{Ahead, Live, check_live};
+pub use live::{Ahead, Live, Told, check_live};
 pub use member::{Member, Shift, check, members};
-pub use path::{MemberPath, Paths, distinct, paths};
+pub use path::{MemberPath, Paths, distinct, paths, tracked_paths};
 
 use std::time::Instant;
 
 use super::rows::at_rest;
 use super::{Reading, Run};
 use crate::scene::{Scene, Uncertain};
-use assimilate::Observed;
+use assimilate::{Observed, Tracked};
 
 /// What an ensemble says of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,7 +51,7 @@ pub struct Ensemble {
     pub target_depth_m: f64,
     /// Each target of the scene at that depth; empty where no member came there.
     pub targets: Vec<Spread>,
-    /// What the measured force says, where there is one: its readings' answers, and what came of them.
+    /// What was measured says, where something was: the answers that the load cell's readings belong to, and what came of them.
     pub assimilated: Option<(Vec<usize>, Assimilated)>,
     /// Wall time of all members, building included, s.
     pub wall_s: f64,
@@ -84,8 +85,28 @@ pub struct Size {
     pub seed: u64,
 }
 
-/// Runs [`members`] of a scene over the readings of a finished run and adds what they say to it; `at` are the readings that its
-/// answers belong to ([`Answered`]). A member that comes to no end is left out, and the run's losses say so.
+/// Where tracked points inside the sample, the scene's targets, were seen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sighting {
+    /// s, on the readings' clock.
+    pub time_s: f64,
+    /// Each target's place in frame `sample`, m; not a number where it was not seen.
+    pub places: Vec<[f64; 3]>,
+}
+
+/// What a finished run was driven by.
+#[derive(Clone, Copy, Debug)]
+pub struct Driven<'a> {
+    /// All readings of the instrument's place.
+    pub readings: &'a [Reading],
+    /// Those that its answers belong to ([`Answered`]).
+    pub at: &'a [usize],
+    /// Tracked points, in the order of time.
+    pub sightings: &'a [Sighting],
+}
+
+/// Runs [`members`] of a scene over the readings of a finished run and adds what they say to it. A member that comes to no end is left out,
+/// and the run's losses say so.
 ///
 /// # Errors
 /// [`EnsembleError::Threads`] if no thread can be started.
@@ -93,16 +114,26 @@ pub fn add(
     run: &mut Run,
     scene: &Scene,
     members: &[Member],
-    readings: &[Reading],
-    at: &[usize],
+    driven: Driven,
     size: Size,
     crew: &Crew,
 ) -> Result<(), EnsembleError> {
     let begun = Instant::now();
-    let Paths { of_member, runs } = paths(members, readings, crew)?;
+    let Driven { readings, at, sightings } = driven;
+    let mut sightings = sightings.to_vec();
+    let (before, targets) = (sightings.len(), scene.targets.len());
+    sightings.retain(|seen| seen.places.len() == targets);
+    if sightings.len() < before {
+        let odd = before - sightings.len();
+        run.losses.push(format!(
+            "{odd} of {before} sets of tracked points are not used: the scene has {targets} targets, one for each point"
+        ));
+    }
+    let times: Vec<f64> = sightings.iter().map(|seen| seen.time_s).collect();
+    let Paths { of_member, runs } = tracked_paths(members, readings, &times, crew)?;
     let used: Vec<&MemberPath> = of_member.iter().filter_map(|path| path.as_ref().ok()).collect();
     let spread = |t: usize| Spread::of(used.iter().filter_map(|path| path.targets.get(t).copied()));
-    let assimilated = measured(run, members, &of_member, at);
+    let assimilated = measured(run, members, &of_member, Driven { readings, at, sightings: &sightings });
     run.ensemble = Some(Ensemble {
         members: size.members,
         used: used.len(),
@@ -129,7 +160,7 @@ fn measured(
     run: &Run,
     members: &[Member],
     paths: &[Result<MemberPath, String>],
-    at: &[usize],
+    Driven { readings, at, sightings }: Driven,
 ) -> Option<(Vec<usize>, Assimilated)> {
     let used: Vec<(&Member, &MemberPath)> =
         members.iter().zip(paths).filter_map(|(member, path)| Some((member, path.as_ref().ok()?))).collect();
@@ -140,10 +171,21 @@ fn measured(
         let complete = members_n.iter().all(|f| f.is_finite());
         complete.then_some((i, Observed { time_s: answer.time_s, measured_n, members_n }))
     };
+    let rests = at_rest(&run.answers);
     let (answers, observed): (Vec<usize>, Vec<Observed>) =
-        at_rest(&run.answers).into_iter().enumerate().filter_map(observed).unzip();
+        rests.iter().copied().enumerate().filter_map(observed).unzip();
     let values: Vec<Vec<f64>> = used.iter().map(|(member, _)| member.values.clone()).collect();
-    assimilate::assimilate(&observed, &values).map(|found| (answers, found))
+    // a run's time counts from the first reading that was answered
+    let begin_s = at.first().and_then(|i| readings.get(*i)).map_or(0.0, |reading| reading.time_s);
+    let seen = |(i, seen): (usize, &Sighting)| {
+        let time_s = seen.time_s - begin_s;
+        let next = run.answers.partition_point(|a| a.time_s < time_s);
+        let members_m: Option<Vec<_>> = used.iter().map(|(_, path)| path.tracked.get(i)?.clone()).collect();
+        let tracked = Tracked { time_s, measured_m: seen.places.clone(), members_m: members_m? };
+        rests.get(next).copied().unwrap_or(false).then_some(tracked)
+    };
+    let tracked: Vec<Tracked> = sightings.iter().enumerate().filter_map(seen).collect();
+    assimilate::assimilate(&observed, &tracked, &values).map(|found| (answers, found))
 }
 
 impl Run {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Answered, Crew, EnsembleError, Member};
-use crate::compare::{self, Answer, At, Collector, Keep, Reading, Watch};
+use crate::compare::{self, Answer, At, Collector, Keep, Reading, TargetRow, Watch};
 use crate::twin::Pose;
 
 /// What a member answers.
@@ -23,6 +23,8 @@ pub struct MemberPath {
     pub force_n: Vec<f64>,
     /// Position of each target at the deepest reading, m.
     pub targets: Vec<[f64; 3]>,
+    /// The same at each of the times that were asked for; `None` before the first answer and after the last.
+    pub tracked: Vec<Option<Vec<[f64; 3]>>>,
 }
 
 /// Paths of several members.
@@ -39,8 +41,21 @@ pub struct Paths {
 /// # Errors
 /// [`EnsembleError::Threads`].
 pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Paths, EnsembleError> {
+    tracked_paths(members, readings, &[], crew)
+}
+
+/// The same, with the targets at some times (s, on the readings' clock).
+///
+/// # Errors
+/// [`EnsembleError::Threads`].
+pub fn tracked_paths(
+    members: &[Member],
+    readings: &[Reading],
+    times_s: &[f64],
+    crew: &Crew,
+) -> Result<Paths, EnsembleError> {
     let (first, run_of) = distinct(members);
-    let runs = crew.each(first.len(), |k| mechanics(&members[first[k]], readings, crew.stop.clone()))?;
+    let runs = crew.each(first.len(), |k| mechanics(&members[first[k]], readings, times_s, crew.stop.clone()))?;
     let of_member = members.iter().zip(run_of).map(|(member, k)| Ok(recorded(member, readings, runs[k].as_ref()?)));
     let of_member = of_member.map(|path: Result<_, &String>| path.map_err(Clone::clone)).collect();
     Ok(Paths { of_member, runs: runs.len() })
@@ -62,7 +77,12 @@ pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
 }
 
 /// The run of a member's scene, the same as any run of it.
-fn mechanics(member: &Member, readings: &[Reading], stop: Option<Arc<AtomicBool>>) -> Result<MemberPath, String> {
+fn mechanics(
+    member: &Member,
+    readings: &[Reading],
+    times_s: &[f64],
+    stop: Option<Arc<AtomicBool>>,
+) -> Result<MemberPath, String> {
     let mut quiet = Quiet(stop);
     if quiet.stop() {
         return Err("interrupted".to_owned());
@@ -72,11 +92,12 @@ fn mechanics(member: &Member, readings: &[Reading], stop: Option<Arc<AtomicBool>
     let mut answered = Answered::new(&mut quiet);
     let touched = readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));
     let run = compare::drive(&mut twin, touched, None, collector, &mut answered);
+    let at = answered.at;
     if let Some(why) = run.diverged {
         return Err(why);
     }
-    let mut path = MemberPath { force_n: vec![f64::NAN; readings.len()], targets: Vec::new() };
-    for (i, answer) in answered.at.iter().zip(&run.answers) {
+    let mut path = MemberPath { force_n: vec![f64::NAN; readings.len()], ..MemberPath::default() };
+    for (i, answer) in at.iter().zip(&run.answers) {
         path.force_n[*i] = answer.predicted_n;
     }
     if quiet.stop() {
@@ -84,7 +105,26 @@ fn mechanics(member: &Member, readings: &[Reading], stop: Option<Arc<AtomicBool>
     }
     let deepest = run.targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
     path.targets = deepest.map_or_else(Vec::new, |row| row.positions.clone());
+    let begin_s = at.first().map_or(0.0, |i| readings[*i].time_s);
+    path.tracked = times_s.iter().map(|time_s| targets_at(&run.targets, time_s - begin_s)).collect();
     Ok(path)
+}
+
+/// Positions of the targets at a time of the run, linear between rows; `None` outside.
+fn targets_at(rows: &[TargetRow], time_s: f64) -> Option<Vec<[f64; 3]>> {
+    let next = rows.partition_point(|row| row.time_s < time_s);
+    let after = rows.get(next)?;
+    if after.time_s == time_s {
+        return Some(after.positions.clone());
+    }
+    let before = rows.get(next.checked_sub(1)?)?;
+    let share = (time_s - before.time_s) / (after.time_s - before.time_s);
+    Some(between(&before.positions, &after.positions, share))
+}
+
+/// Places on the straight way from some to others, a share of it on.
+pub(super) fn between(from: &[[f64; 3]], to: &[[f64; 3]], share: f64) -> Vec<[f64; 3]> {
+    from.iter().zip(to).map(|(a, b)| std::array::from_fn(|c| a[c] + share * (b[c] - a[c]))).collect()
 }
 
 /// A reading with the instrument further along its axis, m.
@@ -104,6 +144,7 @@ fn recorded(member: &Member, readings: &[Reading], run: &MemberPath) -> MemberPa
     MemberPath {
         force_n: (0..readings.len()).map(|i| member.factor * late(i) + zero).collect(),
         targets: run.targets.clone(),
+        tracked: run.tracked.clone(),
     }
 }
 

@@ -68,6 +68,7 @@ pub(super) fn run(
     let mut comparator = Comparator::new(identification);
     let mut said = Said::default();
     let mut refusals = Throttle::new(SAID_AGAIN);
+    let mut untracked = Throttle::new(Duration::from_secs(600));
     let mut due = Instant::now();
     let mut region: Option<String> = None;
     let mut number = 0;
@@ -88,6 +89,13 @@ pub(super) fn run(
                 shared.lock().measured += 1;
                 comparator.measured(stamp_nanos, force_n);
             }
+            Ok(Event::Tracked(seen)) => match members {
+                Some(newest) => newest.tracked(seen),
+                None if untracked.pass().is_some() => {
+                    tracing::warn!("measured_targets is not used: only members learn from it (parameter members)");
+                }
+                None => {}
+            },
             Ok(Event::Refused { depth_m, reason }) => refused(shared, depth_m, reason, &mut refusals),
             Ok(Event::Halted(reason)) => halted(shared, reason),
             Ok(Event::Recovered) => {

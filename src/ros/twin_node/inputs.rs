@@ -8,11 +8,12 @@ use super::inbox::{Inbox, PoseInput, Where};
 use super::shared::{Reject, Shared};
 use super::solver::Event;
 use super::stretch::{Arrival, Stretch};
+use super::tracked::Seen;
 use crate::input::{Adapter, Refusal};
 use crate::ros::clock::Tick;
 use crate::ros::logging::Throttle;
 use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{PoseStamped, WrenchStamped};
+use crate::ros::messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
 use crate::ros::messages::rosgraph_msgs::Clock;
 use crate::ros::messages::sensor_msgs::JointState;
 use crate::ros::participant::{Input, Participant, ParticipantError, Wish};
@@ -26,6 +27,7 @@ pub(super) struct Inputs {
     joint: Input<JointState>,
     pose: Input<PoseStamped>,
     wrench: Input<WrenchStamped>,
+    targets: Input<PoseArray>,
     clock: Input<Clock>,
 }
 
@@ -35,6 +37,7 @@ impl Inputs {
             joint: participant.subscription("measured_js", qos::sensor(10))?,
             pose: participant.subscription("measured_cp", qos::sensor(10))?,
             wrench: participant.subscription("measured_cf", qos::sensor(50))?,
+            targets: participant.subscription("measured_targets", qos::sensor(10))?,
             clock: participant.subscription("/clock", qos::sensor(1))?,
         })
     }
@@ -80,6 +83,19 @@ pub(super) fn run(
             let _ = events.try_send(event);
         }
     });
+    let targets = executor.spawn(async {
+        let mut refused = Throttle::new(Duration::from_secs(60));
+        loop {
+            let message = inputs.targets.next().await;
+            let stamp_nanos = stamp_or_now(shared, message.header.stamp);
+            match Seen::of(&message, stamp_nanos, frame_id) {
+                // As with the load cell.
+                Ok(seen) => drop(events.try_send(Event::Tracked(seen))),
+                Err(why) if refused.pass().is_some() => tracing::warn!("measured_targets is not used: {why}"),
+                Err(_) => {}
+            }
+        }
+    });
     let clock = executor.spawn(async {
         loop {
             let message = inputs.clock.next().await;
@@ -88,7 +104,7 @@ pub(super) fn run(
     });
     // The channel is closed, never written to.
     let _ = smol::block_on(executor.run(stop.recv()));
-    drop((joint, pose, wrench, clock));
+    drop((joint, pose, wrench, targets, clock));
 }
 
 fn stamp_or_now(shared: &Shared, stamp: Time) -> i64 {

@@ -6,7 +6,7 @@
 //! ```
 //! Poses that come while the members are busy are skipped, so the band may be late but never falls behind; its stamp says which pose it
 //! answers. Members step whether somebody subscribes or not, since each has to follow the instrument to have a state. A reading of the load
-//! cell counts where the members have answered the pose that it was compared at.
+//! cell counts where the members have answered the pose that it was compared at; tracked points lie between two poses ([`super::tracked`]).
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -14,7 +14,9 @@ use std::time::{Duration, Instant};
 
 use super::shared::{Banded, Shared};
 use super::solver::Answer;
-use crate::compare::ensemble::{Ahead, Assimilation, Band, Live, Member, Spread};
+use super::tracked::{Seen, Tracks};
+use crate::compare::ensemble::{Ahead, Assimilation, Band, Live, Member, Spread, Told};
+use crate::ros::logging::Throttle;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{Pose, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion};
 use crate::ros::messages::needle_twin::{ForceBand, ForceComparison, Outlook};
@@ -81,6 +83,7 @@ impl Measured {
 struct State {
     pose: Option<Answered>,
     measured: VecDeque<Measured>,
+    tracked: VecDeque<Seen>,
     reset: bool,
     stop: bool,
 }
@@ -94,7 +97,7 @@ pub(super) struct Newest {
 
 /// What the members have to do.
 enum Task {
-    Step(Answered, VecDeque<Measured>),
+    Step(Answered, VecDeque<Measured>, VecDeque<Seen>),
     Reset,
     Stop,
 }
@@ -118,11 +121,21 @@ impl Newest {
         state.measured.push_back(reading);
     }
 
+    /// Takes tracked points; they wait for the next pose.
+    pub fn tracked(&self, seen: Seen) {
+        let mut state = self.lock();
+        if state.tracked.len() == KEPT {
+            state.tracked.pop_front();
+        }
+        state.tracked.push_back(seen);
+    }
+
     /// The twin is undeformed again: so shall be the members, before any later pose.
     pub fn reset(&self) {
         let mut state = self.lock();
         (state.pose, state.reset) = (None, true);
         state.measured.clear();
+        state.tracked.clear();
         drop(state);
         self.wake.notify_one();
     }
@@ -142,7 +155,8 @@ impl Newest {
                 return Task::Reset;
             }
             if let Some(pose) = state.pose.take() {
-                return Task::Step(pose, std::mem::take(&mut state.measured));
+                let (measured, tracked) = (std::mem::take(&mut state.measured), std::mem::take(&mut state.tracked));
+                return Task::Step(pose, measured, tracked);
             }
             state = self.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -168,6 +182,9 @@ pub(super) fn run(outputs: &MemberOutputs, frame_id: &str, members: &[Member], n
         due: Instant::now(),
         most: 0,
         answered: VecDeque::new(),
+        tracks: Tracks::default(),
+        miscounted: Throttle::new(Duration::from_secs(60)),
+        been_inside: false,
         touched: false,
         rejects: false,
     };
@@ -175,7 +192,7 @@ pub(super) fn run(outputs: &MemberOutputs, frame_id: &str, members: &[Member], n
         match newest.next() {
             Task::Stop => return,
             Task::Reset => thread.reset(),
-            Task::Step(answered, measured) => thread.step(&answered, measured),
+            Task::Step(answered, measured, tracked) => thread.step(&answered, measured, tracked),
         }
     }
 }
@@ -190,9 +207,12 @@ struct MembersThread<'a> {
     due: Instant,
     /// Most members that had an answer.
     most: usize,
-    /// Stamp, time (s) and forces of the latest answers.
-    answered: VecDeque<(i64, f64, Vec<f64>)>,
-    /// Whether the instrument has been in the sample.
+    /// Stamp of the latest answers, and what the members said.
+    answered: VecDeque<(i64, Told)>,
+    tracks: Tracks,
+    miscounted: Throttle,
+    /// Whether the instrument has been in the sample at an answered pose, and at a reading of the load cell.
+    been_inside: bool,
     touched: bool,
     /// Whether it was said that the load cell is not believed.
     rejects: bool,
@@ -202,16 +222,18 @@ impl MembersThread<'_> {
     fn reset(&mut self) {
         self.live.reset();
         self.answered.clear();
-        (self.touched, self.rejects) = (false, false);
+        self.tracks.reset();
+        (self.been_inside, self.touched, self.rejects) = (false, false, false);
     }
 
-    fn step(&mut self, answered: &Answered, measured: VecDeque<Measured>) {
+    fn step(&mut self, answered: &Answered, measured: VecDeque<Measured>, tracked: VecDeque<Seen>) {
         self.live.follow(&answered.pose);
         if self.answered.len() == KEPT {
             self.answered.pop_front();
         }
-        self.answered.push_back((answered.stamp.nanos(), answered.pose.time_s, self.live.forces().collect()));
+        self.answered.push_back((answered.stamp.nanos(), self.live.told(false)));
         measured.into_iter().for_each(|reading| self.learn(&reading));
+        self.track(answered, tracked);
         self.say_rejected();
         let header = || Header { stamp: answered.stamp, frame_id: self.frame_id.to_owned() };
         let Some((band, count)) = self.live.band() else { return };
@@ -244,10 +266,25 @@ impl MembersThread<'_> {
     /// Assimilates a reading at a pose that the members have answered; not one of a tissue that the instrument has let go.
     fn learn(&mut self, reading: &Measured) {
         self.touched |= reading.depth_m > 0.0;
-        let Ok(place) = self.answered.binary_search_by_key(&reading.stamp_nanos, |(stamp, ..)| *stamp) else { return };
+        let Ok(place) = self.answered.binary_search_by_key(&reading.stamp_nanos, |(stamp, _)| *stamp) else { return };
         if reading.depth_m > 0.0 || !self.touched {
-            let (_, time_s, forces_n) = &self.answered[place];
-            self.live.measured(*time_s, reading.measured_n, forces_n);
+            self.live.measured(reading.measured_n, &self.answered[place].1);
+        }
+    }
+
+    /// Assimilates tracked points up to a pose that the members have just answered.
+    fn track(&mut self, answered: &Answered, tracked: VecDeque<Seen>) {
+        let inside = answered.depth_m > 0.0;
+        let counts = inside || !self.been_inside;
+        self.been_inside |= inside;
+        self.tracks.seen(tracked);
+        self.tracks.answered(answered.stamp.nanos(), counts, &self.live);
+        if let Some([seen, targets]) = self.tracks.learn(&mut self.live)
+            && self.miscounted.pass().is_some()
+        {
+            tracing::warn!(
+                "measured_targets has {seen} poses and the scene {targets} targets: it needs one for each, in their order"
+            );
         }
     }
 

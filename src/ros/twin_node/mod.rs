@@ -34,6 +34,7 @@ mod status;
 mod stretch;
 mod supervisor;
 mod tissue;
+mod tracked;
 mod viewers;
 mod warnings;
 

@@ -10,6 +10,7 @@ use crossbeam_channel::Sender;
 use super::inbox::{Inbox, PoseInput, Where, Work};
 use super::look_ahead::{Departure, Double};
 use super::tissue::{Model, Snapshot};
+use super::tracked::Seen;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::scene::Scene;
 use crate::twin::{FOLLOWED, Halt, Happening, Prediction, StampedPose, Twin, Work as WorkDone};
@@ -65,6 +66,8 @@ pub(super) enum Event {
     Reset(&'static str),
     /// The load cell spoke.
     Measured { stamp_nanos: i64, force_n: [f64; 3] },
+    /// Tracked points were seen.
+    Tracked(Seen),
     /// Take the present reading as zero; answers with it, or with the reason why not.
     Tare(Sender<Result<[f64; 3], String>>),
     /// Nothing more will come.

@@ -119,6 +119,69 @@ fn a_band_holds_the_prediction_and_targets_have_a_covariance() {
 }
 
 #[test]
+fn tracked_points_say_where_the_instrument_touched() {
+    let (folder, domain) = (tempfile::tempdir().unwrap(), free_domain());
+    let scene = scene(folder.path(), UNCERTAIN);
+    let arguments = [&["--scene", &scene][..], &COARSE[2..], &["-p", "members:=6"]].concat();
+    let node = Program::start(TWIN, &arguments, domain, &[]);
+    let mut peer = Peer::start(domain);
+    peer.ask(json!({"op": "subscribe", "topic": "/targets_with_covariance",
+        "type": "geometry_msgs/msg/PoseWithCovarianceStamped", "qos": "reliable"}));
+    peer.ask(json!({"op": "advertise", "topic": "/measured_js", "type": "sensor_msgs/msg/JointState"}));
+    peer.ask(json!({"op": "advertise", "topic": "/measured_targets", "type": "geometry_msgs/msg/PoseArray"}));
+    let topics = ["/targets_with_covariance", "/measured_js", "/measured_targets"];
+    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": topics}))["missing"], json!([]));
+    let mut i = 0;
+    let mut go = |peer: &mut Peer, places: Option<[f64; 2]>| {
+        i += 1;
+        let (sec, nanosec) = (1_700_000_000 + i / 50, 20_000_000 * (i % 50));
+        if let Some(places) = places {
+            let pose = |z: f64| json!({"position": {"x": 0.0, "y": 0.0, "z": z}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}});
+            let value = json!({"header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "sample"}, "poses": places.map(pose)});
+            peer.ask(json!({"op": "publish", "topic": "/measured_targets", "value": value}));
+        }
+        let depth = (2.5e-5 * i as f64).min(0.001);
+        peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": joint_state(sec, nanosec, depth)}));
+        std::thread::sleep(std::time::Duration::from_millis(25));
+    };
+    // height and its variance of the upper target, the last that was said
+    let lesion = |peer: &mut Peer| -> Option<(f64, f64)> {
+        let taken = peer.ask(json!({"op": "take", "topic": "/targets_with_covariance", "timeout": 0.3}));
+        let highest = taken["messages"].as_array()?.iter().rev().take(2).map(|m| {
+            let pose = &m["pose"];
+            (number(&pose["pose"]["position"]["z"]), number(&pose["covariance"][14]))
+        });
+        highest.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    // held at 1 mm until all members have come there: half of the way that the plate has gone
+    let mut before = (0.0, 0.0);
+    for _ in 0..60 {
+        (0..10).for_each(|_| go(&mut peer, None));
+        before = lesion(&mut peer).unwrap_or(before);
+        if before.0 > 0.011 && before.0 < 0.0115 {
+            break;
+        }
+    }
+    assert!((0.011..0.0115).contains(&before.0) && before.1 > 1e-10, "{before:?}");
+    // seen one standard deviation higher than they have it, with a tracker's noise
+    let higher = before.1.sqrt();
+    let mut after = before;
+    for k in 0..400 {
+        let noise = [1e-6, -2e-6, 2e-6, -1e-6][k % 4];
+        go(&mut peer, Some([before.0 + higher + noise, f64::NAN]));
+        if k % 20 == 19 {
+            after = lesion(&mut peer).unwrap_or(after);
+            if after.1 < 0.05 * before.1 {
+                break;
+            }
+        }
+    }
+    assert!(after.1 < 0.05 * before.1, "the variance was {} and is {} m2", before.1, after.1);
+    assert!((after.0 - before.0 - higher).abs() < 0.3 * higher, "{before:?}, then {after:?}");
+    assert_eq!(node.stop("INT").0, Some(0));
+}
+
+#[test]
 fn members_of_a_scene_that_is_sure_of_everything_end_the_node_with_the_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let late = "\n[uncertainty]\n\"align.time_offset_s\" = { uniform = [-0.1, 0.1] }\n";
