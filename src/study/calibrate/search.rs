@@ -110,7 +110,7 @@ fn add(
         match place {
             Some(place) => unknowns[place] = unknown,
             None => {
-                problem.sought.push(sought);
+                problem.seek(sought);
                 unknowns.push(unknown);
             }
         }

@@ -10,6 +10,14 @@ use crate::compare::{Run, least_squares::Unknown};
 const NEAR_SIZE: f64 = 0.2;
 
 impl Recorded<'_> {
+    /// Seeks a shift of the recording as well: the last run was made without one.
+    pub fn seek(&mut self, shift: Sought) {
+        self.sought.push(shift);
+        if let Some(kept) = &mut self.kept {
+            kept.x.push(0.0);
+        }
+    }
+
     /// Keeps the first run, of the scene as it is, where the search begins with its values and the contact where that run had it.
     pub fn keep(&mut self, first: &Run, contact_m: f64) {
         let at = |sought: &Sought| match sought {
