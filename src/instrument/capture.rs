@@ -3,6 +3,9 @@
 //! *Along the needle* a node ahead of the tip moves on a linear ramp over the capture window, from its displacement at the
 //! window's far end to the one that the rule prescribes; the ramp ends when the tip reaches the node.
 //!
+//! A needle that goes back and comes again finds the node on the ramp it had. With a ramp of its own for each time a node at the window's end
+//! would be drawn to the rule step by step by a needle that only trembles.
+//!
 //! *Sideways* tissue ahead of the tip is free: it goes along with a needle that moves sideways or leans as far as the tissue
 //! takes it. Between two layers of nodes the tip holds the next layer in part, by a spring to where the needle would have it,
 //!
@@ -14,6 +17,9 @@
 //! motion: slabs of tissue of the thickness h on both sides, each with mu A/h, over A/h^2 nodes. With it the held length grows
 //! in proportion to the depth, so the lateral force has no jump and no saw-tooth.
 
+/// An axis within this of where it was has not moved, m: rounding.
+const SAME_M: f64 = 1e-9;
+
 /// What one node of the path is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Hold {
@@ -23,6 +29,8 @@ pub(super) enum Hold {
     Indented,
     /// In the capture window, or behind the tip.
     Captured(Capture),
+    /// Free tissue that the window has been at and has left: it comes back onto its ramp.
+    Left(Capture),
 }
 
 /// A node in the capture window, or behind the tip.
@@ -32,6 +40,8 @@ pub(super) struct Capture {
     pub since: f64,
     /// Displacement then, m.
     pub from: [f64; 3],
+    /// Where the needle's axis was at the node's depth then, m.
+    pub axis: [f64; 2],
     /// The needle's axis beside the node's layer when the tip left the layer before, m.
     pub beside: [f64; 2],
     /// s.
@@ -42,6 +52,11 @@ impl Capture {
     /// How far the node is held along the needle: a ramp from 0 to 1.
     pub fn share(&self, depth: f64, window: f64) -> f64 {
         ((depth - self.since) / window).clamp(0.0, 1.0)
+    }
+
+    /// Whether the needle comes back the way that it came.
+    pub fn is_on(&self, axis: [f64; 2]) -> bool {
+        (axis[0] - self.axis[0]).hypot(axis[1] - self.axis[1]) < SAME_M
     }
 
     /// k, for a shear modulus in Pa and a distance between layers in m; for s below 1.
@@ -74,7 +89,13 @@ mod tests {
     #[test]
     fn the_hold_grows_from_layer_to_layer() {
         let at = |depth: f64| {
-            let capture = Capture { since: 0.0, from: [0.0; 3], beside: [0.0; 2], passed: passed(depth, 2e-3, 1e-3) };
+            let capture = Capture {
+                since: 0.0,
+                from: [0.0; 3],
+                axis: [0.0; 2],
+                beside: [0.0; 2],
+                passed: passed(depth, 2e-3, 1e-3),
+            };
             capture.spring(500.0, 1e-3)
         };
         assert!(at(1e-3) < 1e-6 && (at(1.5e-3) - 1.0).abs() < 1e-6, "{} {}", at(1e-3), at(1.5e-3));

@@ -292,7 +292,7 @@ impl NeedlePath {
     /// What holds a node of the path.
     fn role(&self, hold: &Hold) -> Role {
         match hold {
-            Hold::Free => Role::Free,
+            Hold::Free | Hold::Left(_) => Role::Free,
             Hold::Captured(c) if !self.revolved && c.passed < 1.0 => Role::Guided,
             Hold::Indented | Hold::Captured(_) => Role::Instrument,
         }

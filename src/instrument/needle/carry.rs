@@ -18,7 +18,10 @@ impl NeedlePath {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
             let before = self.progress.hold[i];
             let hold = if depth + self.window < z || depth < 0.0 {
-                Hold::Free
+                match before {
+                    Hold::Captured(c) | Hold::Left(c) if depth >= 0.0 => Hold::Left(Capture { passed: 0.0, ..c }),
+                    _ => Hold::Free,
+                }
             } else {
                 Hold::Captured(self.capture(i, tip, behind, solver))
             };
@@ -46,16 +49,19 @@ impl NeedlePath {
             let axis = tip.axis_at(z);
             std::array::from_fn(|k| axis[k] - self.slope[k] * z - behind[k])
         };
+        let axis = tip.axis_at(z);
         match hold {
             Hold::Captured(c) if c.passed > 0.0 || self.revolved => Capture { passed, ..c },
-            Hold::Captured(c) => {
+            Hold::Left(c) if self.revolved => Capture { passed, ..c },
+            Hold::Captured(c) | Hold::Left(c) if hold != Hold::Left(c) || c.is_on(axis) => {
                 let shift = carried(self.layer_shift(z, solver), behind);
                 Capture { beside: beside(shift), passed, ..c }
             }
-            Hold::Free | Hold::Indented => {
+            _ => {
                 let shift = self.layer_shift(z, solver);
                 let shift = if hold == Hold::Indented { shift } else { carried(shift, behind) };
-                Capture { since: self.entered(depth, z), from: solver.parameters()[n], beside: beside(shift), passed }
+                let since = if matches!(hold, Hold::Left(_)) { depth } else { self.entered(depth, z) };
+                Capture { since, from: solver.parameters()[n], axis, beside: beside(shift), passed }
             }
         }
     }

@@ -13,7 +13,7 @@ impl NeedlePath {
             let least = corners.iter().map(|&c| match self.progress.hold[c as usize] {
                 Hold::Captured(c) if self.revolved => c.share(depth, self.window),
                 Hold::Captured(c) => c.passed,
-                Hold::Free | Hold::Indented => 0.0,
+                Hold::Free | Hold::Indented | Hold::Left(_) => 0.0,
             });
             let share = least.fold(1.0, f64::min);
             if share != *filled {
