@@ -6,8 +6,8 @@ use super::{
     plot::{BLUE, FRAME, INK, MUTED, RULE, VERMILION, label},
     raster::text_width,
 };
-use crate::scene::Scene;
 use crate::study::accuracy::{Case, Row, Steps, front, named};
+use crate::study::composites::posed;
 use crate::study::reference::{self, ElementStability};
 
 const WIDTH: u32 = 1160;
@@ -300,7 +300,7 @@ fn near(outline: &Box4, [x, y]: [f64; 2]) -> bool {
 
 /// Rows with a name of their own: as shipped, and the source paper's setting.
 pub(super) fn special(scene: &str, rows: &[&Row]) -> Vec<(usize, &'static str)> {
-    let named = Scene::preset(scene).ok().and_then(|scene| named(&scene).ok()).unwrap_or_default();
+    let named = posed(scene).ok().and_then(|scene| named(&scene).ok()).unwrap_or_default();
     let found = |(case, name): (Case, _)| Some((rows.iter().position(|row| row.case == case)?, name));
     named.into_iter().filter_map(found).collect()
 }

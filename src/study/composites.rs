@@ -125,6 +125,14 @@ pub const COMPOSITES: [Composite; 5] = [
     },
 ];
 
+/// The scene of a name: one of these, or a preset.
+///
+/// # Errors
+/// [`SceneError`] if it is neither.
+pub fn posed(name: &str) -> Result<Scene, SceneError> {
+    Composite::find(name).map_or_else(|| Scene::preset(name), Composite::scene)
+}
+
 impl Composite {
     /// That of a name.
     #[must_use]

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::accuracy::StudyError;
 use super::{csv, reference};
 use crate::compare::Watch;
-use crate::scene::{Override, Scene};
+use crate::scene::{Override, Preset, Scene};
 use crate::twin::{BuildError, Halt, StampedPose, Trouble, Twin};
 
 /// Depth at which a run counts as complete, m; the sample is 17 mm high.
@@ -69,8 +69,23 @@ const SUPPORT: &str = "discretisation.support_factor";
 const STEP: &str = "stepping.step_factor";
 const SPEED: &str = "motion.speed_m_per_s";
 
+/// The same of a top layer of 2 mm that there is then, Pa: so many times the preset's 1678.
+const LAYER: &str = "materials.layer.shear_modulus_pa";
+const LAYERED: &str = "top layer's modulus, times";
+const TOP_LAYER: &str = r#"
+[materials.layer]
+model = "neo_hookean"
+shear_modulus_pa = 1678.0
+[[regions]]
+name = "top"
+material = "layer"
+shape = "layer"
+from_depth_m = 0.0
+to_depth_m = 0.002
+"#;
+
 /// Columns of the map.
-pub const CHANGES: [Change; 14] = [
+pub const CHANGES: [Change; 18] = [
     change("", "base", NU, "0.49"),
     change("Poisson's ratio", "0.3", NU, "0.3"),
     change("Poisson's ratio", "0.45", NU, "0.45"),
@@ -85,6 +100,10 @@ pub const CHANGES: [Change; 14] = [
     change("step factor", "1.5", STEP, "1.5"),
     change("speed, mm/s", "1", SPEED, "0.001"),
     change("speed, mm/s", "20", SPEED, "0.02"),
+    change(LAYERED, "0.01", LAYER, "16.78"),
+    change(LAYERED, "0.1", LAYER, "167.8"),
+    change(LAYERED, "10", LAYER, "16780.0"),
+    change(LAYERED, "100", LAYER, "167800.0"),
 ];
 
 /// One run.
@@ -147,7 +166,7 @@ pub struct Row {
     /// [`Ended::word`].
     pub ended: String,
     /// Predicted over reference force - 1 at 4 mm, or at the last depth of the reference before; only where Poisson's
-    /// ratio is the reference's.
+    /// ratio is the reference's and there is no layer.
     #[serde(rename = "force_error_at_4mm")]
     pub force_error: Option<f64>,
     /// Smallest volume ratio on the way.
@@ -164,8 +183,9 @@ pub fn cases(quick: bool) -> Vec<Case> {
     let mut cases = Vec::new();
     for method in METHODS {
         for change in CHANGES {
-            // a finite element has no support
-            let meaningless = change.key == SUPPORT && method.name.starts_with("tet4");
+            // a finite element has no support, and a layer is another question than locking
+            let meaningless = change.key == SUPPORT && method.name.starts_with("tet4")
+                || change.key == LAYER && method.name.ends_with("no cure");
             let short = ["mmls", "mmls, no cure", "tet4, no cure"].contains(&method.name)
                 && ["base", "0.3", "0.499", "1.5", "20"].contains(&change.label);
             if !meaningless && (short || !quick) {
@@ -189,7 +209,8 @@ impl Case {
         keys.extend(self.method.keys);
         keys.push((self.change.key, self.change.value));
         let keys: Vec<_> = keys.iter().map(|(path, value)| Override::text(path, value, "study")).collect();
-        Ok(Scene::preset(PRESET)?.with(&keys)?)
+        let text = Preset::find(PRESET)?.text.to_owned() + if self.change.key == LAYER { TOP_LAYER } else { "" };
+        Ok(Scene::from_toml(&text, PRESET)?.with(&keys)?)
     }
 
     /// Runs the case on the present rayon pool.
@@ -199,7 +220,7 @@ impl Case {
     pub fn run(&self, watch: &dyn Watch) -> Result<Row, StudyError> {
         let scene = self.scene()?;
         let speed = scene.motion.map_or(1e-3, |m| m.speed.get());
-        let comparable = (scene.material.poisson_ratio.get() - 0.49).abs() < 1e-9;
+        let comparable = (scene.material.poisson_ratio.get() - 0.49).abs() < 1e-9 && scene.regions.is_empty();
         let mut row = Row {
             method: self.method.name.to_owned(),
             group: self.change.group.to_owned(),

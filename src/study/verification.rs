@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::accuracy::StudyError;
-use super::composites::Composite;
+use super::composites::{Composite, posed};
 use super::csv;
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use super::yardstick::force_at;
@@ -126,8 +126,7 @@ impl Verification {
         let deepest = table.last().map_or(0.0, |p| p.0);
         let depth = Override::text("motion.depth_m", &deepest.to_string(), "study");
         let composite = Composite::find(name);
-        let scene = composite.map_or_else(|| Scene::preset(name), Composite::scene)?;
-        let mut scene = scene.with(&[&[depth], keys].concat())?;
+        let mut scene = posed(name)?.with(&[&[depth], keys].concat())?;
         let height = scene.sample.shape.height().map_or(0.0, |h| h.get());
         if name == "indentation" {
             scene.targets = reference::targets(height);

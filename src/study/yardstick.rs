@@ -2,6 +2,7 @@
 //! model on a much finer cloud where there are none.
 
 use super::accuracy::{Case, Steps, StudyError};
+use super::composites::{COMPOSITES, Composite, posed};
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use crate::scene::{Motion, Preset, Scene, Target};
 
@@ -113,20 +114,23 @@ pub(super) fn force_at(path: &[(f64, f64)], depth_m: f64) -> Option<f64> {
     Some(fa + share * (fb - fa))
 }
 
-/// The preset that poses the same problem (sample, material, instrument), whatever its discretisation.
+/// The preset or sample of several materials that poses the same problem (sample, materials, instrument), whatever its discretisation.
 #[must_use]
 pub fn preset_of(scene: &Scene) -> Option<&'static str> {
-    let same = |preset: &Scene| {
-        preset.sample == scene.sample
-            && preset.material == scene.material
-            && preset.instrument == scene.instrument
-            && scene.regions.is_empty()
+    let same = |other: &Scene| {
+        other.sample == scene.sample
+            && other.material == scene.material
+            && other.instrument == scene.instrument
+            && other.materials == scene.materials
+            && other.regions == scene.regions
     };
-    Preset::of_the_paper().iter().find(|p| p.scene().is_ok_and(|preset| same(&preset))).map(|p| p.name)
+    let names = Preset::of_the_paper().iter().map(|p| p.name).chain(COMPOSITES.iter().map(|c| c.name));
+    names.into_iter().find(|name| posed(name).is_ok_and(|other| same(&other)))
 }
 
 /// How deep the accuracy study takes a scene, m: the indentation to where displacements are known and the reference's
-/// force is good to 0.45 %, the needle to half of its way, any other as far as it goes.
+/// force is good to 0.45 %, the needle to half of its way, samples of several materials to the last depth of their reference before that, any other
+/// as far as it goes.
 ///
 /// # Errors
 /// [`StudyError::NoMotion`] if it doesn't move.
@@ -135,6 +139,10 @@ pub fn study_depth(scene: &Scene) -> Result<f64, StudyError> {
     let most = match preset_of(scene) {
         Some("indentation") => DISPLACEMENT_DEPTH_M,
         Some("needle_insertion") => NEEDLE_DEPTH_M,
+        Some(composite) if Composite::find(composite).is_some() => {
+            let depths = reference::force(composite).unwrap_or_default().into_iter().map(|p| p.0);
+            depths.filter(|depth| *depth <= NEEDLE_DEPTH_M).fold(0.0, f64::max)
+        }
         _ => f64::INFINITY,
     };
     Ok(depth.get().min(most))
@@ -182,6 +190,19 @@ mod tests {
         coarse.set("material.poisson_ratio", "0.4").unwrap();
         assert_eq!(preset_of(&coarse), None);
         assert_eq!(study_depth(&scene).unwrap(), 0.004);
+    }
+
+    #[test]
+    fn a_sample_of_several_materials_is_known_by_its_problem() {
+        let depths = [0.004, 0.004, 0.004, 0.0025, 0.002];
+        for (composite, depth) in COMPOSITES.iter().zip(depths) {
+            let mut scene = composite.scene().unwrap();
+            "mine".clone_into(&mut scene.name);
+            assert_eq!(preset_of(&scene), Some(composite.name));
+            assert_eq!(study_depth(&scene).unwrap(), depth, "{}", composite.name);
+            scene.regions.pop();
+            assert_eq!(preset_of(&scene), None, "{}", composite.name);
+        }
     }
 
     #[test]

@@ -3,8 +3,22 @@
 //! The elements of `bags/reference` have a continuous pressure, which costs them about 1 % of the force there (docs/lab/layers.md).
 #![allow(clippy::unwrap_used)]
 
-use crate::coarse::{Quiet, alone};
+use crate::coarse::{self, Quiet, alone, travel};
+use needle_twin::scene::{Override, Scene};
 use needle_twin::study::verification::Verification;
+use needle_twin::twin::Twin;
+
+const EQUAL_LAYERS: &str = r#"
+[materials.same]
+model = "neo_hookean"
+shear_modulus_pa = 1678.0
+[[regions]]
+name = "top"
+material = "same"
+shape = "layer"
+from_depth_m = 0.0
+to_depth_m = 0.002
+"#;
 
 fn within(case: &'static str, bound: f64) {
     let path = format!("{}/tests/references/layers.csv", env!("CARGO_MANIFEST_DIR"));
@@ -44,11 +58,40 @@ fn the_order_of_materials_moves_no_force() {
     let of = |first: [&str; 2]| {
         let text =
             needle_twin::study::composites::Composite::find("layered_indentation").unwrap().scene().unwrap().to_toml();
-        let mut scene = needle_twin::scene::Scene::from_toml(&text, "layers").unwrap();
+        let mut scene = Scene::from_toml(&text, "layers").unwrap();
         scene.materials.sort_by_key(|m| first.iter().position(|f| *f == m.name));
-        let mut twin = alone(|| needle_twin::twin::Twin::new(&scene).unwrap());
+        let mut twin = alone(|| Twin::new(&scene).unwrap());
         crate::coarse::press(&mut twin, 0.001).force_n[2]
     };
     let (one, other) = (of(["stiff", "soft"]), of(["soft", "stiff"]));
     assert!((one / other - 1.0).abs() < 1e-3, "{one} {other}");
+}
+
+/// In three dimensions, against the given reference, whose pressure is continuous.
+#[test]
+fn a_needle_through_layers_in_space_is_within_3_percent() {
+    let full = Override::text("discretisation.dimension", "full", "test");
+    let found = alone(|| Verification::run("layered_needle", &[full], Some(0.004), &mut Quiet).unwrap());
+    assert_eq!(found.compared.len(), 2);
+    for row in found.compared {
+        println!("in space at {:.0} mm: {:+.2} %", 1e3 * row.depth_m, 1e2 * row.error());
+        assert!(row.error().abs() < 0.03, "{row:?}");
+    }
+}
+
+/// Where the modulus does not jump, an interface is none: this is what the radii next to one are chosen by.
+#[test]
+fn regions_of_one_modulus_have_the_force_of_no_regions_in_space() {
+    for (preset, depth_m) in [("indentation", 5e-4), ("needle_insertion", 2e-3)] {
+        let none =
+            coarse::scene(preset, &[("discretisation.spacing_m", "0.0025"), ("discretisation.edge_refinement", "0.1")]);
+        let text = none.to_toml() + EQUAL_LAYERS;
+        let layers = Scene::from_toml(&text, "equal").unwrap();
+        let [none, layers] = [none, layers].map(|scene| {
+            let mut twin = alone(|| Twin::new(&scene).unwrap());
+            travel(&mut twin, 0.0, depth_m, (depth_m / 5e-6) as u32).last().unwrap().force_n[2]
+        });
+        println!("{preset}: {:+.2} %", 1e2 * (layers / none - 1.0));
+        assert!((layers / none - 1.0).abs() < 0.01, "{preset}: {layers} {none}");
+    }
 }

@@ -17,6 +17,7 @@ mod force_balance;
 mod guarded;
 mod half_plane;
 mod invariance;
+mod layer_calibration;
 mod layers;
 mod least_work;
 mod mesh_files;

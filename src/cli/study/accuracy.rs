@@ -18,6 +18,7 @@ use super::{PRESETS, bar};
 use crate::report;
 use crate::scene::{Method, Scene};
 use crate::study::accuracy::{self, Case, Extent, Row, StudyError, Table};
+use crate::study::composites::{Composite, posed};
 use crate::study::yardstick::{Yardstick, study_depth};
 
 /// Name of the whole table.
@@ -26,7 +27,7 @@ const TABLE: &str = "accuracy.csv";
 /// Chart error against cost: methods, dimensions, spacings, supports, points, precisions, steps per pose
 #[derive(Debug, Args)]
 pub(super) struct Accuracy {
-    /// Preset or scene file to study (may be repeated) [default: the three presets]
+    /// Preset, scene file, or sample of several materials as in `study verification` (may be repeated) [default: the three presets]
     #[arg(long = "scene", value_name = "NAME|FILE")]
     scenes: Vec<String>,
 
@@ -138,7 +139,8 @@ impl Accuracy {
         let names = if self.scenes.is_empty() { all.as_slice() } else { &self.scenes };
         let mut subjects: Vec<Subject> = Vec::new();
         for name in names {
-            let scene = scene_file::load(name)?;
+            let composite = Composite::find(name).map(Composite::scene).transpose()?;
+            let scene = composite.map_or_else(|| scene_file::load(name), Ok)?;
             if subjects.iter().all(|s| s.scene.name != scene.name) {
                 let yardstick = alone(|| Yardstick::of(&scene, study_depth(&scene)?))??;
                 subjects.push(Subject { scene, yardstick });
@@ -297,7 +299,7 @@ impl Merge {
         rows.iter().for_each(|row| of_scene.entry(&row.scene).or_default().push(row));
         let mut missing = Vec::new();
         for (name, rows) in of_scene {
-            let Ok(scene) = Scene::preset(name) else {
+            let Ok(scene) = posed(name) else {
                 warn(&format!("{name} is no preset: what is missing of its study can't be said"));
                 continue;
             };

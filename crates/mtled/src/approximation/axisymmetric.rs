@@ -96,7 +96,7 @@ impl AxisymmetricApproximation {
     #[must_use]
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.triangles, region);
-        self.regions.widen(&self.triangles, &mut self.first);
+        self.regions.scale(&self.triangles, &mut self.first);
         self.supports = self.supports.with_radii(&self.first);
         self
     }

@@ -5,16 +5,17 @@
 //! belong to the fits of both sides, which tie the sides together. Linear fields are met exactly on both, so the patch test
 //! holds; in general the two fits differ at the interface by what either is off, and the field there is their mean.
 //!
-//! A support that ends at an interface has lost up to half of its nodes; the radii of the nodes near it are wider, which
-//! gives the points there as many nodes as others have. What else was tried stands in docs/lab/interfaces.md.
+//! A support that ends at an interface has lost up to half of its nodes, and the fit there is another one. The radii of the nodes near
+//! it are such that regions of one modulus have the force of no regions. What else was tried stands in docs/lab/interfaces.md.
 
 use std::collections::BTreeMap;
 
 use super::mls::Neighbour;
 
-/// Radii of nodes near an interface over others', in a half plane: points there then have as many nodes as those within a region.
-/// In space, where one point stands for two cells, a wider fit is softer than the tissue (docs/lab/interfaces.md).
-const WIDER: [f64; 2] = [1.2, 1.0];
+/// Radii of nodes near an interface over others', in a half plane and in space. In a half plane points there then have as many nodes as
+/// those within a region. In space, where one point stands for two cells, a one-sided fit is softer than the tissue, and the softer the
+/// wider: with 0.9 an interface between equals costs at most 0.4 % of the force (docs/lab/interfaces.md).
+const RADII: [f64; 2] = [1.2, 0.9];
 
 /// Which region cells and nodes belong to; none: one region.
 #[derive(Clone, Debug, Default)]
@@ -41,15 +42,15 @@ impl Regions {
         Self { of_cell: region.to_vec(), of_node, at }
     }
 
-    /// Makes the radii near interfaces wider: of the nodes of all cells that have a node in several regions.
-    pub fn widen<const K: usize>(&self, cells: &[[u32; K]], radii: &mut [f64]) {
+    /// Scales the radii near interfaces: of the nodes of all cells that have a node in several regions.
+    pub fn scale<const K: usize>(&self, cells: &[[u32; K]], radii: &mut [f64]) {
         let mut near = vec![false; radii.len()];
         let several = |n: &u32| self.of_node.get(*n as usize).is_some_and(|bits| bits.count_ones() > 1);
         for c in cells.iter().filter(|c| c.iter().any(several)) {
             c.iter().for_each(|&n| near[n as usize] = true);
         }
-        let wider = WIDER[usize::from(K > 3)];
-        radii.iter_mut().zip(near).filter(|(_, near)| *near).for_each(|(r, _)| *r *= wider);
+        let factor = RADII[usize::from(K > 3)];
+        radii.iter_mut().zip(near).filter(|(_, near)| *near).for_each(|(r, _)| *r *= factor);
     }
 
     /// Region of a cell.

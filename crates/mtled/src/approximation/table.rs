@@ -146,7 +146,7 @@ impl Approximation {
     #[must_use]
     pub fn with_regions(mut self, region: &[u8]) -> Self {
         self.regions = Regions::new(&self.points, &self.cells, region);
-        self.regions.widen(&self.cells, &mut self.first);
+        self.regions.scale(&self.cells, &mut self.first);
         self.supports = self.supports.with_radii(&self.first);
         self.share = shares(&self.points, &self.cells, region, &self.settings);
         self
