@@ -32,10 +32,10 @@ fn recording(scene: &Scene, depth_m: f64) -> (Vec<Reading>, ForceSeries) {
     // the force of a motion that is answered 20 times as often
     for i in -500..(depth_m * 1e6) as i32 {
         let (time_s, depth) = (0.5 + 1e-3 * f64::from(i), 1e-6 * f64::from(i));
-        let force = twin.step(StampedPose { time_s, pose: twin.pose_at_depth(depth) }).unwrap().force_n[2];
+        let force_n = twin.step(StampedPose { time_s, pose: twin.pose_at_depth(depth) }).unwrap().force_n;
         if i.rem_euclid((1e3 / HZ) as i32) == 0 {
             readings.push(Reading { time_s, at: At::Depth(depth) });
-            forces.push((time_s, force + normal.sample(&mut noise)));
+            forces.push((time_s, force_n.map(|f| f + normal.sample(&mut noise))));
         }
     }
     (readings, ForceSeries::new(forces))

@@ -61,7 +61,7 @@ fn the_order_of_materials_moves_no_force() {
         let mut scene = Scene::from_toml(&text, "layers").unwrap();
         scene.materials.sort_by_key(|m| first.iter().position(|f| *f == m.name));
         let mut twin = alone(|| Twin::new(&scene).unwrap());
-        crate::coarse::press(&mut twin, 0.001).force_n[2]
+        coarse::press(&mut twin, 0.001).force_n[2]
     };
     let (one, other) = (of(["stiff", "soft"]), of(["soft", "stiff"]));
     assert!((one / other - 1.0).abs() < 1e-3, "{one} {other}");
