@@ -105,10 +105,11 @@ const HALF_PLANE: [(&str, &str); 3] = [
     ("discretisation.dimension", "axisymmetric"),
     // several blocks, so that both threads have work
     ("discretisation.spacing_m", "0.001"),
-    ("instrument.puncture_strain", "0.1"),
+    // so much that the shaft has a wall
+    ("instrument.puncture_strain", "0.2"),
 ];
 
-const HALF: [(&str, &str); 2] = [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.1")];
+const HALF: [(&str, &str); 2] = [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.2")];
 
 const FRICTIONAL: [(&str, &str); 5] = [
     ("discretisation.dimension", "axisymmetric"),

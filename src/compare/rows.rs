@@ -19,6 +19,8 @@ pub struct Rows {
     pub predicted_n: Vec<f64>,
     /// The same.
     pub measured_n: Vec<f64>,
+    /// Peak of the force of which this is a component, N; 0 for a force of its own.
+    pub whole_n: f64,
     /// What was taken off as the load cell's zero, N.
     pub zero_n: f64,
     /// Whether force and position were stamped by one clock: no offset between them is looked for.
@@ -31,23 +33,35 @@ impl Rows {
     /// The answers of a run that have a measured force, but those of a tissue that an instrument has just let go.
     #[must_use]
     pub fn of(run: &Run) -> Self {
+        Self::pairs(run, |a| Some((a.predicted_n, a.measured_n?)))
+    }
+
+    /// The same of one component of the force in frame `sample`, 0 to 2 for x to z, where the load cell measured a vector. Its size is
+    /// judged against the whole force's.
+    #[must_use]
+    pub fn of_component(run: &Run, k: usize) -> Self {
+        let of = |a: &Answer| a.measured_vector_n.map(|measured| (a.predicted_vector_n[k], measured[k]));
+        Self { whole_n: Self::of(run).peak_n(), ..Self::pairs(run, of) }
+    }
+
+    /// Answers with a predicted and a measured force.
+    fn pairs(run: &Run, force: impl Fn(&Answer) -> Option<(f64, f64)>) -> Self {
         let at_rest = at_rest(&run.answers);
-        let usable = |a: &Answer| a.residual_n().is_some() && a.time_s.is_finite() && a.depth_m.is_finite();
-        let kept: Vec<&Answer> =
-            run.answers.iter().zip(at_rest).filter(|(a, at_rest)| *at_rest && usable(a)).map(|(a, _)| a).collect();
-        let rows = Self::new(
-            kept.iter().map(|a| a.time_s).collect(),
-            kept.iter().map(|a| a.depth_m).collect(),
-            kept.iter().map(|a| a.predicted_n).collect(),
-            kept.iter().map(|a| a.measured_n.unwrap_or(0.0)).collect(),
-        );
-        Self { one_clock: run.one_clock, ..rows }
+        let usable = |a: &Answer| {
+            let (predicted, measured) = force(a)?;
+            ((predicted - measured).is_finite() && a.time_s.is_finite() && a.depth_m.is_finite())
+                .then_some([a.time_s, a.depth_m, predicted, measured])
+        };
+        let kept: Vec<[f64; 4]> =
+            run.answers.iter().zip(at_rest).filter(|(_, at_rest)| *at_rest).filter_map(|(a, _)| usable(a)).collect();
+        let column = |k: usize| kept.iter().map(|row| row[k]).collect();
+        Self { one_clock: run.one_clock, ..Self::new(column(0), column(1), column(2), column(3)) }
     }
 
     /// From columns of equal length: times in s, depths in m, predicted and measured forces in N, of which the load cell's zero is taken off.
     #[must_use]
     pub fn new(time_s: Vec<f64>, depth_m: Vec<f64>, predicted_n: Vec<f64>, measured_n: Vec<f64>) -> Self {
-        let mut rows = Self { time_s, depth_m, predicted_n, measured_n, zero_n: 0.0, one_clock: false, known: 0 };
+        let mut rows = Self { time_s, depth_m, predicted_n, measured_n, ..Self::default() };
         rows.zero_n = rows.idle().unwrap_or(0.0);
         rows.measured_n.iter_mut().for_each(|m| *m -= rows.zero_n);
         rows
@@ -86,7 +100,7 @@ impl Rows {
         let mut sizes: Vec<f64> = self.measured_n.iter().map(|m| m.abs()).collect();
         sizes.sort_unstable_by(f64::total_cmp);
         let measured = sizes.get(sizes.len().saturating_sub(1 + sizes.len() / 100)).copied().unwrap_or(0.0);
-        self.predicted_n.iter().map(|p| p.abs()).fold(measured, f64::max)
+        self.predicted_n.iter().map(|p| p.abs()).fold(measured.max(self.whole_n), f64::max)
     }
 
     /// m; 0 where the instrument stays above the sample.

@@ -13,7 +13,8 @@
 //! The reduced chi-square is r^T V^-1 r over the blocks less what was fitted: near or under 1 where the model explains the measurement.
 //! A force that is wrong by one factor everywhere is one deviation among many blocks there, so each block is judged alone as well: the
 //! mean of r_a^2 / V_aa, zero and drift taken out as far as they are likely, of which 9 (three standard deviations) counts as much as [`EXPLAINED`]. The larger of the two is the figure.
-//! Where it is too large, the longest beginning or end of the motion that is explained is looked for.
+//! Where the load cell measured a vector, each of its components in frame `sample` is judged so as well, with zero and drift over the whole
+//! force's peak, and the worst of them is the verdict. Where it is too large, the longest beginning or end of the motion that is explained is looked for.
 
 use std::ops::Range;
 
@@ -107,6 +108,16 @@ pub struct Verdict {
 }
 
 impl Verdict {
+    /// This one, or that of a component of the force if that explains less.
+    fn or_worse(self, other: Self, component: &str) -> Self {
+        let chi = |v: &Self| v.reduced_chi_square.unwrap_or(0.0);
+        if chi(&other) <= chi(&self).max(EXPLAINED) {
+            return self;
+        }
+        let named = |reason: String| format!("the force along {component}: {reason}");
+        Self { reasons: other.reasons.into_iter().map(named).collect(), ..other }
+    }
+
     /// The first line of a summary: the verdict and its chi-square.
     #[must_use]
     pub fn line(&self) -> String {
@@ -330,8 +341,12 @@ impl Run {
     /// Whether the model explains what was measured, as it was recorded and run: nothing is fitted but the load cell's zero.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
-        let rows = Rows::of(self);
-        let mut verdict = judge(&rows, 1, FORCE_ERROR);
+        let mut verdict = judge(&Rows::of(self), 1, FORCE_ERROR);
+        if self.measures_vectors() {
+            for (k, name) in ["x", "y", "z"].into_iter().enumerate() {
+                verdict = verdict.or_worse(judge(&Rows::of_component(self, k), 1, FORCE_ERROR), name);
+            }
+        }
         if verdict.explains != Explains::Yes && verdict.explains != Explains::NoMeasurement {
             verdict.reasons.extend(self.alignment().map(|a| a.reasons()).unwrap_or_default());
         }

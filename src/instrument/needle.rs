@@ -22,6 +22,9 @@
 //! *Retraction* from the deepest point d_m: u_i = C_D (d_m - z_i) - C_R (d_m - d) along the axis; a node is let go
 //! when the tip has passed it on the way out.
 //!
+//! Before the puncture free tissue beside the tip does not pass the shaft, where the surface is pressed deep enough for that
+//! ([`super::surface`]). After it the wall is out of the way: what is captured holds the tissue.
+//!
 //! Capture is continuous: while the tip approaches, a node is moved along the axis from its present displacement to the one that
 //! the rule prescribes, on a linear ramp over the capture window that ends when the tip reaches the node. So everything behind
 //! the tip follows the rule exactly, and the held length grows without a jump. A window of one layer of nodes, or a smoother
@@ -48,6 +51,9 @@ use super::puncture::{Strained, is_withdrawn};
 const SHORT_WINDOW: f64 = 0.375;
 /// The same in layers of nodes, where they are longer.
 const LEAST_WINDOW: f64 = 2.0;
+
+/// Where the wall goes at the puncture, m: far above the tissue.
+const AWAY: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// State of the insertion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -210,6 +216,7 @@ impl NeedlePath {
     fn go_to(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
         let depth = -tip.offset[2]; // the nodes' depths are vertical
         if !self.progress.state.punctured {
+            solver.move_surface(tip.offset);
             if depth <= 0.0 {
                 self.release_all(solver);
                 self.progress.strained = Strained::default();
@@ -225,9 +232,11 @@ impl NeedlePath {
             // seen at the pose after the one that did it
             let depth_m = self.progress.strained.passed(self.needle.puncture_strain);
             self.progress.state = Insertion { punctured: true, deepest: depth };
+            solver.move_surface(AWAY);
             self.penetrate(tip, solver);
             return (Phase::Penetration, Some(Event::Puncture { depth_m, region: 0 }));
         }
+        solver.move_surface(AWAY);
         self.progress.state.deepest = self.progress.state.deepest.max(depth);
         self.progress.withdrawn = is_withdrawn(self.progress.withdrawn, self.progress.state.deepest - depth);
         self.penetrate(tip, solver);

@@ -19,12 +19,14 @@ pub fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
         InstrumentKind::Indenter { diameter, tip: IndenterTip::Sphere, .. } => {
             Shape::Ball { radius: 0.5 * diameter.get() }
         }
-        InstrumentKind::Needle(_) => return None,
+        InstrumentKind::Needle(_) if !has_wall(instrument) => return None,
+        // what the tip presses on has the radius of what it will capture
+        InstrumentKind::Needle(needle) => Shape::Punch { radius: needle.capture_radius.get(), edge: 0.0 },
     };
     let [x, y] = instrument.entry.map(|m| m.get());
     let friction = match instrument.contact {
         // beside a bonded face the wall is smooth
-        ContactLaw::Bonded if instrument.is_bonded() => 0.0,
+        ContactLaw::Bonded if has_wall(instrument) => 0.0,
         ContactLaw::Bonded => f64::INFINITY,
         ContactLaw::Frictionless => 0.0,
         ContactLaw::Coulomb { friction_coefficient } => friction_coefficient,
@@ -54,12 +56,22 @@ pub fn touchable(scene: &Scene) -> u8 {
     instrument | base
 }
 
-/// Whether free tissue meets the side wall of a flat indenter.
+/// Puncture strain up to which a needle has no wall: the surface is punctured before the tip is a quarter of the capture radius deep (at
+/// 0.13 mm of 0.5 mm), and no free node, half a radius away, can have come to the shaft.
+const UNFOLDED: f64 = 0.1;
+
+/// Whether free tissue meets the side wall of a flat indenter, or of an upright kinematic needle before the puncture.
 #[must_use]
 pub fn has_wall(instrument: &Instrument) -> bool {
     match instrument.kind {
         InstrumentKind::Indenter { tip: IndenterTip::Flat, wall_contact, .. } => {
             wall_contact || !instrument.is_bonded()
+        }
+        InstrumentKind::Needle(needle) => {
+            needle.wall_contact
+                && needle.puncture_strain > UNFOLDED
+                && needle.slope() == [0.0; 2]
+                && !instrument.is_frictional()
         }
         _ => false,
     }

@@ -8,6 +8,7 @@ const LENGTH: Range = Range::above(0.0, 10.0);
 /// Coefficients of friction; from about 10 on hardly anything slides.
 pub(super) const FRICTION: Range = Range::closed(0.0, 100.0);
 const SHARE: Range = Range::closed(0.0, 1.0);
+const WALL: Key = Key::boolean("instrument.wall_contact").or("true");
 /// What a plate or an indenter has, and a needle doesn't.
 const PRESSING: [&str; 2] = ["plate", "indenter"];
 const DIAMETER: Key = Key::real("instrument.diameter_m", LENGTH, "m");
@@ -43,8 +44,9 @@ choice! {
             diameter: Metres = DIAMETER,
             /// Lower end of the indenter: flat, or a half ball of the same diameter.
             tip: IndenterTip = Key::word("instrument.tip", <IndenterTip as super::Word>::WORDS).or("flat"),
-            /// Whether free tissue is kept outside the side wall of a bonded indenter; in contact without a bond it always is.
-            wall_contact: bool = Key::boolean("instrument.wall_contact").or("true"),
+            /// Whether free tissue is kept outside the side wall of a bonded indenter, or of a kinematic needle before the puncture; in
+            /// contact without a bond it always is.
+            wall_contact: bool = WALL,
         },
         /// Kinematic needle of the source paper.
         "needle" => Needle(needle: Needle),
@@ -71,6 +73,9 @@ section! {
             Key::word("instrument.deformation_rule", <DeformationRule as super::Word>::WORDS).or("incremental"),
         /// Largest principal Green-Lagrange strain under the tip at which the surface is punctured.
         puncture_strain: f64 = Key::real("instrument.puncture_strain", Range::closed(0.0, 10.0), "").or("1e-6").live(),
+        /// Whether free tissue is kept outside the side wall of a bonded indenter, or of a kinematic needle before the puncture; in
+        /// contact without a bond it always is.
+        wall_contact: bool = WALL,
         /// Angle between the needle's path and the vertical.
         tilt: Radians = Key::real("instrument.tilt_rad", Range::closed(0.0, 0.7), "rad").or("0.0"),
         /// Direction, from x towards y, in which an oblique needle moves sideways on its way down.

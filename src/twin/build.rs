@@ -256,8 +256,13 @@ pub(super) fn roles(scene: &Scene, faces: &[u8], held: &[u32]) -> Vec<Role> {
         _ => Role::Free,
     };
     let mut role: Vec<Role> = faces.iter().map(of).collect();
-    if scene.instrument.is_some_and(|i| i.is_bonded()) {
-        held.iter().for_each(|&n| role[n as usize] = Role::Instrument);
+    match scene.instrument {
+        Some(i) if i.is_bonded() => held.iter().for_each(|&n| role[n as usize] = Role::Instrument),
+        // what the tip holds meets no wall
+        Some(Instrument { kind: InstrumentKind::Needle(_), .. }) => {
+            held.iter().for_each(|&n| role[n as usize] = Role::Free);
+        }
+        _ => {}
     }
     role
 }

@@ -79,6 +79,7 @@ fn needle_shape() -> Needle {
         retraction_coefficient: 0.4,
         deformation_rule: DeformationRule::Incremental,
         puncture_strain: 1e-6,
+        wall_contact: true,
         tilt: Radians(0.0),
         azimuth: Radians(0.0),
     }

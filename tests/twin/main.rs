@@ -27,6 +27,7 @@ mod needle_capture;
 mod needle_friction;
 mod needle_motion;
 mod needle_sideways;
+mod needle_wall;
 mod regions;
 mod relaxation;
 mod scene_properties;

@@ -1,10 +1,10 @@
-//! A calibration takes the components of the force across the axis along, where the load cell measured them.
+//! A calibration and the verdict take the components of the force across the axis along, where the load cell measured them.
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::scene;
-use needle_twin::compare::{Answer, At, ForceSeries, Reading, Watch};
+use needle_twin::compare::{Answer, At, Explains, ForceSeries, Reading, Run, Watch};
 use needle_twin::study::calibrate::{HoldOut, LoadCell, Task, Wanted, calibrate};
-use needle_twin::twin::{StampedPose, Twin};
+use needle_twin::twin::{Phase, StampedPose, Twin};
 
 struct Still;
 
@@ -57,4 +57,35 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
     println!("factor {factor:.5}, {expected:.5} expected");
     assert!(expected > 1.105, "the force across the axis has a say: {expected}");
     assert!((factor - expected).abs() < 5e-4, "{factor} {expected}");
+}
+
+/// A force that is right along the axis and wrong across it is not explained; what a load cell's zero and cross-talk do is.
+#[test]
+fn the_verdict_judges_every_component_that_was_measured() {
+    let verdict = |across: f64, zero: f64| {
+        let answer = |i: u32| {
+            let depth_m = 1e-5 * (f64::from(i) - 100.0);
+            let (force, noise) = (1e3 * depth_m.max(0.0).powf(1.5), 1e-4 * (f64::from(i * i % 7) - 3.0));
+            Answer {
+                time_s: 0.01 * f64::from(i),
+                depth_m,
+                predicted_n: force,
+                measured_n: Some(force + noise),
+                predicted_vector_n: [-0.4 * force, 0.0, force],
+                measured_vector_n: Some([-0.4 * across * force + zero + noise, zero - noise, force + noise]),
+                phase: if depth_m > 0.0 { Phase::Penetration } else { Phase::Approach },
+                event: None,
+                steps: 1,
+                latency_s: 0.0,
+            }
+        };
+        Run { answers: (0..1000).map(answer).collect(), ..Run::default() }.verdict()
+    };
+    for zero in [0.0, 0.3] {
+        assert_eq!(verdict(1.0, zero).explains, Explains::Yes, "{:?}", verdict(1.0, zero));
+    }
+    let wrong = verdict(1.5, 0.0);
+    println!("{:?}", wrong.reasons);
+    assert_eq!(wrong.explains, Explains::No);
+    assert!(wrong.reasons.iter().any(|r| r.starts_with("the force along x: ")), "{:?}", wrong.reasons);
 }

@@ -202,6 +202,7 @@ impl<'a> Recorded<'a> {
             measured_n: measured.collect(),
             one_clock: self.task.measured.one_clock(),
             known: self.task.load_cell.known(),
+            whole_n: 0.0,
             zero_n: 0.0,
         }
     }
