@@ -1,7 +1,7 @@
 """Draws deformed half planes of runs beside each other, for contact.svg: what free tissue does at an instrument's surface.
 
     for i in flat ball needle: needle_twin solve ... --out out/i       # the lines of docs/contact.md
-    python contact.py out/flat flat 5 10  out/ball ball 5 5  out/needle flat 0.5 2 > contact.svg
+    python contact.py out/flat flat 5 10  out/ball ball 5 5  out/needle flat 0.5 1.2 > contact.svg
 
 Each panel: folder of a run in the half plane, shape, radius and depth in mm.
 """

@@ -23,6 +23,8 @@ const POINT_REFINEMENT: f64 = 0.5;
 /// without. Tissue that the edge draws along the wall is stretched several times (`docs/lab/contact.md` has what was measured).
 const WALL_REFINEMENT: f64 = 0.25;
 const WALL_FINEST: f64 = 0.004;
+/// Largest spacing along the path of a needle with a wall in a half plane, over the capture radius: the edge of its tip is sharp as well.
+const WALL_PATH_SPACING: f64 = 0.125;
 /// Largest growth of the spacing round it.
 const WALL_GROWTH: f64 = 0.15;
 /// Spacing in a half plane of several regions over that in space: there, too, it costs next to nothing. A needle's scenes are
@@ -255,9 +257,13 @@ fn refine_path(feature: &mut Feature) {
     }
 }
 
-/// Makes the cloud finer at the edge of an indenter's wall.
+/// Makes the cloud finer at the edge of an indenter's wall, and along the path of a needle that has one.
 fn refine_wall(feature: &mut Feature) {
-    if let Feature::ContactRing { radius, spacing, .. } = feature {
-        *spacing = (WALL_REFINEMENT * *spacing).max(spacing.min(WALL_FINEST * *radius));
+    match feature {
+        Feature::ContactRing { radius, spacing, .. } => {
+            *spacing = (WALL_REFINEMENT * *spacing).max(spacing.min(WALL_FINEST * *radius));
+        }
+        Feature::Path { capture_radius, spacing, .. } => *spacing = spacing.min(WALL_PATH_SPACING * *capture_radius),
+        _ => {}
     }
 }

@@ -32,28 +32,31 @@ fn inside(twin: &Twin, depth_m: f64) -> f64 {
 
 #[test]
 fn tissue_beside_the_shaft_stays_outside_before_the_puncture() {
-    for dimension in ["axisymmetric", "full", "mirrored"] {
+    // the strain at the edge of the tip grows as the cloud gets finer: the half plane's passes 10 first
+    for (dimension, depth, folded) in
+        [("axisymmetric", 1.1e-3, 5e-5), ("full", 2.1e-3, 1e-4), ("mirrored", 2.1e-3, 1e-4)]
+    {
         let there = |wall: &[(&str, &str)]| {
-            let keys = [&[TOUGH, DEPTH, ("discretisation.dimension", dimension)], wall].concat();
+            let spacing =
+                ("discretisation.edge_refinement", if dimension == "axisymmetric" { "0.0268" } else { "0.11" });
+            let keys = [&[TOUGH, DEPTH, spacing, ("discretisation.dimension", dimension)], wall].concat();
             let mut twin = twin("needle_insertion", &keys);
-            let answers = travel(&mut twin, 0.0, 2.1e-3, 105);
+            let answers = travel(&mut twin, 0.0, depth, (depth / 2e-5).round() as u32);
             assert!(answers.iter().all(|a| a.phase == Phase::Indentation), "{dimension}: no puncture");
-            inside(&twin, 2.1e-3)
+            inside(&twin, depth)
         };
         let (with, without) = (there(&[]), there(&[NO_WALL]));
         println!("{dimension}: {:.2} um inside with a wall, {:.0} um without", 1e6 * with, 1e6 * without);
-        assert!(with < 1e-7 && without > 1e-4, "{dimension}: {with} m, {without} m");
+        assert!(with < 1e-7 && without > folded, "{dimension}: {with} m, {without} m");
     }
 }
 
-/// Until the puncture a needle is a flat indenter, whose wall is held to finite elements (`contact.rs`): another cloud, the same force, on a
-/// path of an eighth of the radius. The preset's, half a radius between nodes, is up to 15 % too stiff there (`docs/lab/contact.md`).
+/// Until the puncture a needle is a flat indenter, whose wall is held to finite elements (`contact.rs`): another cloud, the same force.
 #[test]
 fn a_needle_that_presses_has_the_force_of_an_indenter() {
-    let (depth, fine) = (1.5e-3, |refinement| ("discretisation.edge_refinement", refinement));
-    let indenter = [("instrument.diameter_m", "0.001"), DEPTH, fine("0.02")];
-    let indenter = press(&mut twin("indentation", &indenter), depth).force_n[2];
-    let needle = press(&mut twin("needle_insertion", &[TOUGH, DEPTH, fine("0.027")]), depth).force_n[2];
+    let keys = [("instrument.diameter_m", "0.001"), DEPTH, ("discretisation.edge_refinement", "0.02")];
+    let indenter = press(&mut twin("indentation", &keys), 1e-3).force_n[2];
+    let needle = press(&mut twin("needle_insertion", &[TOUGH, DEPTH]), 1e-3).force_n[2];
     println!("needle {needle:.6} N, indenter {indenter:.6} N: {:+.2} %", 1e2 * (needle / indenter - 1.0));
     assert!((needle / indenter - 1.0).abs() < 0.03, "{needle} N, {indenter} N");
 }
@@ -65,7 +68,7 @@ fn the_wall_is_out_of_the_way_after_the_puncture() {
     let mut twin = twin("needle_insertion", &keys);
     let first = travel(&mut twin, 0.0, 2e-3, 100);
     assert!(first.iter().any(|a| a.phase == Phase::Indentation) && first.last().unwrap().phase == Phase::Penetration);
-    let deep = press(&mut twin, 2e-3).force_n[2];
+    let deep = travel(&mut twin, 2e-3, 2e-3, 400)[399].force_n[2];
     let at_once = press(&mut self::twin("needle_insertion", &[DEPTH]), 2e-3).force_n[2];
     println!("punctured at a strain of 0.5 and at once: {deep:.6} N, {at_once:.6} N");
     assert!((deep / at_once - 1.0).abs() < 0.02, "once in, the rule says where tissue is: {deep} N, {at_once} N");
