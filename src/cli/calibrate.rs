@@ -12,7 +12,7 @@ use super::progress::{Progress, Runs};
 use super::recorded::{RecordedOptions, positive};
 use super::replay::refuse_mistaken;
 use super::summary::{aligned, screen, written};
-use super::{CliError, Outcome, print, scene_file, warn};
+use super::{CliError, Outcome, layers, print, scene_file, warn};
 use crate::compare::uncertainty::FORCE_ERROR;
 use crate::compare::{self, Explains};
 use crate::input::Recording;
@@ -30,8 +30,13 @@ pub(super) struct Arguments {
 
     /// Key to find, one of the scene or align.contact_depth_m, align.time_offset_s, align.force_zero_n of the recording, with bounds where the key's own range is too wide: material.shear_modulus_pa or
     /// instrument.deformation_coefficient=0.2..0.8 (may be repeated; the search begins at the scene's value)
-    #[arg(long, value_name = "KEY[=LOW..HIGH]", required = true, num_args = 1.., value_parser = Wanted::parse, help_heading = "Fit")]
+    #[arg(long, value_name = "KEY[=LOW..HIGH]", required_unless_present = "layers", num_args = 1.., value_parser = Wanted::parse, help_heading = "Fit")]
     fit: Vec<Wanted>,
+
+    /// Instead: friction, cutting and puncture forces of so many layers and where they begin, straight from a recording of an insertion,
+    /// the way out and a second insertion (one that goes as deep); no run of the twin, and depth 0 is the surface
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16), conflicts_with = "fit", help_heading = "Fit")]
+    layers: Option<u8>,
 
     /// What of the load cell is estimated alongside
     #[arg(long, value_enum, default_value_t = Cell::Drift, help_heading = "Fit")]
@@ -104,6 +109,9 @@ fn share(text: &str) -> Result<f64, String> {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     refuse_repeats(&arguments.fit)?;
     let (recording, scene) = arguments.recorded.load()?;
+    if let Some(layers) = arguments.layers {
+        return of_layers(arguments, &recording, &scene, usize::from(layers));
+    }
     if let Some(noise_m) = arguments.marker_noise_m {
         return of_markers(arguments, &recording, &scene, noise_m);
     }
@@ -125,6 +133,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     print(&if arguments.json { json } else { summary(&calibration, prediction.as_ref(), &recording.source, &files) })?;
     let complete = recording.losses.is_empty() && !calibration.rejected();
     Ok(if complete { Outcome::Complete } else { Outcome::Lossy })
+}
+
+/// Layers from a double insertion.
+fn of_layers(arguments: &Arguments, recording: &Recording, scene: &Scene, layers: usize) -> Result<Outcome, CliError> {
+    recording.warnings.iter().for_each(|text| warn(text));
+    let readings = arguments.recorded.topics.readings(recording);
+    let found = layers::found(scene, &readings, &recording.measured(), layers)?;
+    let text = report::layers_json(&found, &recording.source);
+    let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
+    let written = folder.map(|folder| report::write_layers(&folder.path, &text)).transpose()?;
+    recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
+    print(&if arguments.json { text } else { layers::summary(&found, written.as_deref()) })?;
+    Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
 }
 
 /// Fits tracked points, with the force or without.

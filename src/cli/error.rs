@@ -11,6 +11,7 @@ use crate::scene::SceneError;
 use crate::study::accuracy::StudyError;
 use crate::study::batch::{ManifestError, MergeError};
 use crate::study::calibrate::CalibrateError;
+use crate::study::layers::LayersError;
 use crate::study::sensitivity::RunsError;
 use crate::study::speed::SpeedError;
 use crate::twin::BuildError;
@@ -69,6 +70,9 @@ pub enum CliError {
     /// Nothing can be fitted.
     #[error("calibrate: {0}")]
     Calibrate(#[from] CalibrateError),
+    /// A recording says nothing of layers.
+    #[error("calibrate --layers: {0}")]
+    Layers(#[from] LayersError),
     /// There is no ensemble.
     #[error("--members: {0}")]
     Ensemble(#[from] EnsembleError),

@@ -10,6 +10,7 @@ mod demo;
 mod error;
 mod import;
 mod interrupt;
+mod layers;
 mod members;
 mod options;
 mod output;

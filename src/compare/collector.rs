@@ -3,6 +3,7 @@
 use crate::scene::Word as _;
 use xxhash_rust::xxh3::Xxh3;
 
+use super::crossing::Crossings;
 use super::{Answer, FinalState, Occurrence, Run, Snapshot, TargetRow};
 use crate::twin::{Health, Prediction, Twin};
 
@@ -36,6 +37,8 @@ pub struct Collector {
     /// Largest |force on the instrument|, N.
     peak_n: f64,
     first_time_s: Option<f64>,
+    /// Of a needle.
+    crossings: Option<Crossings>,
     snapshot_interval_s: f64,
     refused: u64,
     first_refusal: String,
@@ -73,6 +76,7 @@ impl Collector {
             imbalance_n: 0.0,
             peak_n: 0.0,
             first_time_s: None,
+            crossings: scene.instrument.and_then(|i| i.needle_diameter_m()).map(Crossings::new),
             snapshot_interval_s: keep
                 .save_every_s
                 .unwrap_or_else(|| keep.duration_s.map_or(FIRST_INTERVAL_S, |duration| duration / SNAPSHOTS)),
@@ -106,6 +110,9 @@ impl Collector {
             latency_s,
         };
         self.run.answers.push(answer);
+        if let (Some(crossings), Some(force)) = (&mut self.crossings, answer.measured_n) {
+            self.run.crossings.extend(crossings.take(time_s, answer.depth_m, force));
+        }
         self.note_events(twin, time_s, axis);
         self.run.steps += u64::from(prediction.steps);
         self.run.wall_s += latency_s;

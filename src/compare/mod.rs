@@ -2,6 +2,7 @@
 
 pub mod alignment;
 mod collector;
+pub mod crossing;
 mod drive;
 pub mod ensemble;
 pub mod identifier;
@@ -151,6 +152,8 @@ pub struct Run {
     pub answers: Vec<Answer>,
     /// What happened to the tissue, in its order.
     pub events: Vec<Occurrence>,
+    /// Membranes that the measured force alone says have broken.
+    pub crossings: Vec<crossing::Crossing>,
     /// Names of the targets.
     pub target_names: Vec<String>,
     /// Their positions over time.

@@ -1,6 +1,7 @@
 //! `metrics.json`: the figures of merit of a run, for programs.
 
 use crate::compare::alignment::{Alignment, Found};
+use crate::compare::crossing::Crossing;
 use crate::compare::ensemble::assimilate::{Forecast, HORIZON_S};
 use crate::compare::ensemble::{Band, Ensemble, Spread};
 use crate::compare::{ForceMetrics, Occurrence, Run, Verdict};
@@ -32,6 +33,7 @@ pub fn metrics_json(run: &Run) -> String {
             nulls.number("effective_radius_m", run.effective_radius_m, "the instrument is no needle"),
         "puncture_depth_m": nulls.puncture_depth(),
         "events": events(run),
+        "measured_events": measured_events(run),
         "measured_source": run.measured_source,
         "losses": run.losses,
         "verdict": verdict_json(&run.verdict()),
@@ -149,6 +151,21 @@ fn events(run: &Run) -> Value {
         })
     };
     run.events.iter().map(event).collect()
+}
+
+/// Membranes that broke, from the measured force alone.
+fn measured_events(run: &Run) -> Value {
+    let event = |c: &Crossing| {
+        json!({
+            "kind": "puncture",
+            "depth_m": c.depth_m,
+            "time_s": c.time_s,
+            "seen_s": c.seen_s,
+            "force_before_n": c.force_before_n,
+            "force_after_n": c.force_after_n,
+        })
+    };
+    run.crossings.iter().map(event).collect()
 }
 
 /// What members say; only of runs that have some.

@@ -200,6 +200,15 @@ impl Needle {
 }
 
 impl Instrument {
+    /// Of a needle's shaft, m.
+    #[must_use]
+    pub fn needle_diameter_m(&self) -> Option<f64> {
+        match &self.kind {
+            InstrumentKind::Needle(needle) => Some(needle.diameter.get()),
+            _ => None,
+        }
+    }
+
     /// Whether it is a needle with friction, cutting and puncture.
     #[must_use]
     pub fn is_frictional(&self) -> bool {

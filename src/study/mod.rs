@@ -14,7 +14,9 @@ pub mod calibrate;
 mod clock;
 pub mod composites;
 mod csv;
+
 pub mod kept;
+pub mod layers;
 pub mod reference;
 pub mod sensitivity;
 pub mod speed;

@@ -10,6 +10,7 @@ mod coarse;
 #[path = "../common/mod.rs"]
 mod common;
 mod contact;
+mod crossings;
 mod determinism;
 mod door;
 mod ensemble;
@@ -19,6 +20,7 @@ mod half_plane;
 mod invariance;
 mod layer_calibration;
 mod layers;
+mod layers_found;
 mod least_work;
 mod mesh_files;
 mod mesh_import;

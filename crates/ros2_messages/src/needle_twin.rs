@@ -102,12 +102,14 @@ pub struct TissueEvent {
     pub region: String,
     /// Depth of the tip, m.
     pub depth_m: f64,
-    /// Predicted force against the direction of insertion before it, N.
+    /// Force against the direction of insertion before it, N.
     pub force_before_n: f64,
     /// And after it, N.
     pub force_after_n: f64,
-    /// From the stamp of the pose before to this one, s.
+    /// It happened within this time before the stamp, s.
     pub interval_s: f64,
+    /// One of the constants.
+    pub source: String,
 }
 
 impl TissueEvent {
@@ -117,6 +119,10 @@ impl TissueEvent {
     pub const LAYER: &str = "layer";
     /// The whole shaft began to slip.
     pub const SLIP: &str = "slip";
+    /// Seen in the twin's tissue.
+    pub const MODEL: &str = "model";
+    /// Seen in the measured force alone.
+    pub const MEASURED: &str = "measured";
 }
 
 /// Measured against predicted force (`msg/ForceComparison.msg`).

@@ -103,7 +103,7 @@ fn events(heard: &Observations, origin_ns: i64) -> Vec<Occurrence> {
         force_before_n: e.value.force_before_n,
         force_after_n: e.value.force_after_n,
     };
-    heard.events.iter().map(occurrence).collect()
+    heard.events.iter().filter(|e| e.value.source == TissueEvent::MODEL).map(occurrence).collect()
 }
 
 fn phase(status: &TwinStatus) -> Phase {

@@ -9,6 +9,7 @@ use super::identification::Identification;
 use super::members::{Answered, Measured, Newest};
 use super::shared::{Compared, Live, Noted, Reject, Shared};
 use super::solver::{Answer, Event, Sighting};
+use crate::compare::crossing::{Crossing, Crossings};
 use crate::instrument::reading::COORDINATE_M;
 use crate::ros::logging::Throttle;
 use crate::ros::messages::builtin_interfaces::Time;
@@ -30,6 +31,25 @@ const UNHEARD: Duration = Duration::from_millis(100);
 
 /// Events that a late subscriber still gets.
 const EVENTS: usize = 100;
+
+/// What has been seen to happen.
+pub(super) struct Seen {
+    number: u64,
+    /// Of a needle, in the measured force.
+    crossings: Option<Crossings>,
+}
+
+impl Seen {
+    /// With a needle of a diameter, m.
+    pub fn new(needle: Option<f64>) -> Self {
+        Self { number: 0, crossings: needle.map(Crossings::new) }
+    }
+
+    fn reset(&mut self) {
+        self.number = 0;
+        self.crossings.iter_mut().for_each(Crossings::reset);
+    }
+}
 
 /// The publishers.
 pub(super) struct ForceOutputs {
@@ -64,6 +84,7 @@ pub(super) fn run(
     events: &Receiver<Event>,
     identification: Option<Identification>,
     members: Option<&Newest>,
+    mut seen: Seen,
 ) {
     let mut comparator = Comparator::new(identification);
     let mut said = Said::default();
@@ -71,7 +92,6 @@ pub(super) fn run(
     let mut untracked = Throttle::new(Duration::from_secs(600));
     let mut due = Instant::now();
     let mut region: Option<String> = None;
-    let mut number = 0;
     loop {
         match events.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok(Event::Answer(answer)) => {
@@ -82,8 +102,8 @@ pub(super) fn run(
                 }
             }
             Ok(Event::Happened(sighting)) => {
-                number += 1;
-                happened(outputs, frame_id, shared, number, &sighting);
+                seen.number += 1;
+                happened(outputs, frame_id, shared, seen.number, &sighting);
             }
             Ok(Event::Measured { stamp_nanos, force_n }) => {
                 shared.lock().measured += 1;
@@ -106,7 +126,7 @@ pub(super) fn run(
                 comparator.reset();
                 members.inspect(|newest| newest.reset());
                 said = Said::default();
-                number = 0;
+                seen.reset();
                 shared.lock().reset();
                 entered(outputs, shared, &mut region);
                 tracing::info!("back in the undeformed state ({reason})");
@@ -122,7 +142,7 @@ pub(super) fn run(
                 return;
             }
         }
-        compare(outputs, frame_id, shared, &mut comparator, &mut said, members);
+        compare(outputs, frame_id, shared, &mut comparator, &mut said, members, &mut seen);
         let now = Instant::now();
         if now >= due {
             let mut period = Duration::from_secs_f64(1.0 / shared.settings().guard_rate_hz);
@@ -223,12 +243,35 @@ fn happened(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, number: u64
         force_before_n: against(happening.force_before_n),
         force_after_n: against(happening.force_after_n),
         interval_s,
+        source: TissueEvent::MODEL.to_owned(),
     };
     let finite = [message.depth_m, message.force_before_n, message.force_after_n, message.interval_s];
     if finite.iter().all(|x| x.is_finite()) {
         tracing::info!("{} at {:.6} m, in {}", message.kind, message.depth_m, message.region);
         outputs.events.send(message);
     }
+}
+
+/// Publishes a membrane that the measured force says has broken; no model has a part in it, so it goes out while the twin is wrong as well.
+fn crossed(outputs: &ForceOutputs, shared: &Shared, header: Header, number: u64, crossing: &Crossing) {
+    let (stamp_nanos, depth_m) = (header.stamp.nanos(), crossing.depth_m);
+    let text = "in the measured force".to_owned();
+    shared.lock().note(Noted { stamp_nanos, depth_m, kind: TissueEvent::PUNCTURE, text });
+    let Crossing { time_s, seen_s, force_before_n, force_after_n, .. } = *crossing;
+    tracing::info!(
+        "puncture at {depth_m:.6} m in the measured force: from {force_before_n:.5} to {force_after_n:.5} N"
+    );
+    outputs.events.send(TissueEvent {
+        header,
+        number,
+        kind: TissueEvent::PUNCTURE.to_owned(),
+        region: String::new(),
+        depth_m,
+        force_before_n,
+        force_after_n,
+        interval_s: seen_s - time_s,
+        source: TissueEvent::MEASURED.to_owned(),
+    });
 }
 
 /// Says what was not seen of the instrument's way: before the first pose, and while no poses came.
@@ -290,6 +333,7 @@ fn compare(
     comparator: &mut Comparator,
     said: &mut Said,
     members: Option<&Newest>,
+    seen: &mut Seen,
 ) {
     let range_n = shared.settings().load_cell_range_n;
     while let Some(message) = comparator.next(frame_id, range_n) {
@@ -304,6 +348,13 @@ fn compare(
             live.residual = message.valid.then_some((message.residual_n, message.rmse_n, message.max_abs_error_n));
             live.identified(&message);
             live.samples.take(&message);
+        }
+        if let (true, Some(crossings)) = (message.valid && shared.is_active(), &mut seen.crossings) {
+            let time_s = message.header.stamp.nanos() as f64 * 1e-9;
+            if let Some(crossing) = crossings.take(time_s, message.depth_m, message.measured_n) {
+                seen.number += 1;
+                crossed(outputs, shared, message.header.clone(), seen.number, &crossing);
+            }
         }
         if outputs.comparison.is_wanted() {
             outputs.comparison.send(message);

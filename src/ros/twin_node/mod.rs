@@ -204,6 +204,7 @@ impl Node {
         let frame_id = parameters.get(declared::FRAME_ID);
         set_threads(parameters.get(declared::THREADS))?;
         let identification = Identification::new(&scene, &parameters.get(declared::IDENTIFY))?;
+        let seen = force::Seen::new(scene.instrument.and_then(|i| i.needle_diameter_m()));
         let drawn = draw(&scene, parameters.get(declared::MEMBERS))?;
         let Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page } =
             self;
@@ -268,7 +269,9 @@ impl Node {
         let members = members.transpose()?;
         let force = {
             let asked = members.is_some().then(|| Arc::clone(&newest));
-            spawn("force", move || force::run(&force, &frame_id, &shared, &events, identification, asked.as_deref()))?
+            spawn("force", move || {
+                force::run(&force, &frame_id, &shared, &events, identification, asked.as_deref(), seen)
+            })?
         };
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;
 

@@ -1,0 +1,242 @@
+//! Membranes that a needle breaks through, from the measured force alone: neither a model nor the depth of a layer is asked for.
+//!
+//! Over a piece of an insertion the force is a smooth function of the depth x; a membrane that breaks makes it drop. Generalised
+//! likelihood ratio (Willsky and Jones, IEEE Trans. Autom. Control 21 (1976) 108) over a window that goes along:
+//!
+//! ```text
+//! none     F = a + b x + c x^2 + noise
+//! drop     the same, less J from the k-th last reading on         k = 1 to a quarter of the window
+//! bend     the same, with another slope from a reading on         a shaft that begins to slip, a tip that comes to a membrane
+//!
+//! t = J / s(J),  s^2 = residual of the drop's fit / (n - 4) times (1 + r) / (1 - r)      r: correlation of neighbouring residuals
+//! ```
+//!
+//! A drop is said when the largest t passes the quantile of Student's distribution that [`FALSE_ALARMS`] leaves to each of
+//! [`TESTS`], and no bend explains more. Nothing is allocated per reading.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+
+/// False alarms per insertion that are allowed.
+const FALSE_ALARMS: f64 = 0.01;
+/// Readings of an insertion that this is meant for, 10 s at 1 kHz, times a quarter of the window's places for a drop, were all of them
+/// independent.
+const TESTS: f64 = 1e4 * 32.0;
+/// Length of the window in diameters of the needle: over less than that the force on it doesn't bend by more than a parabola.
+const WINDOW: f64 = 1.0;
+/// Fewest and most readings in it.
+const FEWEST: usize = 24;
+const MOST: usize = 256;
+/// Way back that ends an insertion, m: ten times the resolution of a magnetostrictive sensor.
+const BACK_M: f64 = 2e-5;
+/// Time without progress after which a rest has to be assumed, in which the tissue relaxes, s.
+const REST_S: f64 = 0.1;
+
+/// A drop of the measured force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// When it began, s.
+    pub time_s: f64,
+    /// When it was sure, s.
+    pub seen_s: f64,
+    /// Depth of the tip when it began, m.
+    pub depth_m: f64,
+    /// Force against the insertion just before, N.
+    pub force_before_n: f64,
+    /// And after it, as far as it had fallen when it was sure, N.
+    pub force_after_n: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Reading {
+    time_s: f64,
+    depth_m: f64,
+    force_n: f64,
+    /// The parabola's orthonormal parts, and what they leave of the force, N.
+    part: Vector3<f64>,
+    left_n: f64,
+}
+
+/// A hypothesis: readings from the k-th last on differ.
+#[derive(Clone, Copy, Debug, Default)]
+struct Change {
+    k: usize,
+    /// Drop or change of slope, N or N/m.
+    size: f64,
+    /// What it takes from the sum of squares, N^2.
+    explains: f64,
+    /// Its regressor's parts of the parabola.
+    part: Vector3<f64>,
+    /// Its regressor's square beside the parabola.
+    square: f64,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Crossings {
+    window_m: f64,
+    readings: VecDeque<Reading>,
+}
+
+impl Crossings {
+    /// For a needle of a diameter, m.
+    #[must_use]
+    pub fn new(diameter_m: f64) -> Self {
+        Self { window_m: WINDOW * diameter_m, readings: VecDeque::with_capacity(MOST + 1) }
+    }
+
+    /// Forgets what was read.
+    pub fn reset(&mut self) {
+        self.readings.clear();
+    }
+
+    /// Takes a reading of depth (m) and force against the insertion (N); the drop, once it is sure.
+    pub fn take(&mut self, time_s: f64, depth_m: f64, force_n: f64) -> Option<Crossing> {
+        if let Some(last) = self.readings.back() {
+            if depth_m < last.depth_m - BACK_M || !(0.0..=REST_S).contains(&(time_s - last.time_s)) {
+                self.readings.clear();
+            } else if depth_m <= last.depth_m {
+                return None;
+            }
+        }
+        self.readings.push_back(Reading { time_s, depth_m, force_n, part: Vector3::zeros(), left_n: 0.0 });
+        let beyond = |first: &Reading| depth_m - first.depth_m > self.window_m;
+        while self.readings.len() > MOST || (self.readings.len() > FEWEST && self.readings.front().is_some_and(beyond))
+        {
+            self.readings.pop_front();
+        }
+        let found = if self.readings.len() < FEWEST { None } else { self.test() };
+        if found.is_some() {
+            self.readings.clear();
+        }
+        found
+    }
+
+    #[allow(clippy::cast_precision_loss)]
+    fn test(&mut self) -> Option<Crossing> {
+        self.smooth();
+        let [drop, bend] = self.changes();
+        let all: f64 = self.readings.iter().map(|r| r.left_n * r.left_n).sum();
+        let freedom = self.readings.len() as f64 - 4.0;
+        let correlation = self.correlation(&drop);
+        let variance = (all - drop.explains) / freedom * (1.0 + correlation) / (1.0 - correlation);
+        let t = -drop.size * (drop.square / variance).sqrt();
+        if !(t > quantile(FALSE_ALARMS / TESTS, freedom)) || bend.explains >= drop.explains {
+            return None;
+        }
+        let first = self.readings.get(self.readings.len() - drop.k)?;
+        let last = self.readings.back()?;
+        // the drop's fit there, without the drop
+        let smooth = first.force_n - first.left_n - drop.size * drop.part.dot(&first.part);
+        Some(Crossing {
+            time_s: first.time_s,
+            seen_s: last.time_s,
+            depth_m: first.depth_m,
+            force_before_n: smooth,
+            force_after_n: smooth + drop.size,
+        })
+    }
+
+    /// The parabola through the window: its orthonormal parts (Gram and Schmidt) and what it leaves.
+    #[allow(clippy::cast_precision_loss)]
+    fn smooth(&mut self) {
+        let (Some(first), Some(last)) = (self.readings.front(), self.readings.back()) else { return };
+        let (middle, half) = (0.5 * (first.depth_m + last.depth_m), 0.5 * (last.depth_m - first.depth_m));
+        for r in &mut self.readings {
+            let x = (r.depth_m - middle) / half;
+            (r.part, r.left_n) = (Vector3::new(1.0, x, x * x), r.force_n);
+        }
+        for k in 0..3 {
+            for before in 0..k {
+                let along: f64 = self.readings.iter().map(|r| r.part[before] * r.part[k]).sum();
+                self.readings.iter_mut().for_each(|r| r.part[k] -= along * r.part[before]);
+            }
+            let length = self.readings.iter().map(|r| r.part[k] * r.part[k]).sum::<f64>().sqrt();
+            self.readings.iter_mut().for_each(|r| r.part[k] /= length);
+            let along: f64 = self.readings.iter().map(|r| r.part[k] * r.left_n).sum();
+            self.readings.iter_mut().for_each(|r| r.left_n -= along * r.part[k]);
+        }
+    }
+
+    /// The drop among the last readings and the bend anywhere that explain most.
+    #[allow(clippy::cast_precision_loss)]
+    fn changes(&self) -> [Change; 2] {
+        let mut best = [Change::default(); 2];
+        let (mut parts, mut parts_x) = (Vector3::zeros(), Vector3::zeros());
+        let (mut left, mut left_x, mut x1, mut x2) = (0.0, 0.0, 0.0, 0.0);
+        let Some(end) = self.readings.back().map(|r| r.depth_m) else { return best };
+        let recent = self.readings.len() / 4;
+        for (k, r) in (1..self.readings.len()).zip(self.readings.iter().rev()) {
+            let x = r.depth_m - end;
+            parts += r.part;
+            parts_x += x * r.part;
+            left += r.left_n;
+            left_x += x * r.left_n;
+            x1 += x;
+            x2 += x * x;
+            let n = k as f64;
+            let step = Change::of(k, left, n, parts);
+            let ramp = Change::of(k, left_x - x * left, x2 - 2.0 * x * x1 + n * x * x, parts_x - x * parts);
+            let may = [step.size < 0.0 && k <= recent, true];
+            for ((best, seen), may) in best.iter_mut().zip([step, ramp]).zip(may) {
+                if may && seen.explains > best.explains {
+                    *best = seen;
+                }
+            }
+        }
+        best
+    }
+
+    /// Correlation of neighbouring residuals of a drop's fit, where it is positive.
+    fn correlation(&self, drop: &Change) -> f64 {
+        let start = self.readings.len() - drop.k;
+        let residual = |(i, r): (usize, &Reading)| {
+            let step = if i >= start { 1.0 } else { 0.0 };
+            r.left_n - drop.size * (step - drop.part.dot(&r.part))
+        };
+        let (mut both, mut own, mut before) = (0.0, 0.0, 0.0);
+        for e in self.readings.iter().enumerate().map(residual) {
+            both += e * before;
+            own += e * e;
+            before = e;
+        }
+        (both / own).clamp(0.0, 0.9)
+    }
+}
+
+impl Change {
+    /// From a regressor's product with what is left, its square, and its parts of the parabola.
+    fn of(k: usize, product: f64, square: f64, part: Vector3<f64>) -> Self {
+        let square = square - part.norm_squared();
+        let size = if square > 1e-9 { product / square } else { 0.0 };
+        Self { k, size, explains: size * product, part, square }
+    }
+}
+
+/// Student's quantile for a small probability above it: that of the normal distribution (Abramowitz and Stegun 26.2.23) and Fisher's
+/// series in the degrees of freedom (26.7.5).
+fn quantile(above: f64, freedom: f64) -> f64 {
+    let t = (-2.0 * above.ln()).sqrt();
+    let (up, down) =
+        (2.515_517 + t * (0.802_853 + t * 0.010_328), 1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308)));
+    let z = t - up / down;
+    let w = z * z;
+    let first = z * (w + 1.0) / 4.0;
+    let second = z * (5.0 * w * w + 16.0 * w + 3.0) / 96.0;
+    let third = z * (3.0 * w * w * w + 19.0 * w * w + 17.0 * w - 15.0) / 384.0;
+    z + (first + (second + third / freedom) / freedom) / freedom
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_quantile_is_students() {
+        // scipy.stats.t.isf
+        for (p, freedom, right) in [(1e-3, 20.0, 3.5518), (1e-5, 60.0, 4.6313), (1e-7, 200.0, 5.3872)] {
+            assert!((quantile(p, freedom) / right - 1.0).abs() < 0.01, "{p} {freedom}: {}", quantile(p, freedom));
+        }
+    }
+}

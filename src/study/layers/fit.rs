@@ -1,0 +1,237 @@
+//! The broken lines of friction that a second insertion and a way out share.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{AIR, Known, LayersError, Reading};
+
+/// Width of the pieces that readings are averaged over, in diameters.
+const PIECE: f64 = 0.025;
+/// Part of the way out, from its lowest force on, that is left out, in diameters.
+const TURNED: f64 = 0.2;
+/// First and last step of the search for breaks, in diameters.
+const STEPS: [f64; 2] = [0.4, 0.002];
+
+/// Means of readings over pieces of a width, m: depth in m and force in N, from the top.
+pub(super) fn pieces(readings: &[Reading], width: f64) -> Vec<[f64; 2]> {
+    let mut sums: std::collections::BTreeMap<i64, [f64; 3]> = std::collections::BTreeMap::new();
+    for [_, d, f] in readings {
+        #[allow(clippy::cast_possible_truncation)]
+        let sum = sums.entry((d / width).floor() as i64).or_default();
+        *sum = [sum[0] + 1.0, sum[1] + d, sum[2] + f];
+    }
+    sums.values().map(|[n, d, f]| [d / n, f / n]).collect()
+}
+
+/// Broken lines of friction, shared by the way out and the second insertion.
+pub(super) struct Fit {
+    out: Vec<[f64; 2]>,
+    again: Vec<[f64; 2]>,
+    pub layers: usize,
+    /// Depths of the breaks, m: of the second insertion and where its last rise begins, then of the way out.
+    breaks: Vec<f64>,
+    /// Friction per length of each layer, N/m, and slope of the last rise.
+    forces: DVector<f64>,
+    /// N^2.
+    squares: f64,
+    /// Standard errors of forces and breaks.
+    errors: Vec<f64>,
+}
+
+/// Part of the way to a depth that lies between two others.
+fn within(depth: f64, from: f64, to: Option<f64>) -> f64 {
+    let way = (depth - from).max(0.0);
+    to.map_or(way, |to| way.min((to - from).max(0.0)))
+}
+
+impl Fit {
+    pub fn new(
+        out: &[Reading],
+        again: Option<&[Reading]>,
+        diameter: f64,
+        layers: usize,
+        drops: &[f64],
+    ) -> Result<Self, LayersError> {
+        let piece = PIECE * diameter;
+        let mut up = pieces(out, piece);
+        let lowest = up.iter().min_by(|a, b| a[1].total_cmp(&b[1])).map_or(0.0, |p| p[0]);
+        up.retain(|p| p[0] < lowest - TURNED * diameter && p[0] > -diameter);
+        let mut down = again.map(|leg| pieces(leg, piece)).unwrap_or_default();
+        down.retain(|p| p[0] > -AIR * diameter);
+        let deepest = down.last().or(up.last()).map_or(0.0, |p| p[0]);
+        if layers == 0 || up.len() + down.len() < 8 * (layers + 1) || up.len() < 4 * layers {
+            return Err(LayersError::Few(layers));
+        }
+        let mut best: Option<Self> = None;
+        for start in Self::starts(drops, layers, deepest, diameter) {
+            let mut breaks = start.clone();
+            if again.is_some() {
+                breaks.push(deepest - 0.7 * diameter);
+                breaks.extend(&start);
+            }
+            let mut fit = Self {
+                out: up.clone(),
+                again: down.clone(),
+                layers,
+                breaks,
+                forces: DVector::zeros(0),
+                squares: f64::INFINITY,
+                errors: Vec::new(),
+            };
+            fit.search(STEPS.map(|s| s * diameter));
+            if best.as_ref().is_none_or(|b| fit.squares < b.squares) {
+                best = Some(fit);
+            }
+        }
+        let mut fit = best.ok_or(LayersError::Few(layers))?;
+        fit.errors = fit.standard_errors().ok_or(LayersError::Undetermined(layers))?;
+        Ok(fit)
+    }
+
+    /// Where the layers may begin: equal parts, and a little above the drops.
+    #[allow(clippy::cast_precision_loss)]
+    fn starts(drops: &[f64], layers: usize, deepest: f64, diameter: f64) -> Vec<Vec<f64>> {
+        let equal = (0..layers).map(|i| deepest * i as f64 / layers as f64).collect();
+        let seen = (drops.len() >= layers).then(|| {
+            let mut breaks = vec![0.0];
+            breaks.extend(drops.iter().take(layers).skip(1).map(|d| d - 0.5 * diameter));
+            breaks
+        });
+        std::iter::once(equal).chain(seen).collect()
+    }
+
+    /// Rows of the linear fit: layers, then the last rise.
+    fn design(&self, breaks: &[f64]) -> DMatrix<f64> {
+        let n = self.layers;
+        let (down, up) = if self.again.is_empty() { (breaks, breaks) } else { breaks.split_at(n + 1) };
+        let rise = if self.again.is_empty() { None } else { down.get(n) };
+        let upper = |of: &[f64], i: usize| if i + 1 < n { of.get(i + 1).copied() } else { None };
+        let value = |row: usize, column: usize| match (self.again.get(row), column < n) {
+            (Some(p), true) => within(p[0], down.get(column).copied().unwrap_or(0.0), upper(down, column)),
+            (Some(p), false) => rise.map_or(0.0, |r| (p[0] - r).max(0.0)),
+            (None, true) => {
+                let depth = self.out.get(row - self.again.len()).map_or(0.0, |p| p[0]);
+                -within(depth, up.get(column).copied().unwrap_or(0.0), upper(up, column))
+            }
+            (None, false) => 0.0,
+        };
+        DMatrix::from_fn(self.again.len() + self.out.len(), n + usize::from(rise.is_some()), value)
+    }
+
+    fn force(&self) -> DVector<f64> {
+        DVector::from_iterator(self.again.len() + self.out.len(), self.again.iter().chain(&self.out).map(|p| p[1]))
+    }
+
+    /// Forces for given breaks, and the sum of squares that they leave; `None` where a friction would be negative.
+    fn linear(&self, breaks: &[f64], force: &DVector<f64>) -> Option<(DVector<f64>, f64)> {
+        let design = self.design(breaks);
+        let normal = design.tr_mul(&design).cholesky()?;
+        let forces = normal.solve(&design.tr_mul(force));
+        let squares = (design * &forces - force).norm_squared();
+        (forces.iter().all(|f| *f >= 0.0) && squares.is_finite()).then_some((forces, squares))
+    }
+
+    /// Moves one break after the other as long as that helps, in ever smaller steps.
+    fn search(&mut self, [mut step, last]: [f64; 2]) {
+        let force = self.force();
+        if let Some((forces, squares)) = self.linear(&self.breaks, &force) {
+            (self.forces, self.squares) = (forces, squares);
+        }
+        while step > last {
+            let mut moved = false;
+            for (k, way) in (0..self.breaks.len()).flat_map(|k| [(k, step), (k, -step)]) {
+                let mut breaks = self.breaks.clone();
+                breaks.iter_mut().skip(k).take(1).for_each(|b| *b += way);
+                if let Some((forces, squares)) = self.linear(&breaks, &force).filter(|(_, s)| *s < self.squares) {
+                    (self.breaks, self.forces, self.squares, moved) = (breaks, forces, squares, true);
+                }
+            }
+            if !moved {
+                step *= 0.5;
+            }
+        }
+    }
+
+    /// Of forces and breaks, from the fit's derivatives and residual.
+    #[allow(clippy::cast_precision_loss)]
+    fn standard_errors(&self) -> Option<Vec<f64>> {
+        let design = self.design(&self.breaks);
+        let (rows, linear) = design.shape();
+        let here = &design * &self.forces;
+        let residual = &here - self.force();
+        let mut jacobian = design.resize_horizontally(linear + self.breaks.len(), 0.0);
+        for k in 0..self.breaks.len() {
+            let mut breaks = self.breaks.clone();
+            breaks.iter_mut().skip(k).take(1).for_each(|b| *b += 1e-6);
+            let column = (self.design(&breaks) * &self.forces - &here) / 1e-6;
+            jacobian.set_column(linear + k, &column);
+        }
+        let freedom = rows.checked_sub(jacobian.ncols()).filter(|n| *n > 0)? as f64;
+        // neighbouring residuals are alike where the lines are bent
+        let both: f64 = residual.iter().zip(residual.iter().skip(1)).map(|(a, b)| a * b).sum();
+        let alike = (both / residual.norm_squared()).clamp(0.0, 0.95);
+        let variance = residual.norm_squared() / freedom * (1.0 + alike) / (1.0 - alike);
+        let scale: Vec<f64> = jacobian.column_iter().map(|c| c.norm().max(1e-12)).collect();
+        for (mut column, s) in jacobian.column_iter_mut().zip(&scale) {
+            column /= *s;
+        }
+        let inverse = jacobian.tr_mul(&jacobian).cholesky()?.inverse();
+        let each = inverse.diagonal().iter().zip(&scale).map(|(v, s)| (variance * v).sqrt() / s).collect();
+        Some(each)
+    }
+
+    /// A force per length, or behind them a break.
+    fn known(&self, k: usize) -> Known {
+        let value = self.forces.iter().chain(&self.breaks).nth(k).copied().unwrap_or(0.0);
+        Known { value, standard_error: self.errors.get(k).copied().unwrap_or(f64::INFINITY) }
+    }
+
+    /// Where a layer begins in undeformed tissue, m: halfway between the breaks of both ways.
+    pub fn begins(&self, i: usize) -> Known {
+        let (a, b) = (self.known(self.forces.len() + i), self.known(self.forces.len() + self.layers + 1 + i));
+        let standard_error = 0.5 * a.standard_error.hypot(b.standard_error);
+        Known { value: 0.5 * (a.value + b.value), standard_error }
+    }
+
+    /// Friction per length of a layer, N/m.
+    pub fn friction(&self, i: usize) -> Known {
+        self.known(i)
+    }
+
+    /// Whether there was a second insertion.
+    pub const fn is_double(&self) -> bool {
+        !self.again.is_empty()
+    }
+
+    /// Where a layer begins in the second insertion, m.
+    pub fn comes(&self, i: usize) -> f64 {
+        self.breaks.get(i).copied().unwrap_or(0.0)
+    }
+
+    /// Friction above a layer's undeformed beginning, N: what the shaft has when the tip is there.
+    pub fn above(&self, i: usize) -> Known {
+        let way = |j: usize| self.begins(j + 1).value - self.begins(j).value;
+        let value = (0..i).map(|j| self.friction(j).value * way(j)).sum();
+        let end = |j: usize, k: usize| self.friction(j).value * self.begins(k).standard_error;
+        let standard_error = i.checked_sub(1).map_or(0.0, |last| end(0, 0).hypot(end(last, i)));
+        Known { value, standard_error }
+    }
+
+    /// Friction along the channel of the first insertion, N, where the second comes to its end; `None` if it doesn't.
+    pub fn channel(&self) -> Option<Known> {
+        let (n, last) = (self.layers, self.friction(self.layers.checked_sub(1)?).value);
+        let (rise, end) = (self.known(n), self.known(self.forces.len() + n));
+        let deepest = self.again.last().map(|p| p[0])?;
+        // a rise within the last pieces, or one that is no rise, is none
+        (rise.value > last && end.value < deepest).then(|| {
+            let next = |i: usize| if i + 1 < n { Some(self.comes(i + 1)) } else { None };
+            let along = |i: usize| self.friction(i).value * within(end.value, self.comes(i), next(i));
+            Known { value: (0..n).map(along).sum(), standard_error: last * end.standard_error }
+        })
+    }
+
+    /// N.
+    #[allow(clippy::cast_precision_loss)]
+    pub fn rmse(&self) -> f64 {
+        (self.squares / (self.again.len() + self.out.len()) as f64).sqrt()
+    }
+}

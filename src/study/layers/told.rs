@@ -1,0 +1,136 @@
+//! From friction and the first insertion's drops to cutting and puncture forces.
+
+use super::fit::{Fit, pieces};
+use super::{Found, Known, Layer, Reading};
+
+/// Width of the pieces that readings are averaged over, in diameters.
+const PIECE: f64 = 0.025;
+/// The tissue behind a membrane is felt before it is met: only so much before the rise counts, in diameters.
+const NEAR: f64 = 0.15;
+/// The way before a drop over which its rise is a line, in diameters.
+const RISE: f64 = 0.15;
+/// Readings this near to a drop may be of it, in diameters.
+const AT: f64 = 0.01;
+/// Way after a drop in which the tissue springs back, in diameters.
+const SPRINGS: f64 = 0.1;
+/// Fewest pieces on either side of a bend.
+const FEWEST: usize = 3;
+
+pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[f64], diameter: f64) -> Found {
+    let n = fit.layers;
+    let mut cannot_tell = Vec::new();
+    let membranes = membranes(fit, drops);
+    let layers = (0..n)
+        .map(|i| {
+            let mut layer = Layer {
+                from_depth_m: None,
+                friction_n_per_m: fit.friction(i),
+                cutting_force_n: None,
+                puncture_force_n: None,
+            };
+            if !fit.is_double() {
+                let why = "how far the tip pushes the tissue ahead of it, and so how much of the shaft rubs, shows in a second insertion";
+                cannot_tell.push(format!("depth, cutting and puncture force of layer {}: {why}", i + 1));
+                return layer;
+            }
+            layer.from_depth_m = Some(fit.begins(i));
+            let drop = membranes.get(i).copied().flatten();
+            layer.puncture_force_n = drop.and_then(|d| less(before(first, d, diameter)?, fit.above(i)));
+            if layer.puncture_force_n.is_none() {
+                cannot_tell.push(format!("puncture force of layer {}: no drop was seen, so it is no more than its cutting force", i + 1));
+            }
+            layer.cutting_force_n = if i + 1 == n {
+                let end = first.last().map_or(0.0, |r| r[1]);
+                fit.channel().and_then(|channel| less(before(first, end, diameter)?, channel))
+            } else {
+                let next = membranes.get(i + 1).copied().flatten();
+                let from = drop.unwrap_or(fit.comes(i)) + SPRINGS * diameter;
+                next.and_then(|next| less(bend(first, from, next - AT * diameter, diameter)?, fit.above(i + 1)))
+            };
+            if layer.cutting_force_n.is_none() {
+                let why = if i + 1 == n {
+                    "the second insertion doesn't come to the end of the first one's channel"
+                } else {
+                    "no membrane behind it, or no way of steady cutting before that, shows where the tip comes to its end"
+                };
+                cannot_tell.push(format!("cutting force of layer {}: {why}", i + 1));
+            }
+            layer
+        })
+        .collect();
+    Found { layers, cannot_tell, alone: Vec::new(), rmse_n: fit.rmse(), drops_m: drops.to_vec() }
+}
+
+/// The drop of each layer's membrane: one for each, or else the last boundary that the tip can have come to.
+fn membranes(fit: &Fit, drops: &[f64]) -> Vec<Option<f64>> {
+    if drops.len() == fit.layers {
+        return drops.iter().copied().map(Some).collect();
+    }
+    let mut found = vec![None; fit.layers];
+    for drop in drops {
+        let last = (0..fit.layers).rev().find(|&i| fit.comes(i) <= *drop);
+        if let Some(place) = last.and_then(|i| found.get_mut(i)).filter(|p| p.is_none()) {
+            *place = Some(*drop);
+        }
+    }
+    found
+}
+
+/// A force less what is friction of it, where that leaves one.
+fn less(force: Known, friction: Known) -> Option<Known> {
+    let value = force.value - friction.value;
+    (value > 0.0).then(|| Known { value, standard_error: force.standard_error.hypot(friction.standard_error) })
+}
+
+/// Least squares of a line with a bend, or none: force at the bend, or else at depth 0; its standard error; sum of squares.
+#[allow(clippy::cast_precision_loss)]
+fn line(points: &[[f64; 2]], at: f64, bent: bool) -> Option<(Known, f64, [f64; 2])> {
+    let rows = |p: &[f64; 2]| [1.0, p[0] - at, if bent { (p[0] - at).max(0.0) } else { 0.0 }];
+    let mut normal = nalgebra::Matrix3::zeros();
+    let mut right = nalgebra::Vector3::zeros();
+    for p in points {
+        let row = nalgebra::Vector3::from(rows(p));
+        normal += row * row.transpose();
+        right += row * p[1];
+    }
+    if !bent {
+        normal[(2, 2)] = 1.0;
+    }
+    let inverse = normal.try_inverse()?;
+    let found = inverse * right;
+    let squares: f64 = points.iter().map(|p| (nalgebra::Vector3::from(rows(p)).dot(&found) - p[1]).powi(2)).sum();
+    let freedom = points.len().checked_sub(if bent { 4 } else { 2 }).filter(|n| *n > 0)? as f64;
+    let standard_error = (squares / freedom * inverse[(0, 0)]).sqrt();
+    Some((Known { value: found[0], standard_error }, squares, [found[1], found[1] + found[2]]))
+}
+
+/// Force just before a depth at which it drops or turns, N.
+fn before(first: &[Reading], depth: f64, diameter: f64) -> Option<Known> {
+    let near = |r: &&Reading| r[1] > depth - RISE * diameter && r[1] < depth - AT * diameter;
+    let points: Vec<[f64; 2]> = first.iter().filter(near).map(|r| [r[1], r[2]]).collect();
+    line(&points, depth, false).map(|(force, ..)| force)
+}
+
+/// Force at which its rise to a drop begins, N. Where that is by all of the way is not quite right, since the tissue ahead is felt before
+/// it is met: the way just before counts, and the difference as an error.
+fn bend(first: &[Reading], from: f64, to: f64, diameter: f64) -> Option<Known> {
+    let on: Vec<Reading> = first.iter().filter(|r| r[1] > from && r[1] < to).copied().collect();
+    let points = pieces(&on, PIECE * diameter);
+    let (wide, mut at) = bent(&points)?;
+    let mut force = wide;
+    for _ in 0..3 {
+        let near: Vec<[f64; 2]> = points.iter().filter(|p| p[0] > at - NEAR * diameter).copied().collect();
+        let Some((narrow, place)) = bent(&near) else { break };
+        (force, at) = (narrow, place);
+    }
+    let standard_error = force.standard_error.hypot(force.value - wide.value);
+    Some(Known { value: force.value, standard_error })
+}
+
+/// Where a line bends upwards: force there, N, and depth, m.
+fn bent(points: &[[f64; 2]]) -> Option<(Known, f64)> {
+    let inner = points.get(FEWEST..points.len().checked_sub(FEWEST)?)?;
+    let fits = inner.iter().filter_map(|p| Some((p[0], line(points, p[0], true)?)));
+    let (at, (force, _, slopes)) = fits.min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+    (slopes[1] > slopes[0]).then_some((force, at))
+}

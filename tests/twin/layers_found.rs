@@ -1,0 +1,83 @@
+//! Layers from a double insertion, straight from the recording, against what made it.
+//!
+//! `tests/references/rod_double.csv`: three layers by a rod in one dimension that shares no code with the twin (`tests/references/rod.py
+//! double`): insertion to 12.5 mm, out, and the same again. Read at 1 mm/s and 1 kHz by the sensors of the bags.
+#![allow(clippy::unwrap_used)]
+
+use needle_twin::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
+use needle_twin::study::layers::{LayersError, Reading, layers};
+
+/// Upper boundary m, friction N/m, cutting N, puncture N.
+const TRUTH: [[f64; 4]; 3] = [[0.0, 6.0, 0.010, 0.030], [0.003, 3.0, 0.006, 0.016], [0.007, 9.0, 0.014, 0.035]];
+const DIAMETER: f64 = 1e-3;
+
+/// The rod's curve by sensors.
+fn recording(seed: u64) -> Vec<Reading> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/references/rod_double.csv");
+    let text = std::fs::read_to_string(path).unwrap();
+    let rows: Vec<Vec<f64>> =
+        text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+    let mut cell = LoadCell::new(LoadCellModel::SUBMINIATURE, seed);
+    let mut way = DisplacementSensor::new(DisplacementModel::MAGNETOSTRICTIVE, seed);
+    // 10 um between rows, 1 um between readings
+    let between = rows
+        .windows(2)
+        .flat_map(|w| (0..10).map(move |s| [0, 1].map(|k| w[0][k] + 0.1 * f64::from(s) * (w[1][k] - w[0][k]))));
+    let read = |(i, [depth, force]): (usize, [f64; 2])| {
+        let time = 1e-3 * i as f64;
+        [time, way.read(depth), cell.read(force, time)]
+    };
+    between.enumerate().map(read).collect()
+}
+
+#[test]
+fn a_double_insertion_gives_friction_cutting_puncture_and_depth_of_three_layers() {
+    let mut worst = [[0.0_f64; 4]; 3];
+    for seed in 0..10 {
+        let found = layers(&recording(seed), DIAMETER, 3).unwrap();
+        assert!(found.cannot_tell.is_empty(), "{:?}", found.cannot_tell);
+        assert_eq!((found.drops_m.len(), found.alone.len()), (3, 3), "one insertion alone tells friction only");
+        for ((layer, truth), worst) in found.layers.iter().zip(TRUTH).zip(&mut worst) {
+            let [depth, cutting, puncture] =
+                [layer.from_depth_m, layer.cutting_force_n, layer.puncture_force_n].map(Option::unwrap);
+            let off = [
+                depth.value - truth[0],
+                layer.friction_n_per_m.value / truth[1] - 1.0,
+                cutting.value / truth[2] - 1.0,
+                puncture.value / truth[3] - 1.0,
+            ];
+            for (worst, off) in worst.iter_mut().zip(off) {
+                *worst = worst.max(off.abs());
+            }
+        }
+    }
+    println!("largest of ten: depth m, friction, cutting, puncture by layer: {worst:.5?}");
+    for [depth, friction, cutting, puncture] in worst {
+        assert!(depth < 2e-4 && friction < 0.05 && puncture < 0.05, "{worst:?}");
+        assert!(cutting < 0.10, "{worst:?}");
+    }
+}
+
+#[test]
+fn what_a_recording_lacks_is_said() {
+    let all = recording(1);
+    let turn = all.iter().position(|r| r[1] > 0.01249).unwrap();
+    let air = all.iter().position(|r| r[1] < -0.9e-3).unwrap();
+    assert_eq!(layers(&all[..turn], DIAMETER, 3), Err(LayersError::NoWayOut));
+    assert_eq!(layers(&all[..turn + 5000], DIAMETER, 3), Err(LayersError::NoAir));
+    let single = layers(&all[..=air], DIAMETER, 3).unwrap();
+    for (layer, truth) in single.layers.iter().zip(TRUTH) {
+        assert!((layer.friction_n_per_m.value / truth[1] - 1.0).abs() < 0.1, "{layer:?}");
+        assert_eq!((layer.from_depth_m, layer.cutting_force_n, layer.puncture_force_n), (None, None, None));
+    }
+    assert!(single.cannot_tell.len() == 3 && single.cannot_tell == single.alone, "{:?}", single.cannot_tell);
+    // the second insertion ends before the channel does
+    let short = all.iter().skip(air).position(|r| r[1] > 0.010).unwrap();
+    let short = layers(&all[..air + short], DIAMETER, 3).unwrap();
+    assert_eq!(short.layers[2].cutting_force_n, None);
+    assert!(
+        short.cannot_tell.iter().any(|what| what.starts_with("cutting force of layer 3")),
+        "{:?}",
+        short.cannot_tell
+    );
+}
