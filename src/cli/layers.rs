@@ -15,7 +15,7 @@ pub(super) fn found(
     number: usize,
 ) -> Result<Found, LayersError> {
     let diameter = scene.instrument.and_then(|i| i.needle_diameter_m()).ok_or(LayersError::NoNeedle)?;
-    let top = scene.sample.height().map_or(0.0, |h| h.get());
+    let top = scene.sample.shape.height().map_or(0.0, |h| h.get());
     let force = |r: &Reading| {
         let force = measured.at(r.time_s)?;
         Some(match r.at {

@@ -114,6 +114,7 @@ impl Collector {
             self.run.crossings.extend(crossings.take(time_s, answer.depth_m, force));
         }
         self.note_events(twin, time_s, axis);
+        self.run.coefficients.extend(twin.deformation_coefficient().map(|c| [time_s, answer.depth_m, c]));
         self.run.steps += u64::from(prediction.steps);
         self.run.wall_s += latency_s;
         self.run.simulated_s = self.run.simulated_s.max(time_s);

@@ -4,19 +4,18 @@
 //! likelihood ratio (Willsky and Jones, IEEE Trans. Autom. Control 21 (1976) 108) over a window that goes along:
 //!
 //! ```text
-//! none     F = a + b x + c x^2 + noise
-//! drop     the same, less J from the k-th last reading on         k = 1 to a quarter of the window
-//! bend     the same, with another slope from a reading on         a shaft that begins to slip, a tip that comes to a membrane
+//! none     F = a + b x + c x^2 + e max(x - x0, 0) + noise        one bend anywhere: slip that begins, a tip that comes to a membrane
+//! drop     the same, less J from the k-th last reading on           k = 1 to a quarter of the window
 //!
-//! t = J / s(J),  s^2 = residual of the drop's fit / (n - 4) times (1 + r) / (1 - r)      r: correlation of neighbouring residuals
+//! t = J / s(J),  s^2 = residual of the drop's fit / (n - 5) times (1 + r) / (1 - r)      r: correlation of neighbouring residuals
 //! ```
 //!
 //! A drop is said when the largest t passes the quantile of Student's distribution that [`FALSE_ALARMS`] leaves to each of
-//! [`TESTS`], and no bend explains more. Nothing is allocated per reading.
+//! [`TESTS`]. Nothing is allocated per reading.
 
 use std::collections::VecDeque;
 
-use nalgebra::Vector3;
+use nalgebra::Vector4;
 
 /// False alarms per insertion that are allowed.
 const FALSE_ALARMS: f64 = 0.01;
@@ -53,12 +52,12 @@ struct Reading {
     time_s: f64,
     depth_m: f64,
     force_n: f64,
-    /// The parabola's orthonormal parts, and what they leave of the force, N.
-    part: Vector3<f64>,
+    /// Orthonormal parts of the smooth force, parabola and bend, and what they leave of the force, N.
+    part: Vector4<f64>,
     left_n: f64,
 }
 
-/// A hypothesis: readings from the k-th last on differ.
+/// Readings from the k-th last on differ.
 #[derive(Clone, Copy, Debug, Default)]
 struct Change {
     k: usize,
@@ -66,9 +65,9 @@ struct Change {
     size: f64,
     /// What it takes from the sum of squares, N^2.
     explains: f64,
-    /// Its regressor's parts of the parabola.
-    part: Vector3<f64>,
-    /// Its regressor's square beside the parabola.
+    /// Its regressor's parts of the smooth force.
+    part: Vector4<f64>,
+    /// Its regressor's square beside the smooth force.
     square: f64,
 }
 
@@ -100,7 +99,7 @@ impl Crossings {
                 return None;
             }
         }
-        self.readings.push_back(Reading { time_s, depth_m, force_n, part: Vector3::zeros(), left_n: 0.0 });
+        self.readings.push_back(Reading { time_s, depth_m, force_n, part: Vector4::zeros(), left_n: 0.0 });
         let beyond = |first: &Reading| depth_m - first.depth_m > self.window_m;
         while self.readings.len() > MOST || (self.readings.len() > FEWEST && self.readings.front().is_some_and(beyond))
         {
@@ -116,19 +115,20 @@ impl Crossings {
     #[allow(clippy::cast_precision_loss)]
     fn test(&mut self) -> Option<Crossing> {
         self.smooth();
-        let [drop, bend] = self.changes();
+        self.bend();
+        let drop = self.drop();
         let all: f64 = self.readings.iter().map(|r| r.left_n * r.left_n).sum();
-        let freedom = self.readings.len() as f64 - 4.0;
+        let freedom = self.readings.len() as f64 - 5.0;
         let correlation = self.correlation(&drop);
         let variance = (all - drop.explains) / freedom * (1.0 + correlation) / (1.0 - correlation);
         let t = -drop.size * (drop.square / variance).sqrt();
-        if !(t > quantile(FALSE_ALARMS / TESTS, freedom)) || bend.explains >= drop.explains {
+        if !(t > quantile(FALSE_ALARMS / TESTS, freedom)) {
             return None;
         }
         let first = self.readings.get(self.readings.len() - drop.k)?;
         let last = self.readings.back()?;
         // the drop's fit there, without the drop
-        let smooth = first.force_n - first.left_n - drop.size * drop.part.dot(&first.part);
+        let smooth = first.force_n - first.left_n - drop.size * drop.beside(first);
         Some(Crossing {
             time_s: first.time_s,
             seen_s: last.time_s,
@@ -145,7 +145,7 @@ impl Crossings {
         let (middle, half) = (0.5 * (first.depth_m + last.depth_m), 0.5 * (last.depth_m - first.depth_m));
         for r in &mut self.readings {
             let x = (r.depth_m - middle) / half;
-            (r.part, r.left_n) = (Vector3::new(1.0, x, x * x), r.force_n);
+            (r.part, r.left_n) = (Vector4::new(1.0, x, x * x, 0.0), r.force_n);
         }
         for k in 0..3 {
             for before in 0..k {
@@ -159,14 +159,13 @@ impl Crossings {
         }
     }
 
-    /// The drop among the last readings and the bend anywhere that explain most.
+    /// Takes the bend that explains most out of what the parabola leaves: its regressor is a part like the parabola's.
     #[allow(clippy::cast_precision_loss)]
-    fn changes(&self) -> [Change; 2] {
-        let mut best = [Change::default(); 2];
-        let (mut parts, mut parts_x) = (Vector3::zeros(), Vector3::zeros());
+    fn bend(&mut self) {
+        let Some(end) = self.readings.back().map(|r| r.depth_m) else { return };
+        let (mut best, mut from) = (Change::default(), 0.0);
+        let (mut parts, mut parts_x) = (Vector4::zeros(), Vector4::zeros());
         let (mut left, mut left_x, mut x1, mut x2) = (0.0, 0.0, 0.0, 0.0);
-        let Some(end) = self.readings.back().map(|r| r.depth_m) else { return best };
-        let recent = self.readings.len() / 4;
         for (k, r) in (1..self.readings.len()).zip(self.readings.iter().rev()) {
             let x = r.depth_m - end;
             parts += r.part;
@@ -175,14 +174,32 @@ impl Crossings {
             left_x += x * r.left_n;
             x1 += x;
             x2 += x * x;
-            let n = k as f64;
-            let step = Change::of(k, left, n, parts);
-            let ramp = Change::of(k, left_x - x * left, x2 - 2.0 * x * x1 + n * x * x, parts_x - x * parts);
-            let may = [step.size < 0.0 && k <= recent, true];
-            for ((best, seen), may) in best.iter_mut().zip([step, ramp]).zip(may) {
-                if may && seen.explains > best.explains {
-                    *best = seen;
-                }
+            let square = x2 - 2.0 * x * x1 + k as f64 * x * x;
+            let ramp = Change::of(k, left_x - x * left, square, parts_x - x * parts);
+            if ramp.explains > best.explains {
+                (best, from) = (ramp, r.depth_m);
+            }
+        }
+        if best.k == 0 {
+            return;
+        }
+        for r in &mut self.readings {
+            let beside = (r.depth_m - from).max(0.0) - best.beside(r);
+            r.part[3] = beside / best.square.sqrt();
+            r.left_n -= best.size * beside;
+        }
+    }
+
+    /// The drop among the last readings that explains most.
+    #[allow(clippy::cast_precision_loss)]
+    fn drop(&self) -> Change {
+        let (mut best, mut parts, mut left) = (Change::default(), Vector4::zeros(), 0.0);
+        for (k, r) in (1..=self.readings.len() / 4).zip(self.readings.iter().rev()) {
+            parts += r.part;
+            left += r.left_n;
+            let step = Change::of(k, left, k as f64, parts);
+            if step.size < 0.0 && step.explains > best.explains {
+                best = step;
             }
         }
         best
@@ -193,7 +210,7 @@ impl Crossings {
         let start = self.readings.len() - drop.k;
         let residual = |(i, r): (usize, &Reading)| {
             let step = if i >= start { 1.0 } else { 0.0 };
-            r.left_n - drop.size * (step - drop.part.dot(&r.part))
+            r.left_n - drop.size * (step - drop.beside(r))
         };
         let (mut both, mut own, mut before) = (0.0, 0.0, 0.0);
         for e in self.readings.iter().enumerate().map(residual) {
@@ -206,11 +223,17 @@ impl Crossings {
 }
 
 impl Change {
-    /// From a regressor's product with what is left, its square, and its parts of the parabola.
-    fn of(k: usize, product: f64, square: f64, part: Vector3<f64>) -> Self {
-        let square = square - part.norm_squared();
-        let size = if square > 1e-9 { product / square } else { 0.0 };
+    /// From a regressor's product with what is left, its square, and its parts of the smooth force.
+    fn of(k: usize, product: f64, square: f64, part: Vector4<f64>) -> Self {
+        let beside = square - part.norm_squared();
+        // what is smooth but for round-off changes nothing
+        let (size, square) = if beside > 1e-6 * square { (product / beside, beside) } else { (0.0, square) };
         Self { k, size, explains: size * product, part, square }
+    }
+
+    /// What of its regressor the smooth force takes up at a reading.
+    fn beside(&self, r: &Reading) -> f64 {
+        self.part.dot(&r.part)
     }
 }
 

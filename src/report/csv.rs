@@ -45,6 +45,16 @@ pub(super) fn forecast_csv(run: &Run) -> Option<String> {
     Some(text)
 }
 
+/// Content of `deformation.csv`: `time_s,depth_m,deformation_coefficient`, of a needle with friction on its way in; `None` of others.
+#[must_use]
+pub(super) fn deformation_csv(run: &Run) -> Option<String> {
+    let mut text = String::from("time_s,depth_m,deformation_coefficient\n");
+    for [time, depth, coefficient] in &run.coefficients {
+        push(&mut text, format_args!("{},{},{}\n", Cell(*time), Cell(*depth), Cell(*coefficient)));
+    }
+    (!run.coefficients.is_empty()).then_some(text)
+}
+
 /// Content of `targets.csv`, one line per moment and three columns per target, as plotting tools take them:
 /// `time_s,depth_m,NAME_x_m,NAME_y_m,NAME_z_m,...` (present position in frame `sample`).
 #[must_use]

@@ -8,11 +8,11 @@ use super::{
 };
 use crate::compare::{Answer, Run};
 
-const WIDTH: u32 = 960;
-const HEIGHT: u32 = 320;
-const FRAME: [f64; 4] = [84.0, 70.0, 932.0, 262.0];
+pub(super) const WIDTH: u32 = 960;
+pub(super) const HEIGHT: u32 = 320;
+pub(super) const FRAME: [f64; 4] = [84.0, 70.0, 932.0, 262.0];
 /// Pens that differ by more than colour.
-const PENS: [Pen; 6] = [
+pub(super) const PENS: [Pen; 6] = [
     Pen::new(BLUE, 2.0),
     Pen::new(VERMILION, 2.0).dashed([8.0, 4.0]),
     Pen::new(Colour(0x1a, 0x7f, 0x4b, 1.0), 2.0).dashed([2.0, 4.0]),

@@ -11,6 +11,7 @@ mod calibration_plot;
 mod cost_page;
 mod cost_plot;
 mod csv;
+mod deformation_plot;
 mod embed;
 mod error;
 mod files;
@@ -69,7 +70,8 @@ use std::path::{Path, PathBuf};
 const PNG_SCALE: f32 = 2.0;
 
 /// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`, and with members and a measured
-/// force `forecast.csv` and `reliability.svg`, into a folder, which is made if need be, and returns their paths.
+/// force `forecast.csv` and `reliability.svg`, with friction `deformation.csv` and `.svg`, into a folder, which is made if need be, and
+/// returns their paths.
 ///
 /// # Errors
 /// [`ReportError`] naming the file and the reason; then no file has been replaced by a half-written one.
@@ -85,6 +87,8 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
     ];
     let forecasts = [
         ("forecast.csv", csv::forecast_csv(run)),
+        ("deformation.csv", csv::deformation_csv(run)),
+        ("deformation.svg", deformation_plot::deformation_plot(run).map(|picture| picture.to_svg())),
         ("reliability.svg", reliability_plot::reliability_plot(run).map(|picture| picture.to_svg())),
     ];
     for (name, text) in forecasts {

@@ -54,6 +54,17 @@ impl Twin {
         }
     }
 
+    /// Deformation coefficient that a needle with friction has on its way in: how far the tissue at its shaft has gone over how far the
+    /// needle has, since its tip came to it. It is a result here and a key of the kinematic needle. `None` for other instruments, before
+    /// the puncture and on the way out.
+    #[must_use]
+    pub fn deformation_coefficient(&self) -> Option<f64> {
+        match &self.contact {
+            Some(Contact::Frictional(n)) => n.deformation_coefficient(&self.solver),
+            _ => None,
+        }
+    }
+
     /// Forces of friction and at the tip of a needle with friction, N, positive against the insertion, as far as inertia lets the nodes
     /// have them; `None` for other instruments.
     #[must_use]

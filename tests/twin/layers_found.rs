@@ -36,7 +36,7 @@ fn a_double_insertion_gives_friction_cutting_puncture_and_depth_of_three_layers(
     for seed in 0..10 {
         let found = layers(&recording(seed), DIAMETER, 3).unwrap();
         assert!(found.cannot_tell.is_empty(), "{:?}", found.cannot_tell);
-        assert_eq!((found.drops_m.len(), found.alone.len()), (3, 3), "one insertion alone tells friction only");
+        assert_eq!(found.alone.len(), 3, "one insertion alone tells friction only");
         for ((layer, truth), worst) in found.layers.iter().zip(TRUTH).zip(&mut worst) {
             let [depth, cutting, puncture] =
                 [layer.from_depth_m, layer.cutting_force_n, layer.puncture_force_n].map(Option::unwrap);
@@ -61,8 +61,8 @@ fn a_double_insertion_gives_friction_cutting_puncture_and_depth_of_three_layers(
 #[test]
 fn what_a_recording_lacks_is_said() {
     let all = recording(1);
-    let turn = all.iter().position(|r| r[1] > 0.01249).unwrap();
-    let air = all.iter().position(|r| r[1] < -0.9e-3).unwrap();
+    let turn = all.iter().position(|r| r[1] > 0.01245).unwrap();
+    let air = all.iter().position(|r| r[1] < -0.95e-3).unwrap();
     assert_eq!(layers(&all[..turn], DIAMETER, 3), Err(LayersError::NoWayOut));
     assert_eq!(layers(&all[..turn + 5000], DIAMETER, 3), Err(LayersError::NoAir));
     let single = layers(&all[..=air], DIAMETER, 3).unwrap();

@@ -11,6 +11,7 @@ mod coarse;
 mod common;
 mod contact;
 mod crossings;
+mod deformation_coefficient;
 mod determinism;
 mod door;
 mod ensemble;

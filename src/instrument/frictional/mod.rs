@@ -66,6 +66,8 @@ cloned_field_by_field! {
         beside: Vec<[f64; 2]>,
         /// Share of each of the inner points that the needle fills.
         filled: Vec<f64>,
+        /// Depth of the tip, m.
+        depth: f64,
         deepest: f64,
         withdrawn: bool,
         /// Force at a puncture from which the tissue springs back, N, and looks at that so far.
@@ -104,6 +106,7 @@ impl Frictional {
             grip: vec![Grip::Free; layers],
             beside: vec![[0.0; 2]; layers],
             filled: vec![0.0; inner.len()],
+            depth: 0.0,
             deepest: 0.0,
             withdrawn: false,
             released: None,
@@ -137,6 +140,21 @@ impl Frictional {
     pub fn deformed(&self, depth: f64, solver: &Solver) -> f64 {
         let (layer, share) = self.shaft.place(depth);
         depth + (1.0 - share) * solver.of_layer(layer) + share * solver.of_layer(layer + 1)
+    }
+
+    /// Deformation coefficient: way of the tissue along the shaft over that of the needle since its tip came to it, mean over the
+    /// shaft's length by the needle's way. `None` while the needle is not going in.
+    #[must_use]
+    pub fn deformation_coefficient(&self, solver: &Solver) -> Option<f64> {
+        let p = &self.progress;
+        p.entered.filter(|_| !p.withdrawn)?;
+        let (mut tissue, mut needle) = (0.0, 0.0);
+        for (layer, z) in self.shaft.depths.iter().enumerate() {
+            let length = self.shaft.share(layer, p.shoulder, |_| 1.0);
+            tissue += length * solver.of_layer(layer);
+            needle += length * (p.depth - z.max(self.start));
+        }
+        (needle > 0.0).then(|| tissue / needle)
     }
 
     /// Region that the tip is in, as [`Resistance::region`]; `None` before the puncture.
@@ -196,6 +214,7 @@ impl Frictional {
             self.progress.deepest = 0.0;
             return (Phase::Approach, event);
         }
+        self.progress.depth = depth;
         self.progress.deepest = self.progress.deepest.max(depth);
         self.progress.withdrawn = is_withdrawn(self.progress.withdrawn, self.progress.deepest - depth);
         let event = event.or_else(|| self.enter_without_membrane(tip.depth)).or_else(|| self.slip(tip.depth, solver));
@@ -349,7 +368,7 @@ impl Frictional {
         (p.front, p.entered, p.tip, p.shoulder, p.deepest, p.withdrawn) = (0.0, None, 0.0, 0.0, 0.0, false);
         // a solver that was reset has all cells filled with tissue again
         p.filled.fill(0.0);
-        (p.released, p.friction, p.slips) = (None, 0.0, 0.0);
+        (p.released, p.friction, p.slips, p.depth) = (None, 0.0, 0.0, 0.0);
         self.release(solver);
         self.place(solver);
     }

@@ -101,12 +101,13 @@ pub fn layers(readings: &[Reading], diameter: f64, layers: usize) -> Result<Foun
         |leg: &[Reading]| -> Vec<Reading> { leg.iter().map(|&[t, d, f]| [t, d, f - zero[0] - zero[1] * t]).collect() };
     let (first, out) = (net(first), net(out));
     let again = second.first().map(|leg| net(leg));
-    let drops = drops(&first, diameter);
+    let seen = drops(&first, diameter);
+    let drops: Vec<f64> = seen.iter().map(|d| d[0]).collect();
     let fit = Fit::new(&out, again.as_deref(), diameter, layers, &drops)?;
-    let mut found = told::told(&fit, &first, &drops, diameter);
+    let mut found = told::told(&fit, &first, &seen, diameter);
     if again.is_some() {
         let alone = Fit::new(&out, None, diameter, layers, &drops)?;
-        found.alone = told::told(&alone, &first, &drops, diameter).cannot_tell;
+        found.alone = told::told(&alone, &first, &seen, diameter).cannot_tell;
     } else {
         found.alone.clone_from(&found.cannot_tell);
     }
@@ -152,8 +153,12 @@ fn zero(readings: &[Reading], above: f64) -> Result<[f64; 2], LayersError> {
     Ok([force - drift * time, drift])
 }
 
-/// Depths of the drops, m.
-fn drops(first: &[Reading], diameter: f64) -> Vec<f64> {
+/// Depth, m, and size, N, of the drops.
+fn drops(first: &[Reading], diameter: f64) -> Vec<[f64; 2]> {
     let mut crossings = Crossings::new(diameter);
-    first.iter().filter_map(|&[t, d, f]| crossings.take(t, d, f)).map(|c| c.depth_m).collect()
+    first
+        .iter()
+        .filter_map(|&[t, d, f]| crossings.take(t, d, f))
+        .map(|c| [c.depth_m, c.force_before_n - c.force_after_n])
+        .collect()
 }

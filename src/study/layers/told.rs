@@ -16,7 +16,7 @@ const SPRINGS: f64 = 0.1;
 /// Fewest pieces on either side of a bend.
 const FEWEST: usize = 3;
 
-pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[f64], diameter: f64) -> Found {
+pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f64) -> Found {
     let n = fit.layers;
     let mut cannot_tell = Vec::new();
     let membranes = membranes(fit, drops);
@@ -58,22 +58,16 @@ pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[f64], diameter: f64) -
             layer
         })
         .collect();
-    Found { layers, cannot_tell, alone: Vec::new(), rmse_n: fit.rmse(), drops_m: drops.to_vec() }
+    Found { layers, cannot_tell, alone: Vec::new(), rmse_n: fit.rmse(), drops_m: drops.iter().map(|d| d[0]).collect() }
 }
 
-/// The drop of each layer's membrane: one for each, or else the last boundary that the tip can have come to.
-fn membranes(fit: &Fit, drops: &[f64]) -> Vec<Option<f64>> {
+/// The drop of each layer's membrane: one for each, or else the largest after the last boundary that the tip can have come to.
+fn membranes(fit: &Fit, drops: &[[f64; 2]]) -> Vec<Option<f64>> {
     if drops.len() == fit.layers {
-        return drops.iter().copied().map(Some).collect();
+        return drops.iter().map(|d| Some(d[0])).collect();
     }
-    let mut found = vec![None; fit.layers];
-    for drop in drops {
-        let last = (0..fit.layers).rev().find(|&i| fit.comes(i) <= *drop);
-        if let Some(place) = last.and_then(|i| found.get_mut(i)).filter(|p| p.is_none()) {
-            *place = Some(*drop);
-        }
-    }
-    found
+    let comes = |i: usize| drops.iter().filter(move |d| (0..fit.layers).rfind(|&k| fit.comes(k) <= d[0]) == Some(i));
+    (0..fit.layers).map(|i| comes(i).max_by(|a, b| a[1].total_cmp(&b[1])).map(|d| d[0])).collect()
 }
 
 /// A force less what is friction of it, where that leaves one.

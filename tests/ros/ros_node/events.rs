@@ -109,3 +109,41 @@ fn punctures_and_regions_are_said_once_and_kept_for_who_comes_later_and_recorded
     let recorded = BagReader::open(&bag).unwrap().select(|t| t.name == "/events").count();
     assert_eq!(recorded, events.len(), "the recording has them");
 }
+
+/// The load cell reads a drop in a place of which the scene knows nothing.
+#[test]
+fn a_puncture_in_the_measured_force_is_said_as_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("layers.toml");
+    std::fs::write(&scene, LAYERS).unwrap();
+    let domain = free_domain();
+    let node = Program::start(TWIN, &["--scene", &scene.display().to_string()], domain, &[]);
+    let mut peer = Peer::start(domain);
+    peer.ask(json!({"op": "subscribe", "topic": "/events", "type": EVENTS, "qos": "reliable"}));
+    peer.connect();
+    peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": "geometry_msgs/msg/WrenchStamped"}));
+    assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/events", "/measured_cf"]}))["missing"], json!([]));
+    let drop_m = 9e-4;
+    for i in 1..=80_u32 {
+        let (depth, nanosec) = (2e-5 * f64::from(i), 10_000_000 * i);
+        // what noise there is has no pattern that a smooth force has
+        let noise = 2e-4 * (f64::from(i * i % 17) / 8.0 - 1.0);
+        let force = 20.0 * depth + noise - if depth < drop_m { 0.0 } else { 0.01 };
+        let wrench = json!({"header": {"stamp": {"sec": 1_700_000_000, "nanosec": nanosec}, "frame_id": "sample"},
+            "wrench": {"force": {"x": 0.0, "y": 0.0, "z": force}, "torque": {"x": 0.0, "y": 0.0, "z": 0.0}}});
+        peer.ask(json!({"op": "publish", "topic": "/measured_cf", "value": wrench}));
+        let value = joint_state(1_700_000_000, i64::from(nanosec), depth);
+        peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": value}));
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let events = taken(&mut peer, 4);
+    let measured: Vec<&Value> = events.iter().filter(|e| e["source"] == "measured").collect();
+    assert_eq!(measured.len(), 1, "{events:#?}");
+    assert!(events.iter().any(|e| e["source"] == "model"), "{events:#?}");
+    let event = measured[0];
+    assert_eq!((&event["kind"], &event["region"]), (&json!("puncture"), &json!("")));
+    assert!((number(event, "depth_m") - drop_m).abs() < 5e-5, "{event}");
+    assert!(number(event, "force_before_n") - number(event, "force_after_n") > 0.007, "{event}");
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+}
