@@ -122,7 +122,7 @@ impl Crossings {
         let correlation = self.correlation(&drop);
         let variance = (all - drop.explains) / freedom * (1.0 + correlation) / (1.0 - correlation);
         let t = -drop.size * (drop.square / variance).sqrt();
-        if !(t > quantile(FALSE_ALARMS / TESTS, freedom)) {
+        if t.is_nan() || t <= quantile(FALSE_ALARMS / TESTS, freedom) {
             return None;
         }
         let first = self.readings.get(self.readings.len() - drop.k)?;

@@ -85,15 +85,6 @@ impl<'a> Recorded<'a> {
         }
     }
 
-    /// Runs the scene as it is, over the motion as it was recorded but for a shift of the contact.
-    pub fn first(&mut self, contact_m: f64) -> Result<Run, CalibrateError> {
-        let run = self.run(self.task.scene, contact_m)?;
-        match run.diverged {
-            Some(reason) => Err(CalibrateError::Diverged(reason)),
-            None => Ok(run),
-        }
-    }
-
     /// Takes the readings to fit from the first run.
     pub fn take(&mut self, first: &Run, clock_s: f64) -> Result<(), CalibrateError> {
         let path = path_of(first).ok_or(CalibrateError::NoContact)?;
@@ -222,7 +213,7 @@ impl<'a> Recorded<'a> {
         self.sought.iter().position(|s| s == of).map_or(0.0, |k| x[k])
     }
 
-    fn run(&mut self, scene: &Scene, contact_m: f64) -> Result<Run, CalibrateError> {
+    pub(super) fn run(&mut self, scene: &Scene, contact_m: f64) -> Result<Run, CalibrateError> {
         let shifted = |r: &Reading| match r.at {
             At::Depth(depth) => Reading { at: At::Depth(depth - contact_m), ..*r },
             At::Pose(mut pose) => {

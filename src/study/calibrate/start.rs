@@ -10,6 +10,15 @@ use crate::compare::{Run, least_squares::Unknown};
 const NEAR_SIZE: f64 = 0.2;
 
 impl Recorded<'_> {
+    /// Runs the scene as it is, over the motion as it was recorded but for a shift of the contact.
+    pub fn first(&mut self, contact_m: f64) -> Result<Run, CalibrateError> {
+        let run = self.run(self.task.scene, contact_m)?;
+        match run.diverged {
+            Some(reason) => Err(CalibrateError::Diverged(reason)),
+            None => Ok(run),
+        }
+    }
+
     /// Seeks a shift of the recording as well: the last run was made without one.
     pub fn seek(&mut self, shift: Sought) {
         self.sought.push(shift);
