@@ -16,10 +16,11 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::Signal;
 
 use super::ARGUMENT;
+use super::frames::Frames;
 use super::health::Health;
 use super::link::{Inlets, Link};
 use super::silence::Silence;
-use super::wire::{Frames, Head, Kind, Plan};
+use super::wire::{Head, Kind, Plan};
 use crate::GuardError;
 use crate::threads::{join, spawn};
 use crate::throttle::Throttle;

@@ -17,6 +17,7 @@
 
 mod bell;
 mod drops;
+mod frames;
 mod graph;
 mod health;
 mod keeper;

@@ -281,7 +281,7 @@ pub const fn publication(endpoint: u16) -> Head {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use super::super::wire::Frames;
+    use super::super::frames::Frames;
     use super::*;
 
     fn bytes(n: usize) -> impl FnOnce(&mut Vec<u8>) -> Result<(), String> {

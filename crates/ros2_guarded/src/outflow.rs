@@ -10,9 +10,10 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use ros2_client::Publisher;
 
 use super::drops::Drops;
+use super::frames::Frames;
 use super::services::Order;
 use super::uplink::Uplink;
-use super::wire::{Frames, Head, Kind};
+use super::wire::{Head, Kind};
 use crate::raw::RawCdr;
 
 /// Messages of so many bytes are several datagrams, of which a receive buffer of 208 kB, Linux' default, holds three or four.

@@ -22,6 +22,7 @@ use ros2_client::{
 };
 
 use super::ARGUMENT;
+use super::frames::Frames;
 use super::graph::{EndpointRecord, Graph};
 use super::loopback;
 use super::obituary;
@@ -29,7 +30,7 @@ use super::outflow::{Writer, publish_all};
 use super::services::{ORDERS, ReplyReaders, Served, be_answered, be_asked, obey};
 use super::uplink::Uplink;
 use super::watch::{Finding, Voice, Watch, threads, ticks};
-use super::wire::{Endpoint, Frames, Head, Kind, Plan, Role, caller, times, wall_nanos};
+use super::wire::{Endpoint, Head, Kind, Plan, Role, caller, times, wall_nanos};
 use super::zenoh;
 use crate::qos::Side;
 use crate::raw::RawCdr;

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use crossbeam_channel::Receiver;
 
+use super::frames::Frames;
 use super::session::ZenohSession;
 use super::uplink::Uplink;
-use super::wire::{Frames, Kind, Plan};
+use super::wire::{Kind, Plan};
 
 /// Refuses.
 pub(super) fn run(

@@ -25,10 +25,11 @@ use self::graph::Graph;
 use self::keys::Keys;
 use self::services::{Caller, Served};
 use self::topics::{Writer, subscribe};
+use crate::frames::Frames;
 use crate::session::ZenohSession;
 use crate::threads::{join, spawn};
 use crate::uplink::Uplink;
-use crate::wire::{Endpoint, Frames, Head, Kind, Plan, Role};
+use crate::wire::{Endpoint, Head, Kind, Plan, Role};
 
 /// Time between two signs of life.
 const PULSE: Duration = Duration::from_millis(200);
