@@ -16,7 +16,6 @@ const STIFF: &str = "materials.stiff.shear_modulus_pa";
 const SOFT: &str = "materials.soft.shear_modulus_pa";
 /// Of the load cell, N.
 const NOISE_N: f64 = 1e-4;
-const HZ: f64 = 50.0;
 
 fn changed(scene: &Scene, keys: &[(&str, &str)]) -> Scene {
     let keys: Vec<Override> = keys.iter().map(|(key, value)| Override::text(key, value, "test")).collect();
@@ -24,16 +23,16 @@ fn changed(scene: &Scene, keys: &[(&str, &str)]) -> Scene {
 }
 
 /// A motion of 1 mm/s from above the sample to a depth, and what a load cell reads of a scene on it.
-fn recording(scene: &Scene, depth_m: f64) -> (Vec<Reading>, ForceSeries) {
+fn recording(scene: &Scene, depth_m: f64, hz: f64) -> (Vec<Reading>, ForceSeries) {
     let mut twin = alone(|| Twin::new(scene).unwrap());
     let mut noise = ChaCha8Rng::seed_from_u64(5);
     let normal = Normal::new(0.0, NOISE_N).unwrap();
     let (mut readings, mut forces) = (Vec::new(), Vec::new());
-    // the force of a motion that is answered 20 times as often
+    // the force of a motion of 1000 poses a second
     for i in -500..(depth_m * 1e6) as i32 {
         let (time_s, depth) = (0.5 + 1e-3 * f64::from(i), 1e-6 * f64::from(i));
         let force_n = twin.step(StampedPose { time_s, pose: twin.pose_at_depth(depth) }).unwrap().force_n;
-        if i.rem_euclid((1e3 / HZ) as i32) == 0 {
+        if i.rem_euclid((1e3 / hz) as i32) == 0 {
             readings.push(Reading { time_s, at: At::Depth(depth) });
             forces.push((time_s, force_n.map(|f| f + normal.sample(&mut noise))));
         }
@@ -70,7 +69,7 @@ fn layers() -> Scene {
 #[ignore = "two minutes: .ci/long runs it"]
 fn two_moduli_come_back_from_a_needle_through_layers() {
     let made = changed(&layers(), &[("discretisation.spacing_m", "0.0019"), ("stepping.tolerance", "0.003")]);
-    let recorded = recording(&made, 0.01);
+    let recorded = recording(&made, 0.01, 50.0);
     let start = changed(&layers(), &[(STIFF, "4000"), (SOFT, "1100")]);
     let found = fitted(&start, &recorded, &[(STIFF, [1e3, 2e4]), (SOFT, [2e2, 5e3])]);
     for (key, truth) in [(STIFF, 5034.0), (SOFT, 839.0)] {
@@ -79,19 +78,17 @@ fn two_moduli_come_back_from_a_needle_through_layers() {
     }
 }
 
-/// A blunt needle that stays in the top layer hardly feels what is 7 mm below: no interval is given, and what is open is said.
+/// A blunt needle that stays in the top layer hardly feels what is 7 mm below: no interval is given, and why is said.
 #[test]
 fn what_a_shallow_press_cannot_tell_of_the_layer_below_is_said() {
     let blunt = [("instrument.diameter_m", "0.001"), ("discretisation.dimension", "axisymmetric")];
     let scene = changed(&Composite::find("layered_indentation").unwrap().scene().unwrap(), &blunt);
     let scene = changed(&scene, &[("regions.middle.to_depth_m", "0.017"), ("regions.top.to_depth_m", "0.007")]);
-    let scene = changed(&scene, &[("regions.middle.from_depth_m", "0"), ("motion.depth_m", "0.0003")]);
-    let recorded = recording(&scene, 3e-4);
+    let scene = changed(&scene, &[("regions.middle.from_depth_m", "0"), ("motion.depth_m", "0.001")]);
+    let recorded = recording(&scene, 1e-3, 100.0);
     let start = changed(&scene, &[(STIFF, "4500"), (SOFT, "1100")]);
     let found = fitted(&start, &recorded, &[(STIFF, [1e3, 2e4]), (SOFT, [1e2, 1e4])]);
     let below = found.estimate(SOFT).unwrap();
     assert!(below.interval_95().is_none(), "{below:?}");
-    let open = below.noise_error.map_or(f64::INFINITY, |noise| noise / below.value);
-    assert!(!below.has_effect || below.at_bound() || open > 0.2, "{below:?}");
-    assert!(below.withheld.is_some(), "{below:?}");
+    assert!(below.withheld.as_ref().unwrap().contains("make up for each other"), "{below:?}");
 }

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::problem::Recorded;
 use super::unknown::Sought;
-use super::{CalibrateError, Calibration, Estimate, Forces, INTERVAL_95, Task};
+use super::{CalibrateError, Calibration, Estimate, Forces, Task};
 use crate::compare::rows::Rows;
 use crate::compare::uncertainty::{Uncertainty, correlation};
 use crate::compare::verdict::judge;
@@ -99,7 +99,7 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, region: Option<
         _ if !calibration.converged => {
             Some(format!("the search ran out of steps after {}: start nearer with --set", calibration.iterations))
         }
-        _ => beyond.clone(),
+        _ => beyond.clone().or_else(|| region.map(of_regions)),
     };
     calibration.verdict.reasons.extend(beyond);
     let together = calibration.indistinguishable.clone();
@@ -109,23 +109,17 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, region: Option<
             if let Some(group) = group {
                 return Some(format!("the data can't tell apart: {}", group.join(", ")));
             }
-            let at_bound = e.at_bound().then(|| format!("it ended at its bound {}", e.value));
-            at_bound.or_else(|| region.map(|key| of_regions(key, e)))
+            e.at_bound().then(|| format!("it ended at its bound {}", e.value))
         });
     }
 }
 
 /// Why nothing has an interval where a key of a region is sought: layers make up for each other, and the search was seen to end
-/// beside the values that made the data by more than noise explains (docs/lab/layers.md). What it can't be better than is said.
-fn of_regions(key: &str, e: &Estimate) -> String {
-    let open = e.noise_error.zip(e.systematic_error).filter(|_| e.has_effect && e.value != 0.0);
-    let open = open.map_or_else(String::new, |(noise, systematic)| {
-        let share = INTERVAL_95 * noise.hypot(systematic) / e.value.abs();
-        format!(". Noise and force error alone leave {:.0} % of it open to either side", 1e2 * share)
-    });
+/// 10 to 25 % beside the values that made the data (docs/lab/interfaces.md).
+fn of_regions(key: &str) -> String {
     format!(
-        "{key} is one of several regions': they make up for each other in the force, and runs on clouds that differ leave more open than noise \
-         does. Start from several values with --set and compare what is left of the fit{open}"
+        "{key} is one of several regions': they make up for each other in the force, and runs differ by more than what is left to gain. \
+         Start from several values with --set and compare what is left of the fit"
     )
 }
 

@@ -14,7 +14,7 @@ use super::mls::Neighbour;
 
 /// Radii of nodes near an interface over others', in a half plane and in space. In a half plane points there then have as many nodes as
 /// those within a region. In space, where one point stands for two cells, a one-sided fit is softer than the tissue, and the softer the
-/// wider: with 0.9 an interface between equals costs at most 0.4 % of the force (docs/lab/interfaces.md).
+/// wider: with 0.9 an interface between equals costs at most 0.4 % of the force, 1 % where a needle's tip is at it (docs/lab/interfaces.md).
 const RADII: [f64; 2] = [1.2, 0.9];
 
 /// Which region cells and nodes belong to; none: one region.
