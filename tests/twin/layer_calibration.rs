@@ -37,7 +37,7 @@ fn recording(scene: &Scene, depth_m: f64, hz: f64) -> (Vec<Reading>, ForceSeries
             forces.push((time_s, force_n.map(|f| f + normal.sample(&mut noise))));
         }
     }
-    (readings, ForceSeries::new(forces))
+    (readings, ForceSeries::new(forces).on_one_clock(true))
 }
 
 fn fitted(scene: &Scene, (readings, measured): &(Vec<Reading>, ForceSeries), keys: &[(&str, [f64; 2])]) -> Calibration {
