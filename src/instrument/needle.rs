@@ -52,8 +52,8 @@ const SHORT_WINDOW: f64 = 0.375;
 /// The same in layers of nodes, where they are longer.
 const LEAST_WINDOW: f64 = 2.0;
 
-/// Where the wall goes at the puncture, m: far above the tissue.
-const AWAY: [f64; 3] = [0.0, 0.0, 1.0];
+/// How far above the tissue the wall goes at the puncture, m.
+const AWAY: f64 = 1.0;
 
 /// State of the insertion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -232,11 +232,11 @@ impl NeedlePath {
             // seen at the pose after the one that did it
             let depth_m = self.progress.strained.passed(self.needle.puncture_strain);
             self.progress.state = Insertion { punctured: true, deepest: depth };
-            solver.move_surface(AWAY);
+            solver.move_surface([0.0, 0.0, AWAY]);
             self.penetrate(tip, solver);
             return (Phase::Penetration, Some(Event::Puncture { depth_m, region: 0 }));
         }
-        solver.move_surface(AWAY);
+        solver.move_surface([0.0, 0.0, AWAY]);
         self.progress.state.deepest = self.progress.state.deepest.max(depth);
         self.progress.withdrawn = is_withdrawn(self.progress.withdrawn, self.progress.state.deepest - depth);
         self.penetrate(tip, solver);
