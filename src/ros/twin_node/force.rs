@@ -255,9 +255,12 @@ fn happened(outputs: &ForceOutputs, frame_id: &str, shared: &Shared, number: u64
 /// Publishes a membrane that the measured force says has broken; no model has a part in it, so it goes out while the twin is wrong as well.
 fn crossed(outputs: &ForceOutputs, shared: &Shared, header: Header, number: u64, crossing: &Crossing) {
     let (stamp_nanos, depth_m) = (header.stamp.nanos(), crossing.depth_m);
+    let Crossing { time_s, seen_s, force_before_n, force_after_n, .. } = *crossing;
+    if ![depth_m, time_s, seen_s, force_before_n, force_after_n].iter().all(|x| x.is_finite()) {
+        return;
+    }
     let text = "in the measured force".to_owned();
     shared.lock().note(Noted { stamp_nanos, depth_m, kind: TissueEvent::PUNCTURE, text });
-    let Crossing { time_s, seen_s, force_before_n, force_after_n, .. } = *crossing;
     tracing::info!(
         "puncture at {depth_m:.6} m in the measured force: from {force_before_n:.5} to {force_after_n:.5} N"
     );
