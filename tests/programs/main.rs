@@ -13,6 +13,7 @@ mod docs;
 mod ensemble;
 mod growth;
 mod import;
+mod layers;
 mod live_page;
 mod markers;
 mod phantoms;

@@ -81,3 +81,43 @@ fn what_a_recording_lacks_is_said() {
         short.cannot_tell
     );
 }
+
+/// Recordings that no needle with friction makes: an error or finite numbers, and never a panic.
+#[test]
+fn recordings_of_something_else_are_refused_or_finite() {
+    let way = |i: i32| {
+        let t = f64::from(i % 4000);
+        1e-5 * if i % 4000 < 2000 { t } else { 4000.0 - t } - 1e-3
+    };
+    type Force = fn(f64, f64) -> f64;
+    let forces: [Force; 5] = [
+        |_, _| 0.0,
+        |_, _| 0.3,
+        |depth, _| depth.max(0.0),
+        // as a kinematic needle: what it pushes on the way in it keeps on the way out
+        |depth, time| 0.02 * depth.max(0.0) / 0.019 * (1.0 + 0.01 * (37.0 * time).sin()),
+        |depth, time| if depth > 0.0 { -0.1 * (3.0 + (1e4 * time).sin()) } else { 0.0 },
+    ];
+    for (k, force) in forces.into_iter().enumerate() {
+        for last in [4000, 4040, 8000] {
+            let of = |i: i32| {
+                let time = 1e-3 * f64::from(i);
+                [time, way(i), force(way(i), time)]
+            };
+            let readings: Vec<Reading> = (0..last).map(of).collect();
+            for number in [1, 2, 16] {
+                let Ok(found) = layers(&readings, DIAMETER, number) else { continue };
+                for layer in &found.layers {
+                    let told = [layer.from_depth_m, layer.cutting_force_n, layer.puncture_force_n];
+                    let values = told.into_iter().flatten().chain([layer.friction_n_per_m]);
+                    for known in values {
+                        assert!(
+                            known.value.is_finite() && known.standard_error >= 0.0,
+                            "{k} {last} {number}: {layer:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

@@ -128,7 +128,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/TissueEvent",
         include_str!("../msg/TissueEvent.msg"),
-        "RIHS01_d2f7e60c1b38f27fef81ab8bf153436d5911bb5a12a7b4319f25d8e91224295d",
+        "RIHS01_8b219f28c929b28a0ed9b4c9ef6bdb18777e7eb8d498e0b163e5c936ebf663ca",
     ),
     definition(
         "needle_twin/ForceBand",

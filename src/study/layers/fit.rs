@@ -10,6 +10,8 @@ const PIECE: f64 = 0.025;
 const TURNED: f64 = 0.2;
 /// First and last step of the search for breaks, in diameters.
 const STEPS: [f64; 2] = [0.4, 0.002];
+/// Most rounds of that search: some hundred are usual.
+const MOST_ROUNDS: usize = 5000;
 
 /// Means of readings over pieces of a width, m: depth in m and force in N, from the top.
 pub(super) fn pieces(readings: &[Reading], width: f64) -> Vec<[f64; 2]> {
@@ -64,7 +66,8 @@ impl Fit {
         let mut best: Option<Self> = None;
         for start in Self::starts(drops, layers, deepest, diameter) {
             let mut breaks = start.clone();
-            if again.is_some() {
+            // a second way in that is too short for a piece is none
+            if !down.is_empty() {
                 breaks.push(deepest - 0.7 * diameter);
                 breaks.extend(&start);
             }
@@ -78,11 +81,12 @@ impl Fit {
                 errors: Vec::new(),
             };
             fit.search(STEPS.map(|s| s * diameter));
-            if best.as_ref().is_none_or(|b| fit.squares < b.squares) {
+            // without forces no breaks gave friction that holds back
+            if !fit.forces.is_empty() && best.as_ref().is_none_or(|b| fit.squares < b.squares) {
                 best = Some(fit);
             }
         }
-        let mut fit = best.ok_or(LayersError::Few(layers))?;
+        let mut fit = best.ok_or(LayersError::Undetermined(layers))?;
         fit.errors = fit.standard_errors().ok_or(LayersError::Undetermined(layers))?;
         Ok(fit)
     }
@@ -136,7 +140,7 @@ impl Fit {
         if let Some((forces, squares)) = self.linear(&self.breaks, &force) {
             (self.forces, self.squares) = (forces, squares);
         }
-        while step > last {
+        for _ in 0..MOST_ROUNDS {
             let mut moved = false;
             for (k, way) in (0..self.breaks.len()).flat_map(|k| [(k, step), (k, -step)]) {
                 let mut breaks = self.breaks.clone();
@@ -147,6 +151,9 @@ impl Fit {
             }
             if !moved {
                 step *= 0.5;
+            }
+            if step <= last {
+                return;
             }
         }
     }
