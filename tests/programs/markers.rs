@@ -143,7 +143,8 @@ fn members_learn_from_tracked_points_of_a_recording() {
         command.args(["uncertainty.material.shear_modulus_pa={normal=[1678, 100]}"]).args(more);
         let output = command.output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(0), "{stderr}");
+        // the scene's own value explains the recording only in part
+        assert_eq!(output.status.code(), Some(3), "{stderr}");
         serde_json::from_slice::<Value>(&output.stdout).unwrap()["ensemble"]["assimilated"].clone()
     };
     let coefficient = |found: &Value| {
