@@ -80,8 +80,16 @@ fn a_reader_that_is_frozen_holds_nobody_up() {
     let longest = longest.map(|run| run["longest_gap_s"].as_f64().unwrap()).fold(0.0, f64::max);
     println!("longest time between two answers {longest:.3} s");
     signal(frozen.id(), "CONT");
-    let heard = frozen.ask(json!({"op": "last", "topic": "/predicted_cf", "seconds": 3.0}));
-    assert!(heard["count"].as_u64().unwrap() > 0, "it hears again: {heard}");
+    // what was kept for it, or what comes next: one that was silent for longer than its lease has to join again
+    let hears = |_| {
+        let heard = frozen.ask(json!({"op": "last", "topic": "/predicted_cf", "seconds": 1.0}));
+        let hears = heard["count"].as_u64() > Some(0);
+        if !hears {
+            stream(&mut peer);
+        }
+        hears
+    };
+    assert!((0..15).any(hears), "it does not hear again");
 }
 
 #[test]
