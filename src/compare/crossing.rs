@@ -10,8 +10,8 @@
 //! t = J / s(J),  s^2 = residual of the drop's fit / (n - 5) times (1 + r) / (1 - r)      r: correlation of neighbouring residuals
 //! ```
 //!
-//! A drop is said when the largest t passes the quantile of Student's distribution that [`FALSE_ALARMS`] leaves to each of
-//! [`TESTS`]. Nothing is allocated per reading.
+//! A drop is said when the largest t passes the quantile of Student's distribution that `FALSE_ALARMS` leaves to each of
+//! `TESTS`. Nothing is allocated per reading.
 
 use std::collections::VecDeque;
 

@@ -1,4 +1,4 @@
-//! What the load cell and tracked points say of the members, by a square-root ensemble Kalman filter ([`super::filter`]).
+//! What the load cell and tracked points say of the members, by a square-root ensemble Kalman filter (`filter.rs`).
 //!
 //! Force and each coordinate of each target are channels of their own: each learns how large its errors are, beyond the members' spread, from
 //! its own innovations. The band of the force that comes next has the spread of the members and of the last forecasts' errors. So a model that
