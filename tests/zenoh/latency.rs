@@ -1,7 +1,7 @@
 //! How long a force takes that answers a pose.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::ros::{Peer, Program, TWIN, free_domain, middleware_of, resident_mb};
+use crate::ros::{COARSE, Peer, Program, TWIN, free_domain, middleware_of, resident_mb};
 use serde_json::json;
 
 /// As docs/lab/decisions/middleware_process.md measured it over DDS; a busy machine gives other numbers, so it asserts only that nothing is lost.
@@ -9,17 +9,7 @@ use serde_json::json;
 #[ignore = "a measurement: .ci/long runs it"]
 fn pose_to_force_at_1_khz() {
     let domain = free_domain();
-    let plate = [
-        "--scene",
-        "compression",
-        "--ros-args",
-        "-p",
-        "discretisation.spacing_m:=0.005",
-        "-p",
-        "discretisation.edge_refinement:=1.0",
-        "-p",
-        "stepping.max_steps_per_pose:=2",
-    ];
+    let plate = [&COARSE[..8], &["stepping.max_steps_per_pose:=2"]].concat();
     let node = Program::start(TWIN, &plate, domain, &[]);
     let mut peer = Peer::start(domain);
     peer.connect();
