@@ -28,6 +28,8 @@ section! {
         /// Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless
         /// methods with one point per cell do so, and no half plane.
         cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[1, 2]).or("1"),
+        /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance. In space alone.
+        integration: Integration = Key::word("discretisation.integration", Integration::WORDS).or("plain"),
         /// Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged
         /// (over each node) half-way.
         volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("projected"),
@@ -67,6 +69,15 @@ pub enum Method {
     Mls,
     /// Linear tetrahedra: the finite-element baseline.
     Tet4,
+}
+
+/// `discretisation.integration`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integration {
+    /// The derivatives of the shape functions.
+    Plain,
+    /// Corrected by as little as makes sums over the points the integrals that they stand for.
+    Consistent,
 }
 
 /// `discretisation.dimension`.

@@ -3,7 +3,7 @@
 use mtled::material::Volumetric;
 use mtled::solver::{Precision, VolumeRatio};
 
-use super::{DeformationRule, Dimension, IndenterTip, Method};
+use super::{DeformationRule, Dimension, IndenterTip, Integration, Method};
 
 /// A choice that a scene file makes by a word.
 pub trait Word: Sized + Copy {
@@ -45,6 +45,7 @@ words!(Volumetric: Quadratic = "quadratic", Logarithmic = "logarithmic");
 words!(IndenterTip: Flat = "flat", Sphere = "sphere");
 words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
+words!(Integration: Plain = "plain", Consistent = "consistent");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Mirrored = "mirrored", Full = "full");
 words!(VolumeRatio: Projected = "projected", Averaged = "averaged", Pointwise = "pointwise");
 words!(Precision: F32 = "f32", F64 = "f64");

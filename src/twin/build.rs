@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_depth, surface};
-use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Scene};
+use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Integration, Method, Needle, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use mtled::cloud::{Axis, BASE, Cloud, Reflected, TOP};
@@ -105,6 +105,13 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
     let beyond = to_the_half(&mut targets, body.mirror.as_ref());
     let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
+    let table = match scene.discretisation.integration {
+        Integration::Plain => table,
+        Integration::Consistent => {
+            let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
+            approximation.consistent(table, &tied)?
+        },
+    };
     let contact = |i| make_contact(scene, i, &body, &table);
     let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);

@@ -6,7 +6,7 @@ mod clouds;
 
 use approx::assert_abs_diff_eq;
 use clouds::{KAPPA, METHODS, MLS, MMLS, MU, TET4, internal_force, minus, norm, settings};
-use mtled::approximation::Basis;
+use mtled::approximation::{Basis, Settings};
 use mtled::approximation::table::Approximation;
 use mtled::cloud::Cloud;
 use mtled::material::Law;
@@ -24,9 +24,15 @@ fn linear(x: [f64; 3]) -> [f64; 3] {
 
 /// Largest error of the field at the cube's nodes and at random points, over the largest displacement.
 fn patch_error(cloud: &Cloud, basis: Option<Basis>, points_per_cell: u32) -> f64 {
+    patch_error_of(cloud, settings(basis, points_per_cell), false)
+}
+
+/// The same; `consistent`: with corrected gradients.
+fn patch_error_of(cloud: &Cloud, settings: Settings, consistent: bool) -> f64 {
     let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();
-    let settings = settings(basis, points_per_cell);
     let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings);
+    let table = approximation.table().unwrap();
+    let table = if consistent { approximation.consistent(table, &boundary).unwrap() } else { table };
     let role = boundary.iter().map(|b| if *b { Role::Instrument } else { Role::Free }).collect();
     let settings = SolverSettings {
         law: Law::neo_hookean(MU, KAPPA),
@@ -35,7 +41,7 @@ fn patch_error(cloud: &Cloud, basis: Option<Basis>, points_per_cell: u32) -> f64
         step_factor: 0.9,
         threads: 1,
     };
-    let mut solver = Solver::new(&approximation.table().unwrap(), &cloud.cells, &cloud.points, role, &settings);
+    let mut solver = Solver::new(&table, &cloud.cells, &cloud.points, role, &settings);
     for n in (0..boundary.len()).filter(|&n| boundary[n]) {
         solver.prescribe(n, linear(cloud.points[n]));
     }
@@ -71,6 +77,20 @@ fn meshless_methods_pass_up_to_the_error_of_boundary_and_integration() {
             let error = patch_error(&cloud, basis, points_per_cell);
             println!("{name}, {points_per_cell} points per cell: {error:.3}");
             assert!(error < 0.09, "{name}, {points_per_cell} points per cell: {error:.3}");
+        }
+    }
+}
+
+/// With consistent gradients they pass it as linear tetrahedra do, with one point for a cell, four, or one for two cells.
+#[test]
+fn consistent_gradients_pass_exactly() {
+    let cloud = clouds::cube();
+    for (name, basis) in [("mmls", MMLS), ("mls", MLS)] {
+        for (points_per_cell, cells_per_point) in [(1, 1), (4, 1), (1, 2)] {
+            let settings = Settings { cells_per_point, ..settings(basis, points_per_cell) };
+            let error = patch_error_of(&cloud, settings, true);
+            println!("{name}, {points_per_cell} points per cell, {cells_per_point} cells per point: {error:.1e}");
+            assert!(error < 1e-4, "{name}, {points_per_cell} points per cell: {error:.1e}");
         }
     }
 }

@@ -198,7 +198,7 @@ fn dot<const N: usize>(p: &[f64; QUADRATIC], y: &[f64; N]) -> f64 {
 const PIVOT: f64 = 1e-13;
 
 /// In-place Cholesky factor (lower triangle).
-fn cholesky<const N: usize>(m: &mut [[f64; N]; N]) -> Result<(), Singular> {
+pub(super) fn cholesky<const N: usize>(m: &mut [[f64; N]; N]) -> Result<(), Singular> {
     for c in 0..N {
         let diagonal = m[c][c];
         for k in 0..c {
@@ -220,7 +220,8 @@ fn cholesky<const N: usize>(m: &mut [[f64; N]; N]) -> Result<(), Singular> {
     Ok(())
 }
 
-fn solve<const N: usize>(l: &[[f64; N]; N], b: &mut [f64; N]) {
+/// Solves with the factor of [`cholesky`], in place.
+pub(super) fn solve<const N: usize>(l: &[[f64; N]; N], b: &mut [f64; N]) {
     for r in 0..N {
         for k in 0..r {
             b[r] -= l[r][k] * b[k];

@@ -1,6 +1,8 @@
 //! The shape table: for each integration point its support nodes, the gradients of their shape functions and the
 //! volume that it stands for. Every method ends here; the internal-force kernel knows nothing else.
 
+mod consistent;
+
 use std::cell::RefCell;
 
 use rayon::prelude::*;
