@@ -10,19 +10,21 @@
 //! with a small standard error. So the contact is found a second time by the beginning of the force alone, where a wrong bend does little;
 //! where the two differ by more than noise, that of the beginning is taken, with their difference for its error (`steady`).
 //!
+//! Where the load cell measured a vector and the model has one, the components across the axis are `beside`: same shifts and size, each its
+//! own zero and drift, weighted by its noise ([`super::components`]). They tell the clock of a needle that goes sideways at one depth.
+//!
 //! Errors are those of [`super::uncertainty`]. A motion of one speed can't tell c from tau: tau is taken as 0 then, without an error.
 
-use nalgebra::{DMatrix, DVector};
+mod problem;
 
-use super::Run;
 use super::path::ForcePath;
 use super::rows::Rows;
 use super::uncertainty::{FORCE_ERROR, Uncertainty};
+use super::{Answer, Run};
+use problem::{LINEAR, Problem, most_m};
 
-/// Largest shifts of the grid: share of the recording's time and of its largest depth, s and m; and its steps on either side.
-const MOST_S: (f64, f64) = (0.25, 3.0);
-const MOST_M: (f64, f64) = (0.3, 3e-3);
-const STEPS: [i32; 2] = [40, 20];
+pub use problem::Beside;
+
 /// Readings that the grid looks at, and the search.
 const GRID_ROWS: usize = 250;
 const SEARCH_ROWS: usize = 1500;
@@ -105,97 +107,12 @@ impl Alignment {
 const BEGINNING: f64 = 0.25;
 const LEAST_READINGS: usize = 24;
 
-/// Unknowns besides the two shifts: size, zero and drift, in which the force is linear.
-const LINEAR: usize = 3;
-
-/// Readings that are aligned.
-struct Problem<'a> {
-    path: &'a ForcePath,
-    time_s: Vec<f64>,
-    measured_n: Vec<f64>,
-    /// How many of size, zero and drift are free.
-    free: usize,
-}
-
-impl<'a> Problem<'a> {
-    fn new(path: &'a ForcePath, rows: &Rows, most: usize) -> Self {
-        let step = rows.len().div_ceil(most).max(1);
-        let every = |v: &[f64]| v.iter().copied().step_by(step).collect();
-        let free = LINEAR - rows.known.min(LINEAR - 1);
-        Self { path, time_s: every(&rows.time_s), measured_n: every(&rows.measured_n), free }
-    }
-
-    fn force(&self, i: usize, [c, tau]: [f64; 2]) -> f64 {
-        self.path.force_n(self.time_s[i] - tau, c)
-    }
-
-    /// Size, zero and drift for given shifts, and the residual's sum of squares per reading; readings that the shifted run doesn't
-    /// cover are left out.
-    fn linear(&self, at: [f64; 2]) -> Option<([f64; LINEAR], f64)> {
-        let (mut n, mut y, mut squares, mut count) = ([[0.0; LINEAR]; LINEAR], [0.0; LINEAR], 0.0, 0.0);
-        let start = self.time_s[0];
-        for i in (0..self.time_s.len()).filter(|&i| self.path.covers(self.time_s[i] - at[1])) {
-            let (columns, m) = ([self.force(i, at), 1.0, self.time_s[i] - start], self.measured_n[i]);
-            for a in 0..self.free {
-                (0..self.free).for_each(|b| n[a][b] += columns[a] * columns[b]);
-                y[a] += columns[a] * m;
-            }
-            squares += m * m;
-            count += 1.0;
-        }
-        // what is known stays 0
-        (self.free..LINEAR).for_each(|a| n[a][a] = 1.0);
-        let x = nalgebra::Matrix3::from_fn(|a, b| n[a][b]).cholesky()?.solve(&nalgebra::Vector3::from(y));
-        let left = squares - (0..LINEAR).map(|a| x[a] * y[a]).sum::<f64>();
-        (x[0] > 0.0 && count > 2.0 * LINEAR as f64).then_some(([x[0], x[1], x[2]], left.max(0.0) / count))
-    }
-
-    /// The shifts of a grid that leave the least; of the contact alone where the clock's is given, s.
-    fn grid(&self, deepest_m: f64, clock: Option<f64>) -> Option<[f64; 2]> {
-        let whole = self.time_s.last()? - self.time_s.first()?;
-        let most = [most_m(deepest_m), (MOST_S.0 * whole).min(MOST_S.1)];
-        let value = |k: usize, i: i32| most[k] * f64::from(i) / f64::from(STEPS[1 - k]);
-        let shifts = (-STEPS[1]..=STEPS[1]).flat_map(|i| {
-            let only = |j: &i32| clock.is_none() || *j == 0;
-            (-STEPS[0]..=STEPS[0]).filter(only).map(move |j| [value(0, i), clock.unwrap_or(0.0) + value(1, j)])
-        });
-        let left = shifts.filter_map(|at| self.linear(at).map(|(_, left)| (at, left)));
-        left.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
-    }
-
-    /// Residuals and their derivatives by contact depth, time offset, size, zero and drift.
-    fn jacobian(&self, at: [f64; 2], linear: [f64; LINEAR]) -> (DVector<f64>, DMatrix<f64>) {
-        let used: Vec<usize> = (0..self.time_s.len()).filter(|&i| self.path.covers(self.time_s[i] - at[1])).collect();
-        let since = |i: usize| self.time_s[i] - self.time_s[0];
-        let residual =
-            |&i: &usize| linear[0] * self.force(i, at) + linear[1] + linear[2] * since(i) - self.measured_n[i];
-        let r = DVector::from_iterator(used.len(), used.iter().map(residual));
-        let j = DMatrix::from_fn(used.len(), 2 + LINEAR, |row, k| {
-            let i = used[row];
-            let time = self.time_s[i] - at[1];
-            match k {
-                0 => -linear[0] * self.path.stiffness(time, at[0]),
-                1 => -linear[0] * self.path.rate(time, at[0]),
-                2 => self.force(i, at),
-                3 => 1.0,
-                _ => since(i),
-            }
-        });
-        (r, j)
-    }
-}
-
-/// Largest shift of the contact that is looked for, m.
-fn most_m(deepest_m: f64) -> f64 {
-    (MOST_M.0 * deepest_m).min(MOST_M.1)
-}
-
 /// Aligns measured forces with a run's; `None` where there is no contact or too little is measured.
 #[must_use]
-pub fn align(path: &ForcePath, rows: &Rows) -> Option<Alignment> {
-    let coarse = Problem::new(path, rows, GRID_ROWS);
+pub fn align(path: &ForcePath, rows: &Rows, beside: &[Beside]) -> Option<Alignment> {
+    let coarse = Problem::new(path, rows, beside, GRID_ROWS);
     let start = coarse.grid(rows.deepest_m(), rows.one_clock.then_some(0.0))?;
-    let fine = Problem::new(path, rows, SEARCH_ROWS);
+    let fine = Problem::new(path, rows, beside, SEARCH_ROWS);
     let found = if rows.one_clock {
         search(&fine, rows, start, false)?
     } else {
@@ -230,8 +147,8 @@ fn steady(path: &ForcePath, rows: &Rows, found: Alignment) -> Alignment {
     }
     let clock = found.time_offset_s.value;
     let early = beginning(rows, found.force_zero_n.value - rows.zero_n).and_then(|early| {
-        let problem = Problem::new(path, &early, SEARCH_ROWS);
-        let start = Problem::new(path, &early, GRID_ROWS).grid(rows.deepest_m(), Some(clock))?;
+        let problem = Problem::new(path, &early, &[], SEARCH_ROWS);
+        let start = Problem::new(path, &early, &[], GRID_ROWS).grid(rows.deepest_m(), Some(clock))?;
         search(&problem, &early, start, false)
     });
     let Some(Found { value, error: Some(early_error) }) = early.map(|early| early.contact_depth_m) else {
@@ -286,10 +203,13 @@ fn judged(problem: &Problem, rows: &Rows, at: [f64; 2], linear: [f64; LINEAR], t
         j.column_mut(1).fill(0.0);
     }
     let times: Vec<f64> = problem.time_s.iter().map(|t| t - at[1]).filter(|t| problem.path.covers(*t)).collect();
-    let force: Vec<f64> = times.iter().map(|t| linear[0] * problem.path.force_n(*t, at[0])).collect();
-    let depth: Vec<f64> = times.iter().map(|t| problem.path.depth_m(*t) - at[0]).collect();
+    let beside = problem.beside.iter().map(|(path, _, weight)| (*path, *weight));
+    let (paths, weights): (Vec<_>, Vec<f64>) = std::iter::once((problem.path, 1.0)).chain(beside).unzip();
+    let of = |path: &&ForcePath| -> Vec<f64> { times.iter().map(|t| linear[0] * path.force_n(*t, at[0])).collect() };
+    let force: Vec<f64> = paths.iter().flat_map(of).collect();
+    let depth: Vec<f64> = paths.iter().flat_map(|_| times.iter().map(|t| problem.path.depth_m(*t) - at[0])).collect();
     let about = Uncertainty::new(&j);
-    let covariance = about.noise(&j, r.as_slice()) + about.systematic(&j, &force, &depth, FORCE_ERROR);
+    let covariance = about.noise(&j, r.as_slice()) + about.systematic(&j, &force, &depth, FORCE_ERROR, &weights);
     let together = about.indistinguishable().iter().any(|g| g.contains(&0) && g.contains(&1));
     let found = |k: usize, value: f64| {
         let error = covariance[(k, k)].max(0.0).sqrt();
@@ -319,12 +239,24 @@ impl Run {
             .iter()
             .filter(|a| [a.time_s, a.depth_m, a.predicted_n].iter().all(|x| x.is_finite()))
             .collect();
-        let column = |of: fn(&super::Answer) -> f64| all.iter().map(|a| of(a)).collect();
+        let column = |of: fn(&Answer) -> f64| all.iter().map(|a| of(a)).collect();
         if !all.is_sorted_by(|a, b| a.time_s < b.time_s) {
             return None;
         }
         let path = ForcePath::new(column(|a| a.time_s), column(|a| a.depth_m), column(|a| a.predicted_n))?;
-        align(&path, &rows)
+        align(&path, &rows, &self.beside(&rows))
+    }
+
+    /// The components across the axis at the rows, where load cell and model have them.
+    fn beside(&self, rows: &Rows) -> Vec<Beside> {
+        let at = |t: &f64| &self.answers[self.answers.partition_point(|a| a.time_s < *t).min(self.answers.len() - 1)];
+        let answers: Vec<&Answer> = rows.time_s.iter().map(at).collect();
+        let across = if self.predicts_vectors() { self.across(&answers, FORCE_ERROR) } else { Vec::new() };
+        let beside = across.into_iter();
+        let one = |c: super::components::Component| {
+            Some(Beside { path: c.path(self)?, measured_n: c.measured_n, weight: c.weight })
+        };
+        beside.map(one).collect::<Option<_>>().unwrap_or_default()
     }
 }
 
@@ -362,7 +294,7 @@ mod tests {
             let measured: Vec<f64> = depth.iter().map(&mut reading).collect();
             let path = ForcePath::new(time.clone(), depth.clone(), model.clone()).unwrap();
             let rows = Rows { one_clock: true, known: self.known, ..Rows::new(time, depth, model, measured) };
-            align(&path, &rows)
+            align(&path, &rows, &[])
         }
     }
 

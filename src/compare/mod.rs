@@ -2,6 +2,7 @@
 
 pub mod alignment;
 mod collector;
+pub mod components;
 pub mod crossing;
 mod drive;
 pub mod ensemble;

@@ -41,6 +41,30 @@ impl Curve {
         (known.len() > BINS / 8).then(|| Self { bin_m, force_n: (0..=BINS).map(|b| line(&known, b as f64)).collect() })
     }
 
+    /// The same from changes of the force with the depth alone: what a motion sideways does to it at one depth is no part of it. The
+    /// slope in each bin is that of least squares over neighbouring answers.
+    fn of_changes(points: &[(f64, f64)], deepest_m: f64) -> Option<Self> {
+        let bin_m = deepest_m / BINS as f64;
+        let (mut products, mut squares) = (vec![0.0; BINS], vec![0.0; BINS]);
+        for pair in points.windows(2).filter(|pair| pair[0].0 > 0.0 || pair[1].0 > 0.0) {
+            let (by, change) = (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
+            let bin = ((0.5 * (pair[0].0 + pair[1].0) / bin_m).max(0.0) as usize).min(BINS - 1);
+            products[bin] += by * change;
+            squares[bin] += by * by;
+        }
+        let filled = (0..BINS).filter(|&b| squares[b] > 0.0);
+        let slopes: Vec<(f64, f64)> = filled.map(|b| (b as f64, products[b] / squares[b])).collect();
+        if slopes.len() <= BINS / 8 {
+            return None;
+        }
+        let mut force_n = vec![0.0];
+        force_n.extend((0..BINS).scan(0.0, |force, b| {
+            *force += bin_m * line(&slopes, b as f64);
+            Some(*force)
+        }));
+        Some(Self { bin_m, force_n })
+    }
+
     fn at(&self, depth_m: f64) -> f64 {
         let x = depth_m / self.bin_m;
         if x <= 0.0 {
@@ -81,14 +105,28 @@ impl ForcePath {
     /// From times (s, rising), depths (m) and predicted forces (N); `None` where the instrument doesn't go into the sample.
     #[must_use]
     pub fn new(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
+        Self::with(time_s, depth_m, force_n, |points, deepest_m| Curve::of(points.iter().copied(), deepest_m))
+    }
+
+    /// The same of a force across the axis, which motion sideways changes as well.
+    #[must_use]
+    pub fn across(time_s: Vec<f64>, depth_m: Vec<f64>, force_n: Vec<f64>) -> Option<Self> {
+        Self::with(time_s, depth_m, force_n, Curve::of_changes)
+    }
+
+    fn with(
+        time_s: Vec<f64>,
+        depth_m: Vec<f64>,
+        force_n: Vec<f64>,
+        curve: impl Fn(&[(f64, f64)], f64) -> Option<Curve>,
+    ) -> Option<Self> {
         let deepest = depth_m.iter().copied().fold(0.0, f64::max);
         let turn = depth_m.iter().rposition(|d| *d >= (1.0 - TURN) * deepest)? + 1;
         if deepest <= 0.0 || time_s.len() < 2 {
             return None;
         }
-        let way = |range: std::ops::Range<usize>| {
-            Curve::of(depth_m[range.clone()].iter().copied().zip(force_n[range].iter().copied()), deepest)
-        };
+        let points: Vec<(f64, f64)> = depth_m.iter().copied().zip(force_n.iter().copied()).collect();
+        let way = |range: std::ops::Range<usize>| curve(&points[range], deepest);
         let within = way(0..turn)?;
         let out = way(turn..depth_m.len()).unwrap_or_else(|| within.clone());
         Some(Self { time_s, depth_m, force_n, turn, curves: [within, out] })

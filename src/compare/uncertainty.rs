@@ -10,7 +10,8 @@
 //! Residuals of neighbouring readings are correlated, so the first line counts their products as well (Newey and West,
 //! Econometrica 55, 1987; L = 1.3 sqrt(n): Lazarus, Lewis, Stock and Watson, J. Bus. Econ. Stat. 36, 2018); it is never taken
 //! for less than independent residuals would give. The second line is what a force that is wrong by a share s (standard), varying
-//! over the depth d within the lengths a, does to the estimate: no number of readings makes that smaller.
+//! over the depth d within the lengths a, does to the estimate: no number of readings makes that smaller. Of several components of the force
+//! half of that variance is common to all, half each one's own.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -23,7 +24,9 @@ pub const FORCE_ERROR: f64 = 0.013;
 const LENGTHS: [f64; 2] = [0.5, 0.1];
 /// Every force has at least the error of this share of the largest force: near the surface the relative error is larger (the
 /// needle's force is 5.5 % too high at 1 mm in the half plane, where it is 2 % of its peak).
-const FLOOR: f64 = 0.05;
+pub const FLOOR: f64 = 0.05;
+/// Share of the variance that all components of a force have in common: a wrong size of all, against a wrong shape of each.
+const COMMON: f64 = 0.5;
 /// Depths that the systematic error is taken at.
 const BINS: usize = 128;
 /// Least ratio of eigenvalues of the scaled normal matrix: below it, columns are the same to rounding.
@@ -113,9 +116,17 @@ impl Uncertainty {
         DMatrix::from_fn(k, k, |a, b| factor[a] * correlated[(a, b)] * factor[b])
     }
 
-    /// Covariance by a force that is wrong by `share` of itself (standard), slowly varying over the depth in m.
+    /// Covariance by a force that is wrong by `share` of itself (standard), slowly varying over the depth in m. The rows are those of one
+    /// component of the force after the other, as many of each, which the derivatives have with these `weights`.
     #[must_use]
-    pub fn systematic(&self, jacobian: &DMatrix<f64>, force_n: &[f64], depth_m: &[f64], share: f64) -> DMatrix<f64> {
+    pub fn systematic(
+        &self,
+        jacobian: &DMatrix<f64>,
+        force_n: &[f64],
+        depth_m: &[f64],
+        share: f64,
+        weights: &[f64],
+    ) -> DMatrix<f64> {
         let (n, k) = jacobian.shape();
         let deepest = depth_m.iter().copied().fold(0.0, f64::max);
         if deepest <= 0.0 {
@@ -123,18 +134,30 @@ impl Uncertainty {
         }
         let peak = force_n.iter().map(|f| f.abs()).fold(0.0, f64::max);
         let uncertain = |f: f64| if f == 0.0 { 0.0 } else { f + FLOOR * peak * f.signum() };
-        let mut binned = DMatrix::<f64>::zeros(k, BINS);
-        for i in 0..n {
-            let bin = ((depth_m[i].max(0.0) / deepest * BINS as f64) as usize).min(BINS - 1);
-            (0..k).for_each(|a| binned[(a, bin)] += jacobian[(i, a)] * uncertain(force_n[i]));
-        }
-        let gain = self.inverse() * binned;
+        let each = n / weights.len().max(1);
+        let binned = |component: usize| {
+            let mut binned = DMatrix::<f64>::zeros(k, BINS);
+            for i in component * each..(component + 1) * each {
+                let bin = ((depth_m[i].max(0.0) / deepest * BINS as f64) as usize).min(BINS - 1);
+                let error = weights[component] * uncertain(force_n[i]);
+                (0..k).for_each(|a| binned[(a, bin)] += jacobian[(i, a)] * error);
+            }
+            binned
+        };
+        let gains: Vec<DMatrix<f64>> = (0..weights.len()).map(|c| self.inverse() * binned(c)).collect();
         let kernel = DMatrix::from_fn(BINS, BINS, |a, b| {
             let apart = (a as f64 - b as f64) / BINS as f64;
             let alike = LENGTHS.map(|length| (-0.5 * (apart / length).powi(2)).exp());
             share * share * alike.iter().sum::<f64>() / LENGTHS.len() as f64
         });
-        &gain * kernel * gain.transpose()
+        let by = |gain: &DMatrix<f64>| gain * &kernel * gain.transpose();
+        match gains.as_slice() {
+            [gain] => by(gain),
+            _ => {
+                let common: DMatrix<f64> = gains.iter().fold(DMatrix::zeros(k, BINS), |sum, gain| sum + gain);
+                gains.iter().fold(by(&common) * COMMON, |sum, gain| sum + by(gain) * (1.0 - COMMON))
+            }
+        }
     }
 
     /// Groups of unknowns that the data can't tell apart: changes of one that those of the others all but undo.
@@ -208,7 +231,7 @@ mod tests {
         let force: Vec<f64> = depth.iter().map(|d| 700.0 * d * d).collect();
         let modulus = 1678.0;
         let jacobian = DMatrix::from_fn(1000, 1, |i, _| force[i] / modulus);
-        let error = Uncertainty::new(&jacobian).systematic(&jacobian, &force, &depth, 0.01)[(0, 0)].sqrt();
+        let error = Uncertainty::new(&jacobian).systematic(&jacobian, &force, &depth, 0.01, &[1.0])[(0, 0)].sqrt();
         // most of the weight lies at the deep end, within which the error varies little
         assert!((0.008..=0.011).contains(&(error / modulus)), "{error}");
     }

@@ -110,7 +110,8 @@ pub struct Verdict {
 
 impl Verdict {
     /// This one, or that of a component of the force if that explains less.
-    fn or_worse(self, other: Self, component: &str) -> Self {
+    #[must_use]
+    pub fn or_worse(self, other: Self, component: &str) -> Self {
         let chi = |v: &Self| v.reduced_chi_square.unwrap_or(0.0);
         if chi(&other) <= chi(&self).max(EXPLAINED) {
             return self;

@@ -21,7 +21,10 @@ pub fn of_instrument(scene: &Scene, top: f64, edge: f64) -> Option<Surface> {
         }
         InstrumentKind::Needle(_) if !has_wall(instrument) => return None,
         // what the tip presses on has the radius of what it will capture
-        InstrumentKind::Needle(needle) => Shape::Punch { radius: needle.capture_radius.get(), edge: 0.0 },
+        InstrumentKind::Needle(needle) if needle.slope() == [0.0; 2] => {
+            Shape::Punch { radius: needle.capture_radius.get(), edge: 0.0 }
+        }
+        InstrumentKind::Needle(needle) => Shape::Shaft { radius: needle.capture_radius.get(), slope: needle.slope() },
     };
     let [x, y] = instrument.entry.map(|m| m.get());
     let friction = match instrument.contact {
@@ -50,7 +53,7 @@ pub fn of_base(scene: &Scene, bottom: f64) -> Option<Surface> {
 pub fn touchable(scene: &Scene) -> u8 {
     let instrument = of_instrument(scene, 0.0, 0.0).map_or(0, |surface| match surface.shape {
         Shape::Plate | Shape::Table => TOP | SIDE,
-        Shape::Punch { .. } | Shape::Ball { .. } => TOP,
+        Shape::Punch { .. } | Shape::Shaft { .. } | Shape::Ball { .. } => TOP,
     });
     let base = of_base(scene, 0.0).map_or(0, |_| BASE | SIDE);
     instrument | base
@@ -60,7 +63,7 @@ pub fn touchable(scene: &Scene) -> u8 {
 /// 0.13 mm of 0.5 mm), and no free node, half a radius away, can have come to the shaft.
 const UNFOLDED: f64 = 0.1;
 
-/// Whether free tissue meets the side wall of a flat indenter, or of an upright kinematic needle before the puncture.
+/// Whether free tissue meets the side wall of a flat indenter, or of a kinematic needle before the puncture.
 #[must_use]
 pub fn has_wall(instrument: &Instrument) -> bool {
     match instrument.kind {
@@ -68,10 +71,7 @@ pub fn has_wall(instrument: &Instrument) -> bool {
             wall_contact || !instrument.is_bonded()
         }
         InstrumentKind::Needle(needle) => {
-            needle.wall_contact
-                && needle.puncture_strain > UNFOLDED
-                && needle.slope() == [0.0; 2]
-                && !instrument.is_frictional()
+            needle.wall_contact && needle.puncture_strain > UNFOLDED && !instrument.is_frictional()
         }
         _ => false,
     }

@@ -10,6 +10,7 @@ mod coarse;
 #[path = "../common/mod.rs"]
 mod common;
 mod contact;
+mod coulomb_ball;
 mod crossings;
 mod deformation_coefficient;
 mod determinism;
@@ -29,6 +30,7 @@ mod mirrored;
 mod needle_capture;
 mod needle_friction;
 mod needle_motion;
+mod needle_oblique;
 mod needle_sideways;
 mod needle_wall;
 mod regions;

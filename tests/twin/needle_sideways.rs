@@ -5,9 +5,9 @@
 //! state of the insertion (`tests/references/needle_sideways.py`). Tissue ahead of the tip is free there.
 #![allow(clippy::unwrap_used)]
 
-use crate::coarse::{alone, travel};
+use crate::coarse::{alone, digits, travel};
 use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Pose, Prediction, StampedPose, Twin};
+use needle_twin::twin::{Health, Pose, Prediction, StampedPose, Twin};
 
 const REFERENCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/references/needle_sideways.csv");
 /// Lateral motion of the test, m, and lean (sine).
@@ -43,14 +43,14 @@ fn with_targets(depth_m: f64, changes: &[(&str, &str)]) -> Twin {
     alone(|| Twin::new(&Scene::from_toml(&text, "test").unwrap().with(&changes).unwrap()).unwrap())
 }
 
-fn targets(twin: &Twin) -> Vec<[f64; 3]> {
+pub fn targets(twin: &Twin) -> Vec<[f64; 3]> {
     let mut places = Vec::new();
     twin.target_positions(&mut places);
     places
 }
 
 /// Waits at a pose until the tissue is at rest.
-fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
+pub fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
     let mut answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
     for _ in 0..2000 {
         if answer.steps == 0 {
@@ -62,7 +62,7 @@ fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
 }
 
 /// Goes to a depth at once, m, and waits.
-fn insert(twin: &mut Twin, depth_m: f64) -> Prediction {
+pub fn insert(twin: &mut Twin, depth_m: f64) -> Prediction {
     travel(twin, 0.0, depth_m, (depth_m / 2e-5).round() as u32);
     let pose = twin.pose_at_depth(depth_m);
     rest(twin, pose)
@@ -217,4 +217,43 @@ fn the_lateral_force_on_the_way_is_that_at_rest() {
     println!("moving {moving:.6} N, at rest {resting_x:.6} N; axial {:.6} N, {:.6} N", last[2], resting[2]);
     assert!((moving / resting_x - 1.0).abs() < 0.02, "{moving} N on the way, {resting_x} N at rest");
     assert!((last[2] / resting[2] - 1.0).abs() < 0.01, "the axial force: {} N, {} N", last[2], resting[2]);
+}
+
+/// Much faster: either the lateral force is still that at rest, or the imbalance says that it isn't.
+#[test]
+fn a_lateral_force_with_inertia_in_it_is_told() {
+    let changes = [("motion.depth_m", "0.0035"), ("discretisation.spacing_m", "0.003")];
+    let changes = [&changes[..], &[("discretisation.edge_refinement", "0.0833")]].concat();
+    for (speed, most_steps) in [(5e-3, "1000"), (5e-2, "1000"), (5e-2, "2")] {
+        let mut twin = needle(&[&changes[..], &[("stepping.max_steps_per_pose", most_steps)]].concat());
+        let start = insert(&mut twin, 3e-3).force_n[0];
+        let mut pose = twin.pose_at_depth(3e-3);
+        let poses = (MOTION / speed * 1e3).round().max(1.0) as u32;
+        let mut last = None;
+        for i in 1..=poses {
+            pose.tip[0] = MOTION * f64::from(i) / f64::from(poses);
+            last = Some(twin.step(StampedPose { time_s: 1e-3 * f64::from(i), pose }).unwrap());
+        }
+        let last = last.unwrap();
+        let resting = rest(&mut twin, pose).force_n[0] - start;
+        let error = (last.force_n[0] - start) / resting - 1.0;
+        let told = last.health.force_imbalance;
+        println!("{speed} m/s, at most {most_steps} steps per pose: {:+.2} %, imbalance {told:.4}", 1e2 * error);
+        assert!(error.abs() < 0.03 || told > Health::MOST_IMBALANCE, "{speed} m/s: {error:+.4}, {told}");
+    }
+}
+
+/// The capture window is a length: by default two layers of this cloud, 0.5 mm apart, and not another where a key says the same.
+#[test]
+fn the_capture_window_is_a_length() {
+    let force = |window: &str| {
+        let keys = [("instrument.capture_radius_m", "0.001"), ("instrument.capture_window_m", window)];
+        let changes = [("motion.depth_m", "0.003"), ("discretisation.spacing_m", "0.003")];
+        let mut twin = needle(&[&keys[..], &changes[..], &[("discretisation.edge_refinement", "0.1667")]].concat());
+        digits(&travel(&mut twin, 0.0, 2e-3, 100))
+    };
+    let own = force("0");
+    println!("{:?}", own.last());
+    let of = ["0.0009", "0.001", "0.0011"].map(|window| force(window) == own);
+    assert_eq!(of, [false, true, false]);
 }

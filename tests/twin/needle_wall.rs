@@ -5,9 +5,8 @@ use crate::coarse::{alone, digits, press, travel};
 use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::{Phase, Twin};
 
-/// Capture radius of the preset, m, and height of its sample.
+/// Capture radius of the preset, m.
 const RADIUS: f64 = 5e-4;
-const HEIGHT: f64 = 0.017;
 const NO_WALL: (&str, &str) = ("instrument.wall_contact", "false");
 /// The surface holds as far as these tests go.
 const TOUGH: (&str, &str) = ("instrument.puncture_strain", "10");
@@ -22,10 +21,16 @@ fn twin(preset: &str, changes: &[(&str, &str)]) -> Twin {
 fn inside(twin: &Twin, depth_m: f64) -> f64 {
     let mut u = Vec::new();
     twin.displacements(&mut u);
+    let pose = twin.pose_at_depth(depth_m);
+    let beside = |p: [f64; 3]| {
+        let v: [f64; 3] = std::array::from_fn(|k| p[k] - pose.tip[k]);
+        let along: f64 = (0..3).map(|k| v[k] * pose.axis[k]).sum();
+        (0..3).map(|k| (v[k] - along * pose.axis[k]).powi(2)).sum::<f64>().sqrt()
+    };
     let within = |(x, u): (&[f64; 3], &[f64; 3])| {
-        let (before, after) = (x[0].hypot(x[1]), (x[0] + u[0]).hypot(x[1] + u[1]));
-        let above = x[2] + u[2] > HEIGHT - depth_m + 1e-6;
-        if before > RADIUS * 1.001 && above { RADIUS - after } else { 0.0 }
+        let now: [f64; 3] = std::array::from_fn(|k| x[k] + u[k]);
+        let above = now[2] > pose.tip[2] + 1e-6;
+        if beside(*x) > RADIUS * 1.001 && above { RADIUS - beside(now) } else { 0.0 }
     };
     twin.reference_points().iter().zip(&u).map(within).fold(0.0, f64::max)
 }
@@ -33,22 +38,40 @@ fn inside(twin: &Twin, depth_m: f64) -> f64 {
 #[test]
 fn tissue_beside_the_shaft_stays_outside_before_the_puncture() {
     // the strain at the edge of the tip grows as the cloud gets finer: the half plane's passes 10 first
-    for (dimension, depth, folded) in
-        [("axisymmetric", 1.1e-3, 5e-5), ("full", 2.1e-3, 1e-4), ("mirrored", 2.1e-3, 1e-4)]
-    {
+    let cases = [
+        ("axisymmetric", "0", 1.1e-3, 5e-5),
+        ("full", "0", 2.1e-3, 1e-4),
+        ("mirrored", "0", 2.1e-3, 1e-4),
+        ("mirrored", "0.3", 2.1e-3, 1e-4),
+        ("full", "0.3", 1.5e-3, 5e-5),
+    ];
+    for (dimension, tilt, depth, folded) in cases {
         let there = |wall: &[(&str, &str)]| {
             let spacing =
                 ("discretisation.edge_refinement", if dimension == "axisymmetric" { "0.0268" } else { "0.11" });
-            let keys = [&[TOUGH, DEPTH, spacing, ("discretisation.dimension", dimension)], wall].concat();
-            let mut twin = twin("needle_insertion", &keys);
+            let own = [spacing, ("discretisation.dimension", dimension), ("instrument.tilt_rad", tilt)];
+            let mut twin = twin("needle_insertion", &[&[TOUGH, DEPTH][..], &own, wall].concat());
             let answers = travel(&mut twin, 0.0, depth, (depth / 2e-5).round() as u32);
             assert!(answers.iter().all(|a| a.phase == Phase::Indentation), "{dimension}: no puncture");
             inside(&twin, depth)
         };
         let (with, without) = (there(&[]), there(&[NO_WALL]));
-        println!("{dimension}: {:.2} um inside with a wall, {:.0} um without", 1e6 * with, 1e6 * without);
+        println!("{dimension}, tilt {tilt}: {:.2} um inside with a wall, {:.0} um without", 1e6 * with, 1e6 * without);
         assert!(with < 1e-7 && without > folded, "{dimension}: {with} m, {without} m");
     }
+}
+
+/// An oblique shaft meets a force that is that of an upright one as the tilt goes to nothing.
+#[test]
+fn the_force_on_a_shaft_goes_to_that_of_an_upright_one() {
+    let force = |tilt: &str| {
+        let keys = [TOUGH, DEPTH, ("discretisation.dimension", "mirrored"), ("instrument.tilt_rad", tilt)];
+        press(&mut twin("needle_insertion", &keys), 1.2e-3).force_n
+    };
+    let (upright, oblique, more) = (force("0"), force("0.02"), force("0.3"));
+    println!("{upright:.6?} N upright, {oblique:.6?} N at 0.02 rad, {more:.6?} N at 0.3 rad");
+    assert!((oblique[2] / upright[2] - 1.0).abs() < 0.01, "{oblique:?} {upright:?}");
+    assert!(oblique[0].abs() < 0.05 * upright[2] && more[0] < -0.05 * upright[2], "{oblique:?} {more:?}");
 }
 
 /// Until the puncture a needle is a flat indenter, whose wall is held to finite elements (`contact.rs`): another cloud, the same force.

@@ -115,7 +115,7 @@ impl Watch {
         let mut warnings = Vec::new();
         if in_contact >= ENOUGH {
             let path = ForcePath::new(rows.time_s.clone(), rows.depth_m.clone(), rows.predicted_n.clone());
-            let reasons = path.and_then(|path| align(&path, rows)).map(|found| found.reasons());
+            let reasons = path.and_then(|path| align(&path, rows, &[])).map(|found| found.reasons());
             warnings.extend(reasons.unwrap_or_default());
         }
         if explains == Explains::No && in_contact >= ENOUGH {

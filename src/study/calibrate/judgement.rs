@@ -30,7 +30,7 @@ pub(super) fn judged(
     let about = Uncertainty::new(&solution.jacobian);
     let noise = about.noise(&solution.jacobian, solution.residuals.as_slice());
     let (force, depth) = problem.all_fitted(&solution.x)?;
-    let systematic = about.systematic(&solution.jacobian, &force, &depth, task.force_error);
+    let systematic = about.systematic(&solution.jacobian, &force, &depth, task.force_error, &problem.weights());
     let names = problem.names();
     let error = |covariance: &DMatrix<f64>, k: usize| {
         Some(covariance[(k, k)].max(0.0).sqrt()).filter(|e| about.is_determined(k) && e.is_finite())
@@ -50,6 +50,8 @@ pub(super) fn judged(
     let correlated = |a, b| correlation(&both, a, b).filter(|_| determined(a, b));
     let group = |g: Vec<usize>| g.into_iter().map(|k| names[k].clone()).collect();
     let rows = problem.rows(&forces, &forces.model_n, &solution.x);
+    let predicted = problem.all_predicted(&solution.x)?.unwrap_or_default();
+    let across = problem.rows_across(&rows, predicted.get(1..).unwrap_or_default());
     let mut calibration = Calibration {
         scene,
         estimates: (0..names.len()).map(estimate).collect(),
@@ -57,7 +59,7 @@ pub(super) fn judged(
         tied: problem.tied(),
         correlation: (0..names.len()).map(|a| (0..names.len()).map(|b| correlated(a, b)).collect()).collect(),
         indistinguishable: about.indistinguishable().into_iter().map(group).collect(),
-        verdict: verdict(&rows, names.len(), task.force_error, &calibration_notes(problem)),
+        verdict: verdict(&rows, &across, names.len(), task.force_error, &calibration_notes(problem)),
         regions: problem.regions().to_vec(),
         forces,
         parts: problem.parts().clone(),
@@ -84,8 +86,12 @@ fn calibration_notes(problem: &Recorded) -> Vec<String> {
     }
 }
 
-fn verdict(rows: &Rows, fitted: usize, force_error: f64, notes: &[String]) -> Verdict {
-    let mut verdict = judge(rows, fitted, force_error);
+/// That on the force along the axis, or on a component across it if that explains less.
+fn verdict(rows: &Rows, across: &[(String, Rows)], fitted: usize, force_error: f64, notes: &[String]) -> Verdict {
+    let along = judge(rows, fitted, force_error);
+    let worse =
+        |so_far: Verdict, (name, rows): &(String, Rows)| so_far.or_worse(judge(rows, fitted, force_error), name);
+    let mut verdict = across.iter().fold(along, worse);
     verdict.reasons.extend(notes.iter().cloned());
     verdict
 }

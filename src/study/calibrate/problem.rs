@@ -5,10 +5,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::paths::{answered, directions, measured_along, path_of, paths_of, run};
+use super::paths::{answered, path_of, paths_of, run};
 use super::tie::{pressures, tied};
 use super::unknown::Sought;
 use super::{CalibrateError, Forces, Parts, Task};
+use crate::compare::components::Component;
 use crate::compare::path::ForcePath;
 use crate::compare::rows::{Rows, at_rest};
 use crate::compare::{Answer, At, Depths, Reading, Run, Watch, least_squares::Problem};
@@ -47,9 +48,9 @@ pub(super) struct Recorded<'a> {
     pub(super) fitted: Vec<usize>,
     /// Time, depth, measured and first predicted force of each row.
     pub(super) forces: Forces,
-    /// Directions across the axis that are fitted as well, and what was measured along each, N.
-    pub(super) directions: Vec<[f64; 3]>,
-    across_n: Vec<Vec<f64>>,
+    /// What was measured across the axis at the rows, and whether the model has it.
+    pub(super) across: Vec<Component>,
+    pub(super) vectors: bool,
     runs: u32,
     /// Keys that take the value of an unknown: the key, and its index.
     tied: Vec<(&'static str, usize)>,
@@ -77,8 +78,8 @@ impl<'a> Recorded<'a> {
             parts: Parts { fitted: 0..0, held_out: None },
             fitted: Vec::new(),
             forces: Forces::default(),
-            directions: Vec::new(),
-            across_n: Vec::new(),
+            across: Vec::new(),
+            vectors: false,
             runs: 0,
             kept: None,
             refused: 0,
@@ -120,9 +121,8 @@ impl<'a> Recorded<'a> {
             ..Forces::default()
         };
         self.fitted = self.parts.fitted.clone().collect();
-        self.directions = directions(first);
         let answers: Vec<&Answer> = rows.iter().map(|(_, a)| *a).collect();
-        self.across_n = self.directions.iter().map(|d| measured_along(&answers, d)).collect();
+        self.take_components(first, &answers);
         self.kept = None;
         Ok(())
     }
@@ -154,11 +154,6 @@ impl<'a> Recorded<'a> {
     /// Poses that the twin refused in the last run.
     pub const fn refused(&self) -> usize {
         self.refused
-    }
-
-    /// Number of residuals: of the fitted rows, along the axis and across it.
-    pub fn residual_count(&self) -> usize {
-        self.fitted.len() * (1 + self.directions.len())
     }
 
     /// Runs of the twin so far.
@@ -235,7 +230,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// What the load cell adds at a time, with the unknowns x.
-    fn added(&self, x: &[f64], time_s: f64) -> f64 {
+    pub(super) fn added(&self, x: &[f64], time_s: f64) -> f64 {
         self.sought.iter().zip(x).map(|(s, value)| value * s.added(time_s)).sum()
     }
 
@@ -268,7 +263,7 @@ impl<'a> Recorded<'a> {
     }
 
     /// The same against the axis, then along each direction across it.
-    fn all_predicted(&mut self, x: &[f64]) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
+    pub(super) fn all_predicted(&mut self, x: &[f64]) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
         if self.relative_to_kept(x).is_none() {
             match self.run_with(x)? {
                 Some(kept) => self.kept = Some(kept),
@@ -282,18 +277,12 @@ impl<'a> Recorded<'a> {
         Ok(self.kept.as_ref().map(|kept| kept.paths.iter().map(all).collect()))
     }
 
-    /// What was measured along the axis less what the load cell adds, then across it, at the fitted rows.
-    fn all_measured(&self, x: &[f64]) -> Vec<f64> {
-        let along = self.fitted.iter().map(|&i| self.forces.measured_n[i] - self.added(x, self.forces.time_s[i]));
-        let across = self.across_n.iter().flat_map(|m| self.fitted.iter().map(|&i| m[i]));
-        along.chain(across).collect()
-    }
-
-    /// The fitted rows of the forces against the axis and across it, N, and their depths, m.
+    /// The fitted rows of the forces against the axis and, where they are fitted, across it, N, and their depths, m.
     pub fn all_fitted(&mut self, x: &[f64]) -> Result<(Vec<f64>, Vec<f64>), CalibrateError> {
-        let all = self.all_predicted(x)?.unwrap_or_default();
-        let force = all.iter().flat_map(|force| self.fitted.iter().map(|&i| force[i])).collect();
-        let depth = all.iter().flat_map(|_| self.fitted.iter().map(|&i| self.forces.depth_m[i])).collect();
+        let mut all = self.all_predicted(x)?.unwrap_or_default();
+        all.truncate(1 + self.across_fitted().len());
+        let force = all.iter().flat_map(|force| self.at_fitted(force)).collect();
+        let depth = all.iter().flat_map(|_| self.at_fitted(&self.forces.depth_m)).collect();
         Ok((force, depth))
     }
 
@@ -307,7 +296,7 @@ impl<'a> Recorded<'a> {
             Err(CalibrateError::Build { .. } | CalibrateError::OutsideTable) => return Ok(None),
             other => other?,
         };
-        let paths = paths_of(&run, &self.directions).filter(|_| run.diverged.is_none() && answered(&run, self.task));
+        let paths = paths_of(&run, &self.across).filter(|_| run.diverged.is_none() && answered(&run, self.task));
         Ok(paths.map(|paths| Kept { x: x.to_vec(), paths, regions: run.regions_over_depth() }))
     }
 
@@ -323,8 +312,8 @@ impl<'a> Recorded<'a> {
             if let Some(kept) = self.run_with(&beside)? {
                 let clock = self.value(x, &Sought::Clock);
                 let times = || self.fitted.iter().map(|&i| self.forces.time_s[i] - clock);
-                let other = kept.paths.iter().flat_map(|path| times().map(|t| path.force_n(t, 0.0)));
-                return Ok(Some(other.zip(force).map(|(a, b)| (a - b) / change).collect()));
+                let other = self.one_column(kept.paths.iter().map(|p| times().map(|t| p.force_n(t, 0.0)).collect()));
+                return Ok(Some(other.iter().zip(force).map(|(a, b)| (a - b) / change).collect()));
             }
         }
         Ok(None)
@@ -336,14 +325,14 @@ impl<'a> Recorded<'a> {
         let clock = self.value(x, &Sought::Clock);
         let times = || self.fitted.iter().map(|&i| self.forces.time_s[i]);
         let each = |of: &dyn Fn(&ForcePath, f64) -> f64| -> Vec<f64> {
-            kept.paths.iter().flat_map(|path| times().map(|t| of(path, t))).collect()
+            self.one_column(kept.paths.iter().map(|path| times().map(|t| of(path, t)).collect()))
         };
         Some(match &self.sought[k] {
             Sought::Key(_) if self.pressures == [k] => force.iter().map(|f| f / x[k]).collect(),
             Sought::Key(_) => return None,
             Sought::Contact => each(&|path, t| -factor * path.stiffness(t - clock, shift)),
             Sought::Clock => each(&|path, t| -factor * path.rate(t - clock, shift)),
-            // across the axis its zero is taken off beforehand
+            // what it adds across the axis is taken off
             added => times().map(|t| added.added(t)).chain(vec![0.0; force.len() - self.fitted.len()]).collect(),
         })
     }
@@ -355,9 +344,10 @@ impl Problem for Recorded<'_> {
     fn residuals(&mut self, x: &[f64]) -> Result<Option<DVector<f64>>, CalibrateError> {
         let Some(force) = self.all_predicted(x)? else { return Ok(None) };
         let along = |i: usize| force[0][i] + self.added(x, self.forces.time_s[i]) - self.forces.measured_n[i];
-        let across = force[1..].iter().zip(&self.across_n);
-        let across = across.flat_map(|(f, m)| self.fitted.iter().map(|&i| f[i] - m[i]));
-        Ok(Some(DVector::from_vec(self.fitted.iter().map(|&i| along(i)).chain(across).collect())))
+        let across = force[1..].iter().zip(self.across_fitted());
+        let across = across.map(|(f, c)| self.fitted.iter().map(|&i| f[i] - c.measured_n[i]).collect());
+        let along: Vec<f64> = self.fitted.iter().map(|&i| along(i)).collect();
+        Ok(Some(DVector::from_vec(self.one_column(std::iter::once(along).chain(across)))))
     }
 
     fn jacobian(&mut self, x: &[f64], r: &DVector<f64>) -> Result<Option<DMatrix<f64>>, CalibrateError> {

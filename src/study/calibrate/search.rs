@@ -129,7 +129,7 @@ pub(super) fn aligned(problem: &mut Recorded, x: &[f64]) -> Result<Option<Alignm
     let zero =
         x[..].iter().zip(&problem.sought).find(|(_, s)| matches!(s, Sought::Zero { .. })).map_or(0.0, |(x, _)| *x);
     let shift = [problem.value(x, &Sought::Contact), clock];
-    Ok(align(path, &rows).map(|mut found| {
+    Ok(align(path, &rows, &problem.beside()).map(|mut found| {
         found.contact_depth_m.value += shift[0];
         found.time_offset_s.value += shift[1];
         found.force_zero_n.value += zero;

@@ -12,12 +12,15 @@ impl Recorded<'_> {
     /// go, a knock) is no part of the model and would pull at every value. Where many are far off the model is wrong, and
     /// nothing is left out.
     pub fn leave_out(&mut self, residuals: &[f64]) -> usize {
-        let residuals = &residuals[..self.fitted.len()]; // those along the axis
-        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
-        sizes.sort_unstable_by(f64::total_cmp);
-        let most = SPIKE * sizes[sizes.len() / 2];
-        let kept: Vec<usize> =
-            self.fitted.iter().zip(residuals).filter(|(_, r)| r.abs() <= most).map(|(i, _)| *i).collect();
+        let components: Vec<&[f64]> = residuals.chunks_exact(self.fitted.len()).collect();
+        let most = |residuals: &&[f64]| {
+            let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+            sizes.sort_unstable_by(f64::total_cmp);
+            SPIKE * sizes[sizes.len() / 2]
+        };
+        let most: Vec<f64> = components.iter().map(most).collect();
+        let near = |row: &usize| components.iter().zip(&most).all(|(r, most)| r[*row].abs() <= *most);
+        let kept: Vec<usize> = (0..self.fitted.len()).filter(near).map(|row| self.fitted[row]).collect();
         let left = self.fitted.len() - kept.len();
         if left as f64 > MOST_LEFT_OUT * self.fitted.len() as f64 {
             return 0;

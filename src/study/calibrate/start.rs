@@ -35,7 +35,7 @@ impl Recorded<'_> {
             _ => Some(0.0),
         };
         let x: Option<Vec<f64>> = self.sought.iter().map(at).collect();
-        let paths = paths_of(first, &self.directions);
+        let paths = paths_of(first, &self.across);
         self.kept = x.zip(paths).filter(|_| answered(first, self.task)).map(|(x, paths)| Kept {
             x,
             paths,

@@ -8,6 +8,8 @@
 //! table      phi = z                                              below it
 //! punch      phi = |(max(a, 0), max(b, 0))| - e                   flat end at z = 0 to R, round edge, wall at r = R + e
 //!            a = r - R, b = e - z
+//! shaft      phi = max(a, b)                                      sharp flat end at z = 0, wall at the distance R from a tilted axis
+//!            a = |x - (x.t) t| - R, b = -z, t = (-s, 1) / |(-s, 1)|
 //! ball       phi = |x - c| - R,  c = (0, 0, max(z, R))            lowest point at z = 0, cylinder above the half ball
 //! ```
 
@@ -25,6 +27,13 @@ pub enum Shape {
         /// e, radius of the edge, m; 0 for a sharp one. Nodes slide round an edge as round as they are apart without a jump of the
         /// force; off a sharp one each falls at once.
         edge: f64,
+    },
+    /// Oblique cylinder, cut flat at its lower end.
+    Shaft {
+        /// R across the axis, m.
+        radius: f64,
+        /// s, lateral way of the axis per metre downward.
+        slope: [f64; 2],
     },
     /// Upright cylinder that ends below in a half ball.
     Ball {
@@ -65,6 +74,17 @@ impl Shape {
                     (false, false) => (a - edge, outward(x, 0.0)),
                 }
             }
+            Self::Shaft { radius, slope } => {
+                let across = |p: &[f64; 3]| across(p, slope);
+                let beside = |p: &[f64; 3]| length(&across(p)) - radius;
+                if -x[2] >= 0.0 || -from[2] >= beside(from) {
+                    // beside the end there is nothing under it
+                    (if beside(x) < 0.0 { -x[2] } else { 0.0 }, DOWN)
+                } else {
+                    let (way, a) = (across(x), beside(x));
+                    (a, way.map(|w| w / (a + radius)))
+                }
+            }
             Self::Ball { radius } => {
                 let height = x[2].max(radius);
                 let distance = (x[2] - height).hypot(x[0]).hypot(x[1]);
@@ -81,6 +101,17 @@ fn outward(p: &[f64; 3], z: f64) -> [f64; 3] {
     if length > 0.0 { [p[0] / length, p[1] / length, z / length] } else { DOWN }
 }
 
+/// From the axis of slope `s` through the origin to a point, on the shortest way.
+fn across(p: &[f64; 3], s: [f64; 2]) -> [f64; 3] {
+    let t = [-s[0], -s[1], 1.0];
+    let along = (p[2] - s[0] * p[0] - s[1] * p[1]) / (1.0 + s[0] * s[0] + s[1] * s[1]);
+    std::array::from_fn(|k| p[k] - along * t[k])
+}
+
+fn length(v: &[f64; 3]) -> f64 {
+    v[0].hypot(v[1]).hypot(v[2])
+}
+
 /// Unit vector of `a` parts outward from the axis and `b` downward.
 fn tilted(p: &[f64; 3], a: f64, b: f64) -> [f64; 3] {
     let (r, length) = (p[0].hypot(p[1]), a.hypot(b));
@@ -91,11 +122,12 @@ fn tilted(p: &[f64; 3], a: f64, b: f64) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    const SHAPES: [Shape; 5] = [
+    const SHAPES: [Shape; 6] = [
         Shape::Plate,
         Shape::Table,
         Shape::Punch { radius: 2.0, edge: 0.0 },
         Shape::Punch { radius: 1.5, edge: 0.5 },
+        Shape::Shaft { radius: 2.0, slope: [0.4, -0.3] },
         Shape::Ball { radius: 2.0 },
     ];
 
@@ -128,6 +160,18 @@ mod tests {
                 }
             }
             assert!(seen > 50, "{shape:?}: {seen}");
+        }
+    }
+
+    #[test]
+    fn a_shaft_that_stands_upright_is_a_sharp_punch() {
+        let (shaft, punch) = (Shape::Shaft { radius: 2.0, slope: [0.0; 2] }, Shape::Punch { radius: 2.0, edge: 0.0 });
+        for (from, x) in points().zip(points().skip(7)).filter(|(from, _)| punch.inside(from, from).is_none()) {
+            let (a, b) = (shaft.inside(&from, &x), punch.inside(&from, &x));
+            assert_eq!(a.is_some(), b.is_some(), "{from:?} {x:?}");
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            assert!((a.depth - b.depth).abs() < 1e-12, "{from:?} {x:?}: {a:?} {b:?}");
+            assert!((0..3).all(|k| (a.normal[k] - b.normal[k]).abs() < 1e-12), "{from:?} {x:?}: {a:?} {b:?}");
         }
     }
 
