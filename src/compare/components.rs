@@ -11,7 +11,6 @@
 //! where the second part is the least error that every force has ([`super::uncertainty`]).
 
 use super::path::ForcePath;
-use super::rows::Rows;
 use super::uncertainty::FLOOR;
 use super::{Answer, Run};
 use crate::scene::{Dimension, Word as _};
@@ -100,16 +99,14 @@ pub fn take_load_cell_off(column: &mut [f64], time_s: &[f64], free: usize) {
     }
 }
 
-/// Readings of a block within which a force is nearly straight.
-const BLOCK: usize = 8;
-
-/// Noise of one reading, N: the median over blocks of the scatter about a straight line.
+/// Noise of one reading, N: the root mean square of third differences, which leave nothing of a force that is smooth over four readings, over
+/// that of white noise, 20^1/2. The hundredth of them that are largest don't count: knocks, and where a motion begins or ends.
 fn noise(readings: &[f64]) -> f64 {
-    let (none, all) = (vec![0.0; readings.len()], (0..readings.len()).collect::<Vec<_>>());
-    let rows = Rows { predicted_n: none, measured_n: readings.to_vec(), ..Rows::default() };
-    let mut scatter: Vec<f64> = all.chunks_exact(BLOCK).map(|block| rows.scatter(block).0).collect();
-    scatter.sort_unstable_by(f64::total_cmp);
-    scatter.get(scatter.len() / 2).copied().unwrap_or(0.0)
+    let third = |w: &[f64]| (w[3] - 3.0 * (w[2] - w[1]) - w[0]).powi(2);
+    let mut squares: Vec<f64> = readings.windows(4).map(third).collect();
+    squares.sort_unstable_by(f64::total_cmp);
+    let counted = squares.len() - squares.len() / 100;
+    (squares[..counted].iter().sum::<f64>() / (20 * counted.max(1)) as f64).sqrt()
 }
 
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {

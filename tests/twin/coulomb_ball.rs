@@ -88,8 +88,8 @@ fn a_rough_ball_drawn_sideways_slips_from_the_rim_inwards() {
         // a node's place tells the circle to about their distance
         for ((x, u), (_, before)) in face(&twin).iter().zip(&before) {
             let (r, slip) = (x[0].hypot(x[1]), 1.0 - (u[0] - before[0]) / way);
-            assert!(r > sticks - 1.5e-4 || slip.abs() < 0.02, "{r} m within {sticks} m: slips by {slip}");
-            assert!(r < sticks + 2.5e-4 || r > radius || slip > 0.02, "{r} m beyond {sticks} m: slips by {slip}");
+            assert!(r > sticks - 1.5e-4 || slip.abs() < 0.03, "{r} m within {sticks} m: slips by {slip}");
+            assert!(r < sticks + 2.5e-4 || r > radius || slip > 0.01, "{r} m beyond {sticks} m: slips by {slip}");
         }
     }
 }

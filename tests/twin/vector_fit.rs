@@ -98,13 +98,13 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
         let expected = (1.1 * weights[0] + 10.0 * weights[1]) / (weights[0] + weights[1]);
         println!("{dimension}: factor {factor:.5}, {expected:.5} expected; {:?}", found.verdict.reasons);
         assert!(expected > 1.105, "the force across the axis has a say: {expected}");
-        assert!((factor - expected).abs() < 0.2 * (expected - 1.1), "{factor} {expected}");
+        assert!((factor - expected).abs() < 0.3 * (expected - 1.1), "{factor} {expected}");
         assert!(found.rejected(), "no modulus explains both");
         assert!(found.verdict.reasons.iter().any(|r| r.contains("x, across the axis")), "{:?}", found.verdict.reasons);
     }
 }
 
-/// The force along the axis gives the product of modulus and coefficient; a way aside tells the modulus, and the load cell's zero, drift and noise
+/// The force along the axis gives little more than the product of modulus and coefficient; a way aside tells the modulus, and the load cell's zero, drift and noise
 /// of each axis are its own.
 #[test]
 fn a_way_aside_tells_modulus_and_coefficient_apart() {
@@ -134,7 +134,7 @@ fn a_way_aside_tells_modulus_and_coefficient_apart() {
         let error = e.standard_error().unwrap_or_else(|| panic!("{:?} {:?}", e.withheld, found.verdict));
         assert!((e.value - truth).abs() < 1.96 * error, "{} ± {error} of {truth}", e.value);
         assert!((e.value / truth - 1.0).abs() < 0.02, "{} of {truth}", e.value);
-        assert!(raw(a) > 3.0 * error, "{} alone, {error} with the components across", raw(a));
+        assert!((a.value / truth - 1.0).abs() > 0.05, "{} along the axis alone", a.value);
     }
 }
 
