@@ -109,7 +109,9 @@ const HALF_PLANE: [(&str, &str); 3] = [
     ("instrument.puncture_strain", "0.2"),
 ];
 
-const HALF: [(&str, &str); 2] = [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.2")];
+// with the wall of an oblique shaft
+const HALF: [(&str, &str); 3] =
+    [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.2"), ("instrument.tilt_rad", "0.2")];
 
 const FRICTIONAL: [(&str, &str); 5] = [
     ("discretisation.dimension", "axisymmetric"),

@@ -74,14 +74,14 @@ const OBLIQUE: [(&str, &str); 4] = [
     ("discretisation.edge_refinement", "0.1"),
 ];
 
-/// The truth along the axis is 1.1, across it 10 of the scene's modulus: least squares over all components take the mean, weighted by
-/// their squares (both without noise, so nearly alike). So it is in the half of a body, too.
+/// The truth along the axis is 1.1, across it 10 of the scene's modulus, with the same noise: least squares over all components take the
+/// mean, weighted by their squares. So it is in the half of a body, too.
 #[test]
 fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
     for dimension in ["full", "mirrored"] {
         let scene = scene("needle_insertion", &[&OBLIQUE[..], &[("discretisation.dimension", dimension)]].concat());
-        let readings: Vec<Reading> = (0..250)
-            .map(|i| Reading { time_s: 0.01 * f64::from(i), at: At::Depth(2e-5 * f64::from(i - 50)) })
+        let readings: Vec<Reading> = (0..1000)
+            .map(|i| Reading { time_s: 2.5e-3 * f64::from(i), at: At::Depth(5e-6 * f64::from(i - 200)) })
             .collect();
         let axis = Twin::new(&scene).unwrap().pose_at_depth(0.0).axis;
         let (mut measured, mut weights) = (Vec::new(), [0.0; 2]);
@@ -92,13 +92,13 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
             weights[1] += across.iter().map(|f| f * f).sum::<f64>();
             measured.push((time_s, std::array::from_fn(|k| 1.1 * along * axis[k] + 10.0 * across[k])));
         }
-        let measured = ForceSeries::new(measured).on_one_clock(true);
+        let measured = read(&measured, [4e-4; 3], [0.0; 3], [0.0; 3]);
         let found = fit(&scene, &readings, &measured, &[MODULUS], LoadCell::Exact);
         let factor = found.estimates[0].value / 1678.0;
         let expected = (1.1 * weights[0] + 10.0 * weights[1]) / (weights[0] + weights[1]);
         println!("{dimension}: factor {factor:.5}, {expected:.5} expected; {:?}", found.verdict.reasons);
         assert!(expected > 1.105, "the force across the axis has a say: {expected}");
-        assert!((factor - expected).abs() < 0.3 * (expected - 1.1), "{factor} {expected}");
+        assert!((factor - expected).abs() < 0.4 * (expected - 1.1), "{factor} {expected}");
         assert!(found.rejected(), "no modulus explains both");
         assert!(found.verdict.reasons.iter().any(|r| r.contains("x, across the axis")), "{:?}", found.verdict.reasons);
     }
@@ -131,7 +131,7 @@ fn a_way_aside_tells_modulus_and_coefficient_apart() {
             raw(a),
             a.withheld
         );
-        let error = e.standard_error().unwrap_or_else(|| panic!("{:?} {:?}", e.withheld, found.verdict));
+        let error = e.standard_error().unwrap();
         assert!((e.value - truth).abs() < 1.96 * error, "{} ± {error} of {truth}", e.value);
         assert!((e.value / truth - 1.0).abs() < 0.02, "{} of {truth}", e.value);
         assert!((a.value / truth - 1.0).abs() > 0.05, "{} along the axis alone", a.value);
