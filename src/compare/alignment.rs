@@ -1,4 +1,5 @@
-//! Alignment of a recording with the model: the depth of first contact, the clock of the force against that of the position, the load cell's zero.
+//! Alignment of a recording with the model: the depth of first contact, the clock of the force against that of the position, the load
+//! cell's zero.
 //!
 //! ```text
 //! F_measured(t) = a F(d(t - tau) - c) + b + w t        c: contact depth, tau: time offset, b: zero, w: drift

@@ -40,8 +40,8 @@ impl Component {
 }
 
 impl Run {
-    /// Components across the instrument's axis at some of the answers, all of which have a measured force; none for a load cell of one axis.
-    /// `force_error` is the relative standard error of the force.
+    /// Components across the instrument's axis at some of the answers, all of which have a measured force; none for a load cell of one
+    /// axis. `force_error` is the relative standard error of the force.
     #[must_use]
     pub fn across(&self, answers: &[&Answer], force_error: f64) -> Vec<Component> {
         if !self.measures_vectors() {
@@ -99,8 +99,8 @@ pub fn take_load_cell_off(column: &mut [f64], time_s: &[f64], free: usize) {
     }
 }
 
-/// Noise of one reading, N: the root mean square of third differences, which leave nothing of a force that is smooth over four readings, over
-/// that of white noise, 20^1/2. The hundredth of them that are largest don't count: knocks, and where a motion begins or ends.
+/// Noise of one reading, N: the root mean square of third differences, which leave nothing of a force that is smooth over four readings,
+/// over that of white noise, 20^1/2. The hundredth of them that are largest don't count: knocks, and where a motion begins or ends.
 fn noise(readings: &[f64]) -> f64 {
     let third = |w: &[f64]| (w[3] - 3.0 * (w[2] - w[1]) - w[0]).powi(2);
     let mut squares: Vec<f64> = readings.windows(4).map(third).collect();

@@ -10,8 +10,8 @@
 //! Residuals of neighbouring readings are correlated, so the first line counts their products as well (Newey and West,
 //! Econometrica 55, 1987; L = 1.3 sqrt(n): Lazarus, Lewis, Stock and Watson, J. Bus. Econ. Stat. 36, 2018); it is never taken
 //! for less than independent residuals would give. The second line is what a force that is wrong by a share s (standard), varying
-//! over the depth d within the lengths a, does to the estimate: no number of readings makes that smaller. Of several components of the force
-//! half of that variance is common to all, half each one's own.
+//! over the depth d within the lengths a, does to the estimate: no number of readings makes that smaller. Of several components of the
+//! force half of that variance is common to all, half each one's own.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 

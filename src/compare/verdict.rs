@@ -12,10 +12,10 @@
 //! share s of itself, varying over the depth (`uncertainty`), and what a load cell's zero may be off and drift by.
 //! The reduced chi-square is r^T V^-1 r over the blocks less what was fitted: near or under 1 where the model explains the measurement.
 //! A force that is wrong by one factor everywhere is one deviation among many blocks there, so each block is judged alone as well: the
-//! mean of r_a^2 / V_aa, zero and drift taken out as far as they are likely, of which 9 (three standard deviations) counts as much as [`EXPLAINED`]. The larger of the two is the figure.
-//! Where the load cell measured a vector, each of its components in frame `sample` is judged so as well, with zero and drift over the whole
-//! force's peak, and the worst of them is the verdict.
-//! Where it is too large, the longest beginning or end of the motion that is explained is looked for.
+//! mean of r_a^2 / V_aa, zero and drift taken out as far as they are likely, of which 9 (three standard deviations) counts as much as
+//! [`EXPLAINED`]. The larger of the two is the figure. Where the load cell measured a vector, each of its components in frame `sample` is
+//! judged so as well, with zero and drift over the whole force's peak, and the worst of them is the verdict. Where it is too large, the
+//! longest beginning or end of the motion that is explained is looked for.
 
 use std::ops::Range;
 

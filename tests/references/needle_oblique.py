@@ -6,8 +6,8 @@ bonded base, in it the cylinder of the capture radius about the path, cut at the
 
     u = C_D (d - z) (s, 0, -1)        z: depth below the top face; d: that of the tip; s: tangent of the tilt
 
-All else is free. Half of the body, quadratic tetrahedra (a cloud of their own, by gmsh), displacements alone at nu = 0.49, conjugate gradients with
-algebraic multigrid. Force, torque about the tip
+All else is free. Half of the body, quadratic tetrahedra (a mesh of their own, by gmsh), displacements alone at nu = 0.49, conjugate
+gradients with algebraic multigrid. Force, torque about the tip
 and displacements are per unit of C_D.
 
     pip install gmsh pyamg scikit-fem scipy; python needle_oblique.py > needle_oblique.csv

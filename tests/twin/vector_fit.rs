@@ -114,8 +114,8 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
     }
 }
 
-/// The force along the axis gives little more than the product of modulus and coefficient; a way aside tells the modulus, and the load cell's zero, drift and noise
-/// of each axis are its own.
+/// The force along the axis gives little more than the product of modulus and coefficient; a way aside tells the modulus, and the load
+/// cell's zero, drift and noise of each axis are its own.
 #[test]
 fn a_way_aside_tells_modulus_and_coefficient_apart() {
     let changes = [("discretisation.spacing_m", "0.004"), ("motion.depth_m", "0.0035")];

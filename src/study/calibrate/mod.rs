@@ -5,9 +5,10 @@
 //! ```
 //!
 //! Where the load cell measured the force as a vector and the model is one in three dimensions, the components across the axis are fitted
-//! beside that along it, each with its own noise, zero and drift (`compare::components`). Every F is a whole run of the twin over the recorded
-//! motion, the same as `replay` makes. Offset and drift are those of the load cell, estimated alongside. So are the depth of the first contact and the clock of the force against that of the position,
-//! where the recording shows that they are off (`compare::alignment`); else they stay as recorded.
+//! beside that along it, each with its own noise, zero and drift (`compare::components`). Every F is a whole run of the twin over the
+//! recorded motion, the same as `replay` makes. Offset and drift are those of the load cell, estimated alongside. So are the depth of the
+//! first contact and the clock of the force against that of the position, where the recording shows that they are off
+//! (`compare::alignment`); else they stay as recorded.
 //!
 //! A model that doesn't explain the readings is rejected, and what the data can't tell has no interval (`judgement`).
 
