@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_depth, surface};
+use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_and_slow, surface};
 use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
@@ -243,8 +243,8 @@ pub(super) fn frictional(
                      kinematic with a mesh",
         });
     };
-    let shaft = shaft.through(scene, needle.diameter.get(), &axis, top, |p| regions::at(scene, top, p));
-    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_depth(scene), reach, cells))))
+    let shaft = shaft.through(scene, needle.diameter.get(), &axis, top, points, |p| regions::at(scene, top, p));
+    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_and_slow(scene), reach, cells))))
 }
 
 /// What holds each node from the start.

@@ -19,7 +19,7 @@ use super::cloned::cloned_field_by_field;
 use super::contact::By;
 use super::inertia::Sums;
 use super::nodes::Rule;
-use super::slide::{Tip, slide};
+use super::slide::{Rate, Tip, slide};
 use super::state::Moving;
 
 /// Share of its distance from the outermost ring that a tied layer's node loses per step.
@@ -69,6 +69,8 @@ pub struct End {
     pub puncture: f64,
     /// Limit once it is broken, N; nothing stops the end then.
     pub beyond: f64,
+    /// How the limits grow with the speed of c_i.
+    pub rate: Rate,
     /// How far a c_i may be behind the mean of all, m.
     pub lag: f64,
 }
@@ -102,6 +104,8 @@ cloned_field_by_field! {
         pub wall: Vec<f64>,
         /// c_i of each ring, m.
         pub end: Vec<f64>,
+        /// c_i at the beginning of the time that [`End::rate`] is of, m.
+        pub began: Vec<f64>,
         /// P of each layer, N, into the body on the tissue.
         pub pull: Vec<f64>,
         /// P_i, N.
@@ -143,6 +147,7 @@ impl Drag {
             at: 0.0,
             wall: vec![0.0; layers],
             end: vec![0.0; rings],
+            began: vec![0.0; rings],
             pull: vec![0.0; layers],
             push: vec![0.0; rings],
             broken: None,
@@ -248,13 +253,24 @@ impl Drag {
                 }
             }
             let [spring, stiff, most] = [end.spring, end.stiff, limit].map(|sum| self.areas[i] * sum);
-            let tip = Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance };
+            let mut tip = Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance };
             let mut force = tip.force(d - slip.end[i] - w);
             if force > most {
                 // where the end has to be for the force to be at its limit
-                let c = (d - w - most * (1.0 / spring + compliance)).min(stop).max(slip.end[i]);
+                let give = 1.0 / spring + compliance;
+                let mut c = d - w - most * give;
+                let fast = end.rate.exponent > 0.0 && c - slip.began[i] > end.rate.slow;
+                if fast {
+                    c = slip.began[i] + end.rate.way(c - slip.began[i], most, 1.0 / give);
+                }
+                let c = c.min(stop).max(slip.end[i]);
+                let stopped = c >= stop;
+                if fast && !stopped {
+                    // the limit at the speed that it has
+                    tip.limit = (d - c - w) / give;
+                }
                 force = tip.force(d - c - w);
-                slip.dissipated += most.min(force) * (c - slip.end[i]);
+                slip.dissipated += if fast && !stopped { force } else { most.min(force) } * (c - slip.end[i]);
                 slip.end[i] = c;
             }
             slip.push[i] = force;

@@ -42,6 +42,7 @@ pub use kernel::{InternalForce, Kernel};
 pub use model::{Model, Workspace};
 pub use pool::Pool;
 pub use settings::{Precision, SolverSettings, VolumeRatio};
+pub use slide::Rate;
 pub use state::{Role, State};
 pub use step::{Advance, Balance};
 pub use surface::{Inside, Shape};

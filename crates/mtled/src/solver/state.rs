@@ -199,7 +199,13 @@ impl State {
     /// The rod's end is at a depth of the material, m, and has broken what was there.
     pub fn place_end(&mut self, depth: f64) {
         self.moving.slip.end.fill(depth);
+        self.moving.slip.began.fill(depth);
         self.moving.slip.broken = None;
+    }
+
+    /// A stretch of time begins, that of the end's [`End::rate`].
+    pub fn begin_cut(&mut self) {
+        self.moving.slip.began.copy_from_slice(&self.moving.slip.end);
     }
 
     /// Another membrane is in the end's way.
@@ -222,6 +228,12 @@ impl State {
     #[must_use]
     pub fn slip(&self) -> &Slip {
         &self.moving.slip
+    }
+
+    /// Internal force on a node after the last step, N: what its holder exerts on the tissue.
+    #[must_use]
+    pub fn internal_force(&self, node: usize) -> [f64; 3] {
+        self.moving.f[node]
     }
 
     /// Mean displacement of a layer of dragged nodes along the rod's axis, m.
