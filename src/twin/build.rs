@@ -227,16 +227,11 @@ pub(super) fn frictional(
     const KEY: &str = "instrument.interaction";
     let instrument = scene.instrument.as_ref();
     let axis = Axis { entry: instrument.map_or([0.0; 2], |i| i.entry.map(|m| m.get())), slope: needle.slope() };
-    if axis.slope != [0.0; 2] {
-        return Err(BuildError::Unsupported {
-            key: KEY,
-            reason: "a frictional needle goes straight down; use kinematic for an oblique one",
-        });
-    }
-    let place = |&n: &u32| (n, top - points[n as usize][2], axis.distance(top, points[n as usize]));
+    let secant = axis.secant();
+    let place = |&n: &u32| (n, secant * (top - points[n as usize][2]), axis.distance(top, points[n as usize]));
     let nodes = held.iter().map(place).filter(|(_, z, _)| *z <= reach * (1.0 + 1e-9)).collect();
     let radius = needle.capture_radius.get();
-    let Some(shaft) = Shaft::new(nodes, layer, radius) else {
+    let Some(shaft) = Shaft::new(nodes, secant * layer, radius) else {
         return Err(BuildError::Unsupported {
             key: KEY,
             reason: "a frictional needle needs layers of nodes along its path, which a cylinder or a box has and a mesh has not; use \

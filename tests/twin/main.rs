@@ -29,6 +29,7 @@ mod mirrored;
 mod needle_capture;
 mod needle_friction;
 mod needle_motion;
+mod needle_oblique;
 mod needle_resistance;
 mod needle_sideways;
 mod needle_wall;

@@ -62,20 +62,21 @@ impl Frictional {
     fn guide(&mut self, layer: usize, grip: Grip, tip: &Tip, solver: &mut Solver) {
         let role = if grip == Grip::Free { Role::Free } else { Role::Dragged };
         let z = self.shaft.depths[layer];
+        let vertical = -self.shaft.axis[2] * z;
         let before = self.progress.grip[layer];
         self.progress.grip[layer] = grip;
         if grip == Grip::Free && before == Grip::Free {
             return;
         }
         if before == Grip::Free {
-            self.progress.beside[layer] = tip.axis_at(z);
+            self.progress.beside[layer] = tip.axis_at(vertical);
         }
         let above = layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
         let (gap, passed) = (z - above, ((self.progress.shoulder - above) / (z - above)).clamp(0.0, 1.0));
         let rigid = passed >= 1.0 - 1e-9;
         let mu = self.shaft.under[layer].shear_modulus;
         let spring = if rigid { f64::INFINITY } else { 2.0 * mu * gap * passed / (1.0 - passed) };
-        let (axis, beside) = (tip.axis_at(z), self.progress.beside[layer]);
+        let (axis, beside) = (tip.axis_at(vertical), self.progress.beside[layer]);
         let to = [axis[0] - beside[0], axis[1] - beside[1], 0.0];
         let size: usize = self.shaft.rings.iter().sum();
         for &n in &self.shaft.nodes[layer * size..(layer + 1) * size] {

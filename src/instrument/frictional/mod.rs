@@ -192,8 +192,8 @@ impl Frictional {
     /// The model with this needle's rod.
     #[must_use]
     pub fn rod(&self, model: Model) -> Model {
-        let Shaft { nodes, rings, .. } = &self.shaft;
-        model.with_rod([0.0, 0.0, -1.0], nodes.clone(), rings, self.areas.clone())
+        let Shaft { nodes, rings, axis, .. } = &self.shaft;
+        model.with_rod(*axis, nodes.clone(), rings, self.areas.clone())
     }
 
     /// Depth at which the needle is in place at first, m.
@@ -212,7 +212,13 @@ impl Frictional {
         p.entered = Some(self.shaft.place(self.start).0);
         solver.drag_from(self.start);
         solver.place_end(self.start);
-        self.hold(&Tip { offset: [0.0, 0.0, -self.start], depth: self.start, slope: [0.0; 2] }, solver);
+        let axis = self.shaft.axis;
+        let tip = Tip {
+            offset: axis.map(|a| self.start * a),
+            depth: self.start,
+            slope: [axis[0] / axis[2], axis[1] / axis[2]],
+        };
+        self.hold(&tip, solver);
     }
 
     /// Says how long the next moves take, each, in s: `None` where that is not known, which counts as slow.
@@ -221,11 +227,11 @@ impl Frictional {
     }
 
     pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
-        let depth = -tip.offset[2];
+        let depth = (0..3).map(|k| tip.offset[k] * self.shaft.axis[k]).sum::<f64>();
         let event = self.advance_front(solver);
         self.progress.tip = self.material_at(depth, solver);
         self.progress.shoulder = self.shoulder(self.progress.tip);
-        if self.progress.tip < 0.0 || depth <= 0.0 {
+        if self.progress.tip < 0.0 || tip.offset[2] >= 0.0 {
             self.release(solver);
             solver.drag_from(depth);
             self.progress.deepest = 0.0;

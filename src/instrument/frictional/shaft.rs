@@ -70,7 +70,7 @@ impl Resistance {
 /// Layers of nodes across the path, all alike, and what lies between them.
 #[derive(Clone, Debug)]
 pub struct Shaft {
-    /// Depth of each layer below the top, m.
+    /// Depth of each layer below the top along the axis, m.
     pub depths: Vec<f64>,
     /// Nodes by layer, each ring by ring from the axis.
     pub nodes: Vec<u32>,
@@ -82,13 +82,15 @@ pub struct Shaft {
     pub under: Vec<Resistance>,
     /// R, m.
     pub radius: f64,
+    /// Unit vector along it, into the tissue.
+    pub axis: [f64; 3],
 }
 
 /// Distances between nodes of one layer, over those between layers.
 const SAME: f64 = 0.25;
 
 impl Shaft {
-    /// From nodes on the path with their depth below the top, m, and distance from the axis, m; `None` if they don't lie in layers that
+    /// From nodes on the path with their depth below the top along the axis, m, and distance from the axis, m; `None` if they don't lie in layers that
     /// are all alike. `spacing`: usual distance between layers, m.
     #[must_use]
     pub fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
@@ -110,7 +112,7 @@ impl Shaft {
         }
         let depths = layers.iter().map(|l| l[0].1).collect();
         let nodes = layers.iter().flatten().map(|(n, ..)| *n).collect();
-        Some(Self { depths, nodes, outward: Vec::new(), rings, under: Vec::new(), radius })
+        Some(Self { depths, nodes, outward: Vec::new(), rings, under: Vec::new(), radius, axis: [0.0, 0.0, -1.0] })
     }
 
     /// With what lies under each layer for a needle of a diameter in m: `region` of a point on the axis.
@@ -124,11 +126,13 @@ impl Shaft {
         points: &[[f64; 3]],
         region: impl Fn([f64; 3]) -> u8,
     ) -> Self {
+        let secant = axis.secant();
+        self.axis = [axis.slope[0], axis.slope[1], -1.0].map(|x| x / secant);
         self.outward = self.nodes.iter().map(|&n| axis.outward(top, points[n as usize])).collect();
         self.under = (0..self.depths.len())
             .map(|k| {
                 let next = self.depths.get(k + 1).copied().unwrap_or(self.depths[k] + 1e-6);
-                let depth = 0.5 * (self.depths[k] + next);
+                let depth = 0.5 * (self.depths[k] + next) / secant;
                 let [x, y] = axis.at(depth);
                 Resistance::of(scene, region([x, y, top - depth]), diameter)
             })

@@ -16,8 +16,7 @@
 //! no inertia. t itself is learnt throughout and not set to the rod's motion: a layer that sticks for a moment would go on with the rod.
 
 use super::cloned::cloned_field_by_field;
-use super::contact::By;
-use super::inertia::Sums;
+use super::aside::{across, along};
 use super::nodes::Rule;
 use super::slide::{Rate, Tip, slide};
 use super::state::Moving;
@@ -178,18 +177,23 @@ impl Drag {
         }
     }
 
-    /// Way of the rod in a step, along z, m.
+    /// Way of the rod in a step, m.
     fn way_of(&self, rule: &Rule) -> f64 {
-        (self.way[1] - self.way[0]) / f64::from(rule.steps) * self.axis[2]
+        (self.way[1] - self.way[0]) / f64::from(rule.steps)
     }
 
-    fn gripped(&self) -> impl Iterator<Item = usize> {
+    /// Way along the rod that the tangent motion has in a step, m.
+    fn drift(&self, rule: &Rule, tangent: &[[f64; 3]; 3]) -> f64 {
+        along(&std::array::from_fn(|k| rule.drift(tangent, k)), &self.axis)
+    }
+
+    pub(super) fn gripped(&self) -> impl Iterator<Item = usize> {
         (0..self.walls.len()).filter(|&l| self.walls[l].grip != Grip::Free)
     }
 
     /// Displacement of a place's node along the axis, m.
     fn along(&self, place: usize, u: &[[f64; 3]]) -> f64 {
-        u[self.nodes[place] as usize][2] / self.axis[2]
+        along(&u[self.nodes[place] as usize], &self.axis)
     }
 
     /// Mean displacement of a layer's outermost ring along the axis, m.
@@ -220,9 +224,9 @@ impl Drag {
         for layer in self.gripped() {
             for p in self.layer(layer) {
                 let n = self.nodes[p] as usize;
-                let drift = if slip.held[p] { self.way_of(rule) } else { rule.drift(&tangent[n], 2) };
-                slip.step[p] = (drift + rule.keep * q[n][2]) / self.axis[2]
-                    - force(&f[n], &self.axis) / (mass[n] * rule.mass_factor);
+                let drift = if slip.held[p] { self.way_of(rule) } else { self.drift(rule, &tangent[n]) };
+                slip.step[p] = drift + rule.keep * along(&q[n], &self.axis)
+                    - along(&f[n], &self.axis) / (mass[n] * rule.mass_factor);
                 slip.load[p] = 0.0;
             }
             if self.walls[layer].grip == Grip::Tied {
@@ -341,7 +345,7 @@ impl Drag {
 
     /// Takes the step, and what velocity is left of it. That of a wall that sticks is damped critically for its spring.
     fn move_on(&self, state: &mut Moving, mass: &[f64], rule: &Rule) {
-        let way = self.way_of(rule);
+        let rod = self.way_of(rule);
         for layer in self.gripped() {
             let sticks = self.sticks(&state.slip, layer);
             let heavy = self.layer(layer).map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor;
@@ -350,52 +354,27 @@ impl Drag {
             let Moving { u, q, tangent, slip, .. } = &mut *state;
             for p in self.layer(layer) {
                 let n = self.nodes[p] as usize;
-                let moved = slip.step[p] * self.axis[2];
-                u[n][2] += moved;
+                let moved = slip.step[p];
+                (0..3).for_each(|k| u[n][k] += moved * self.axis[k]);
                 if self.walls[layer].grip == Grip::Tied {
                     // what the end has bent becomes flat again
-                    u[n][2] += FLATTEN * (flat - self.along(p, u)) * self.axis[2];
+                    let bent = FLATTEN * (flat - self.along(p, u));
+                    (0..3).for_each(|k| u[n][k] += bent * self.axis[k]);
                 }
                 let pushed = !sticks && self.is_pushed(slip, layer, p);
                 slip.held[p] = sticks || pushed;
-                let deviation = moved - rule.drift(&tangent[n], 2);
-                let left = rule.teach(&mut tangent[n], 2, deviation);
-                q[n][2] = match (sticks, pushed) {
-                    (true, _) => keep * (moved - way),
+                let deviation = moved - self.drift(rule, &tangent[n]);
+                let left: [f64; 3] =
+                    std::array::from_fn(|k| rule.teach(&mut tangent[n], k, deviation * self.axis[k]));
+                let left = match (sticks, pushed) {
+                    (true, _) => keep * (moved - rod),
                     // what the end holds would swing past its limit, and stay cut
                     (false, true) => 0.0,
-                    (false, false) => left,
+                    (false, false) => along(&left, &self.axis),
                 };
+                let beside = across(&q[n], &self.axis);
+                q[n] = std::array::from_fn(|k| beside[k] + left * self.axis[k]);
             }
         }
     }
-
-    /// What the dragged nodes contribute to the balance along the axis.
-    pub fn sums(&self, state: &Moving, points: &[[f64; 3]], mass: &[f64], mass_factor: f64) -> Sums {
-        let mut sums = Sums::default();
-        if self.nodes.is_empty() {
-            // no rod: not even the sign of a zero is another
-            return sums;
-        }
-        let Moving { u, q, tangent, f, slip, .. } = state;
-        for layer in self.gripped() {
-            for p in self.layer(layer) {
-                let n = self.nodes[p] as usize;
-                let left = [0.0, 0.0, f[n][2] - slip.load[p] * self.axis[2]];
-                let mut along = tangent[n].map(|t| [0.0, 0.0, t[2]]);
-                if slip.held[p] {
-                    along[2][2] = self.axis[2];
-                }
-                let place = std::array::from_fn(|k| points[n][k] + u[n][k]);
-                sums.add_held(By::Instrument, &place, &self.axis.map(|a| -a * slip.load[p]));
-                sums.add_free(mass[n] * mass_factor, &[0.0, 0.0, q[n][2]], &along, &left);
-            }
-        }
-        sums
-    }
-}
-
-/// Component of a force along the axis, of a node that goes along it.
-fn force(f: &[f64; 3], axis: &[f64; 3]) -> f64 {
-    f[2] * axis[2]
 }

@@ -1,5 +1,6 @@
 //! The explicit step: internal-force kernel, stable step, damping, essential boundary conditions, reactions.
 
+mod aside;
 mod backoff;
 mod block;
 mod cloned;

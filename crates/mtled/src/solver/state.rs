@@ -2,6 +2,7 @@
 
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
+use super::aside::aside;
 use super::drag::{Drag, End, Grip, Slip, Wall};
 use super::inertia::{Motion, Sums};
 use super::kernel::Points;
@@ -153,7 +154,10 @@ impl State {
 
     /// Gives a node another role; an instrument node keeps its displacement until [`State::prescribe`] moves it.
     pub fn set_role(&mut self, node: usize, role: Role) {
-        let u = self.moving.u[node];
+        let u = match role {
+            Role::Dragged => aside(&self.moving.u[node], &self.constraints.drag.axis),
+            _ => self.moving.u[node],
+        };
         self.constraints.role[node] = role;
         self.constraints.path[node] = Path { start: u, end: u, spring: 0.0 };
         self.moving.q[node] = [0.0; 3];
