@@ -12,8 +12,9 @@ const RUBS: &str = "interaction = \"frictional\"\nfriction_n_per_m = 3.0\ncuttin
 
 fn built(needle: &str, dimension: &str, motion: &str) -> Twin {
     let cloud = "spacing_m = 2.5e-3\nedge_refinement = 0.2\n";
-    let scene =
-        format!("{SAMPLE}{needle}[discretisation]\ndimension = \"{dimension}\"\n{cloud}[motion]\n{motion}depth_m = 0.0075\n");
+    let scene = format!(
+        "{SAMPLE}{needle}[discretisation]\ndimension = \"{dimension}\"\n{cloud}[motion]\n{motion}depth_m = 0.0075\n"
+    );
     alone(|| Twin::new(&Scene::from_toml(&scene, "needle.toml").unwrap()).unwrap())
 }
 

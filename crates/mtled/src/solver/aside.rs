@@ -73,10 +73,13 @@ pub(super) fn pull(
     }
 }
 
+/// The same of a node that stands, and the internal force on it.
+pub(super) type Stood<'a> = (&'a [f64; 3], &'a [f64; 3], &'a [[f64; 3]; 3], &'a [f64; 3]);
+
 /// What holds a dragged node across the rod contributes to the balance.
 pub(super) fn sums(
     sums: &mut Sums,
-    (u, q, tangent, f): (&[f64; 3], &[f64; 3], &[[f64; 3]; 3], &[f64; 3]),
+    (u, q, tangent, f): Stood<'_>,
     place: &[f64; 3],
     mass: f64,
     held: &Held<'_>,

@@ -15,8 +15,8 @@
 //! while it sticks and relative to its tangent motion t d while it slips, so that neither beginning is a push, and the trial force holds
 //! no inertia. t itself is learnt throughout and not set to the rod's motion: a layer that sticks for a moment would go on with the rod.
 
-use super::cloned::cloned_field_by_field;
 use super::aside::{across, along};
+use super::cloned::cloned_field_by_field;
 use super::nodes::Rule;
 use super::slide::{Rate, Tip, slide};
 use super::state::Moving;
@@ -364,8 +364,7 @@ impl Drag {
                 let pushed = !sticks && self.is_pushed(slip, layer, p);
                 slip.held[p] = sticks || pushed;
                 let deviation = moved - self.drift(rule, &tangent[n]);
-                let left: [f64; 3] =
-                    std::array::from_fn(|k| rule.teach(&mut tangent[n], k, deviation * self.axis[k]));
+                let left: [f64; 3] = std::array::from_fn(|k| rule.teach(&mut tangent[n], k, deviation * self.axis[k]));
                 let left = match (sticks, pushed) {
                     (true, _) => keep * (moved - rod),
                     // what the end holds would swing past its limit, and stay cut

@@ -1,8 +1,8 @@
 //! What changes from step to step, and what holds the nodes. Copied in one line, by `clone_from`, with no allocation.
 
+use super::aside::aside;
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
-use super::aside::aside;
 use super::drag::{Drag, End, Grip, Slip, Wall};
 use super::inertia::{Motion, Sums};
 use super::kernel::Points;
