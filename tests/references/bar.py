@@ -1,11 +1,13 @@
-"""A second needle in layers in one dimension, to try on what was chosen with rod.py: another tissue, another friction, another way to solve.
+"""A second needle in layers in one dimension, to try on what was chosen with rod.py: another tissue, another friction, another way to
+solve.
 
 Tissue along the path: springs to the ground that stiffen, layers that shear each other, and dashpots beside both (Kelvin and Voigt),
 
     k u (1 + (u/a)^2) + c u' - (g u_z)_z = q + P delta(z - z_c)      marched in time, implicitly, by reweighted least squares
 
 q: friction f(z) s / sqrt(s^2 + s_0^2) of the velocity s of the needle past the tissue: no stick, no memory. P: a spring that the tip pushes
-through; beyond the cutting force the tip goes on by what the spring gives back, and at a membrane not until the puncture force. Cutting forces
+through; beyond the cutting force the tip goes on by what the spring gives back, and at a membrane not until the puncture force. Cutting
+forces
 vary along the way by 3 % (a random walk with a memory of 0.1 mm), as those of real tissue do.
 
     pip install numpy scipy

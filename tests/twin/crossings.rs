@@ -35,7 +35,8 @@ fn read(force: impl Fn(f64) -> f64, depths: impl Iterator<Item = f64>, noise_n: 
     depths.enumerate().filter_map(&mut take).collect()
 }
 
-/// Delays of what was seen, s, ascending; how many membranes there were; how many were said where there is none: of ten insertions into each
+/// Delays of what was seen, s, ascending; how many membranes there were; how many were said where there is none: of ten insertions into
+/// each
 /// tissue.
 fn seen(file: &str, noise_n: f64) -> (Vec<f64>, usize, usize) {
     let (mut delays, mut crossed, mut wrong) = (Vec::new(), 0, 0);
@@ -87,7 +88,8 @@ fn membranes_are_seen_within_20_ms_and_two_of_200_insertions_have_one_too_many()
     }
 }
 
-/// Tissues by another author, which nothing was chosen on (`tests/references/bar.py many`): forces that creep, cutting that varies along the
+/// Tissues by another author, which nothing was chosen on (`tests/references/bar.py many`): forces that creep, cutting that varies along
+/// the
 /// way, layers without a membrane.
 #[test]
 fn of_tissues_that_nothing_was_chosen_on_the_membranes_are_seen() {

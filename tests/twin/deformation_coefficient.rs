@@ -60,7 +60,8 @@ fn at_rest(twin: &mut Twin, depth: f64) -> f64 {
     (0..500).map(|_| at_depth(twin, depth)).find(|answer| answer.steps == 0).unwrap().force_n[2]
 }
 
-/// In place, 8 mm deep, and moved by 10 um: in, where the face of the tip pushes, endless friction is the kinematic rule with coefficient 1 but
+/// In place, 8 mm deep, and moved by 10 um: in, where the face of the tip pushes, endless friction is the kinematic rule with
+/// coefficient 1 but
 /// for the spring of sticking (the kinematic needle comes to its depth with coefficient 0 and is moved out with 1; its capture window, in
 /// which tissue ahead of the tip is pinned, is next to nothing). Out, the face does not pull, and the force is smaller by that.
 #[test]

@@ -65,7 +65,8 @@ fn a_double_insertion_gives_friction_cutting_puncture_and_depth_of_three_layers(
 /// Upper boundary m, friction N/m.
 const OTHER: [[f64; 2]; 3] = [[0.0, 4.0], [0.0022, 8.0], [0.0059, 2.5]];
 
-/// A tissue, a friction and a solution by another author, written once the way to read them had been chosen (`tests/references/bar.py double`).
+/// A tissue, a friction and a solution by another author, written once the way to read them had been chosen (`tests/references/bar.py
+/// double`).
 /// Friction and depths come out. Its membranes are pushed deeper before they break than the next layer lies, which mixes up whose drop it
 /// was: of puncture and cutting forces only those of the last layer are right (`docs/lab/double_insertion.md`).
 #[test]

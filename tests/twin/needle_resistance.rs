@@ -48,7 +48,8 @@ fn friction_grows_with_the_pressure_on_the_shaft() {
 
 const FINE: &str = "spacing_m = 2.33e-3\nedge_refinement = 0.11\ngrowth = 0.3\n";
 
-/// A needle from 6 mm on three millimetres in at a speed in m/s: force along the axis, N, and depth to which it has cut, m, at each tenth of
+/// A needle from 6 mm on three millimetres in at a speed in m/s: force along the axis, N, and depth to which it has cut, m, at each
+/// tenth of
 /// the way.
 fn cuts(rate: &str, speed: f64, poses: u32) -> Vec<[f64; 2]> {
     let needle = format!("diameter_m = 0.001\ncapture_radius_m = 0.0005\ncutting_force_n = 0.003\n{rate}");

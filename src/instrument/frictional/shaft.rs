@@ -90,7 +90,8 @@ pub struct Shaft {
 const SAME: f64 = 0.25;
 
 impl Shaft {
-    /// From nodes on the path with their depth below the top along the axis, m, and distance from the axis, m; `None` if they don't lie in layers that
+    /// From nodes on the path with their depth below the top along the axis, m, and distance from the axis, m; `None` if they don't lie
+    /// in layers that
     /// are all alike. `spacing`: usual distance between layers, m.
     #[must_use]
     pub fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {

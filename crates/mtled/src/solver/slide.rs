@@ -45,7 +45,8 @@ const FOUND: f64 = 1e-12;
 const TRIES: u32 = 50;
 
 impl Rate {
-    /// The way x of what cuts, m, where its push P is at the limit; P is l at the way `constant` > v_0 t, and falls with `stiffness` in N/m.
+    /// The way x of what cuts, m, where its push P is at the limit; P is l at the way `constant` > v_0 t, and falls with `stiffness` in
+    /// N/m.
     /// With y = x / (v_0 t): P / l = most - fall y = y^n. The right side is concave, so Newton's steps from y = 1 come to the root from
     /// below.
     pub fn way(&self, constant: f64, limit: f64, stiffness: f64) -> f64 {
