@@ -113,12 +113,14 @@ const HALF_PLANE: [(&str, &str); 3] = [
 const HALF: [(&str, &str); 3] =
     [("discretisation.dimension", "mirrored"), ("instrument.puncture_strain", "0.2"), ("instrument.tilt_rad", "0.2")];
 
-const FRICTIONAL: [(&str, &str); 5] = [
+const FRICTIONAL: [(&str, &str); 7] = [
     ("discretisation.dimension", "axisymmetric"),
     ("instrument.interaction", "frictional"),
     ("instrument.friction_n_per_m", "3"),
     ("instrument.cutting_force_n", "0.003"),
     ("instrument.puncture_force_n", "0.006"),
+    ("instrument.shaft_friction_coefficient", "0.2"),
+    ("instrument.cutting_rate_exponent", "0.3"),
 ];
 
 /// What a state has: 20 vectors, what surfaces do, and a few numbers per node; per point a deformation gradient in single precision, and

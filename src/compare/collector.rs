@@ -3,7 +3,6 @@
 use crate::scene::Word as _;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::crossing::Crossings;
 use super::{Answer, FinalState, Occurrence, Run, Snapshot, TargetRow};
 use crate::twin::{Health, Prediction, Twin};
 
@@ -37,8 +36,6 @@ pub struct Collector {
     /// Largest |force on the instrument|, N.
     peak_n: f64,
     first_time_s: Option<f64>,
-    /// Of a needle.
-    crossings: Option<Crossings>,
     snapshot_interval_s: f64,
     refused: u64,
     first_refusal: String,
@@ -76,7 +73,6 @@ impl Collector {
             imbalance_n: 0.0,
             peak_n: 0.0,
             first_time_s: None,
-            crossings: scene.instrument.and_then(|i| i.needle_diameter_m()).map(Crossings::new),
             snapshot_interval_s: keep
                 .save_every_s
                 .unwrap_or_else(|| keep.duration_s.map_or(FIRST_INTERVAL_S, |duration| duration / SNAPSHOTS)),
@@ -110,9 +106,6 @@ impl Collector {
             latency_s,
         };
         self.run.answers.push(answer);
-        if let (Some(crossings), Some(force)) = (&mut self.crossings, answer.measured_n) {
-            self.run.crossings.extend(crossings.take(time_s, answer.depth_m, force));
-        }
         self.note_events(twin, time_s, axis);
         self.run.coefficients.extend(twin.deformation_coefficient().map(|c| [time_s, answer.depth_m, c]));
         self.run.steps += u64::from(prediction.steps);

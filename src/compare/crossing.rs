@@ -17,6 +17,8 @@ use std::collections::VecDeque;
 
 use nalgebra::Vector4;
 
+use super::Run;
+
 /// False alarms per insertion that are allowed.
 const FALSE_ALARMS: f64 = 0.01;
 /// Readings of an insertion that this is meant for, 10 s at 1 kHz, times a quarter of the window's places for a drop, were all of them
@@ -55,6 +57,15 @@ struct Reading {
     /// Orthonormal parts of the smooth force, parabola and bend, and what they leave of the force, N.
     part: Vector4<f64>,
     left_n: f64,
+}
+
+/// Drops of the force that was measured in a run of a needle.
+#[must_use]
+pub fn in_run(run: &Run) -> Vec<Crossing> {
+    let Some(diameter_m) = run.instrument.and_then(|i| i.needle_diameter_m()) else { return Vec::new() };
+    let mut crossings = Crossings::new(diameter_m);
+    let measured = run.answers.iter().filter_map(|a| Some((a, a.measured_n?)));
+    measured.filter_map(|(a, force_n)| crossings.take(a.time_s, a.depth_m, force_n)).collect()
 }
 
 /// Readings from the k-th last on differ.

@@ -153,8 +153,6 @@ pub struct Run {
     pub answers: Vec<Answer>,
     /// What happened to the tissue, in its order.
     pub events: Vec<Occurrence>,
-    /// Membranes that the measured force alone says have broken.
-    pub crossings: Vec<crossing::Crossing>,
     /// Deformation coefficient of a needle with friction: time, s since the first pose; depth, m; tissue travel over needle travel.
     pub coefficients: Vec<[f64; 3]>,
     /// Names of the targets.

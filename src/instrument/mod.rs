@@ -9,7 +9,7 @@ mod puncture;
 pub mod reading;
 pub mod surface;
 
-pub use frictional::{Frictional, Resistance, Shaft, start_depth};
+pub use frictional::{Frictional, Resistance, Shaft, start_and_slow};
 pub use needle::{Insertion, NeedlePath};
 pub use phase::{Event, Phase};
 pub use press::Press;

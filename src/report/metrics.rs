@@ -1,7 +1,7 @@
 //! `metrics.json`: the figures of merit of a run, for programs.
 
 use crate::compare::alignment::{Alignment, Found};
-use crate::compare::crossing::Crossing;
+use crate::compare::crossing::{self, Crossing};
 use crate::compare::ensemble::assimilate::{Forecast, HORIZON_S};
 use crate::compare::ensemble::{Band, Ensemble, Spread};
 use crate::compare::{ForceMetrics, Occurrence, Run, Verdict};
@@ -165,7 +165,7 @@ fn measured_events(run: &Run) -> Value {
             "force_after_n": c.force_after_n,
         })
     };
-    run.crossings.iter().map(event).collect()
+    crossing::in_run(run).iter().map(event).collect()
 }
 
 /// What members say; only of runs that have some.

@@ -2,12 +2,12 @@
 
 use super::section::{Scope, Section, choice, section};
 use super::values::Values;
-use super::{Key, Metres, Radians, Range, SceneError};
+use super::{Key, Metres, MetresPerSecond, Radians, Range, SceneError};
 
 const LENGTH: Range = Range::above(0.0, 10.0);
 /// Coefficients of friction; from about 10 on hardly anything slides.
 pub(super) const FRICTION: Range = Range::closed(0.0, 100.0);
-const SHARE: Range = Range::closed(0.0, 1.0);
+pub(super) const SHARE: Range = Range::closed(0.0, 1.0);
 const WALL: Key = Key::boolean("instrument.wall_contact").or("true");
 /// What a plate or an indenter has, and a needle doesn't.
 const PRESSING: [&str; 2] = ["plate", "indenter"];
@@ -117,10 +117,23 @@ choice! {
         "frictional" => Frictional {
             /// Largest friction per length of shaft in what lies in no region; a material has its own.
             friction: f64 = Key::real("instrument.friction_n_per_m", PER_LENGTH, "N/m").or("0.0"),
+            /// Friction over the normal pressure of the tissue on the shaft, added to the friction per length: mu 2 pi R p more per
+            /// length in
+            /// what lies in no region; a material has its own (`friction_coefficient`).
+            shaft_friction_coefficient: f64 =
+                Key::real("instrument.shaft_friction_coefficient", FRICTION, "").or("0.0"),
             /// Force of the tip at which it advances through what lies in no region; a material has its own.
             cutting_force: f64 = Key::real("instrument.cutting_force_n", FORCE, "N").or("0.0"),
             /// Force of the tip at which it enters what lies in no region; 0: no membrane.
             puncture_force: f64 = Key::real("instrument.puncture_force_n", FORCE, "N").or("0.0"),
+            /// n: from the reference speed v_0 on the cutting force is (v / v_0)^n times as large, v being the speed with which the tip
+            /// cuts;
+            /// in what lies in no region. 0: the same at any speed; 0.5 for a gelatine gel of 10 % (Forte and others 2015).
+            cutting_rate_exponent: f64 = Key::real("instrument.cutting_rate_exponent", SHARE, "").or("0.0"),
+            /// v_0: up to this speed of the tip the cutting force is the same, in all materials. 10 mm/min by default (Forte and others
+            /// 2015).
+            cutting_rate_reference: MetresPerSecond =
+                Key::real("instrument.cutting_rate_reference_m_per_s", Range::above(0.0, 100.0), "m/s").or("1.6667e-4"),
         },
     }
 }

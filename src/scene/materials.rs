@@ -1,6 +1,6 @@
 //! `[materials.NAME]`: further materials, for regions.
 
-use super::instrument::{FORCE, PER_LENGTH};
+use super::instrument::{FORCE, FRICTION, PER_LENGTH, SHARE};
 use super::section::{Scope, Section, read, section, write};
 use super::values::Values;
 use super::{Key, Material, SceneError};
@@ -24,10 +24,14 @@ section! {
     pub struct Pierced => {
         /// Largest friction per length of a frictional needle's shaft in the material.
         friction: f64 = Key::real("materials.friction_n_per_m", PER_LENGTH, "N/m").or("0.0"),
+        /// Friction over the normal pressure of the tissue on a frictional needle's shaft, added to the friction per length.
+        friction_coefficient: f64 = Key::real("materials.friction_coefficient", FRICTION, "").or("0.0"),
         /// Force of a frictional needle's tip at which it advances through the material.
         cutting_force: f64 = Key::real("materials.cutting_force_n", FORCE, "N").or("0.0"),
         /// Force of a frictional needle's tip at which it enters the material; 0: no membrane.
         puncture_force: f64 = Key::real("materials.puncture_force_n", FORCE, "N").or("0.0"),
+        /// Exponent of the speed in the cutting force, as `instrument.cutting_rate_exponent`.
+        cutting_rate_exponent: f64 = Key::real("materials.cutting_rate_exponent", SHARE, "").or("0.0"),
         /// Fracture toughness: where no cutting force is given, it is the toughness times the needle's diameter.
         fracture_toughness: f64 = Key::real("materials.fracture_toughness_j_per_m2", FORCE, "J/m2").or("0.0"),
     }

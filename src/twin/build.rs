@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_depth, surface};
+use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_and_slow, surface};
 use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Integration, Method, Needle, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
@@ -234,24 +234,19 @@ pub(super) fn frictional(
     const KEY: &str = "instrument.interaction";
     let instrument = scene.instrument.as_ref();
     let axis = Axis { entry: instrument.map_or([0.0; 2], |i| i.entry.map(|m| m.get())), slope: needle.slope() };
-    if axis.slope != [0.0; 2] {
-        return Err(BuildError::Unsupported {
-            key: KEY,
-            reason: "a frictional needle goes straight down; use kinematic for an oblique one",
-        });
-    }
-    let place = |&n: &u32| (n, top - points[n as usize][2], axis.distance(top, points[n as usize]));
+    let secant = axis.secant();
+    let place = |&n: &u32| (n, secant * (top - points[n as usize][2]), axis.distance(top, points[n as usize]));
     let nodes = held.iter().map(place).filter(|(_, z, _)| *z <= reach * (1.0 + 1e-9)).collect();
     let radius = needle.capture_radius.get();
-    let Some(shaft) = Shaft::new(nodes, layer, radius) else {
+    let Some(shaft) = Shaft::new(nodes, secant * layer, radius) else {
         return Err(BuildError::Unsupported {
             key: KEY,
             reason: "a frictional needle needs layers of nodes along its path, which a cylinder or a box has and a mesh has not; use \
                      kinematic with a mesh",
         });
     };
-    let shaft = shaft.through(scene, needle.diameter.get(), &axis, top, |p| regions::at(scene, top, p));
-    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_depth(scene), reach, cells))))
+    let shaft = shaft.through(scene, needle.diameter.get(), &axis, top, points, |p| regions::at(scene, top, p));
+    Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_and_slow(scene), reach, cells))))
 }
 
 /// What holds each node from the start.

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use crate::instrument::Tip;
 use crate::instrument::reading::not_a_place;
+use crate::instrument::{Contact, Tip};
 use crate::scene::Dimension;
 use mtled::solver::Balance;
 
@@ -58,7 +58,11 @@ impl Twin {
     fn walk(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
         let mut steps = 0_u32;
         self.happened.begin();
-        for between in self.way(&tip).places() {
+        let way = self.way(&tip);
+        if let Some(Contact::Frictional(needle)) = &mut self.contact {
+            needle.elapse(self.progress.seen_s.map(|seen_s| (pose.time_s - seen_s) / way.moves()));
+        }
+        for between in way.places() {
             steps = steps.saturating_add(self.go(pose, between)?.steps);
         }
         let last = self.go(pose, tip)?;
@@ -72,6 +76,7 @@ impl Twin {
         let mut taken = 0;
         let mut advanced = None;
         if let Some(contact) = &mut self.contact {
+            self.solver.begin_cut();
             let (now, event) = contact.impose(&tip, &mut self.solver);
             phase = now;
             self.note(event, &tip, phase);

@@ -30,6 +30,11 @@ pub(super) struct Way {
 }
 
 impl Way {
+    /// How many moves it is made in.
+    pub fn moves(&self) -> f64 {
+        f64::from(self.strides.max(1))
+    }
+
     /// The places on the way, without the one at which the tip is in the end.
     pub fn places(self) -> impl Iterator<Item = Tip> {
         let [from, to] = self.ends;

@@ -12,9 +12,8 @@ const SPEED: f64 = 5e-3;
 const STEP: f64 = 1e-5;
 
 /// Depths of the crossings, and force every 10 um, of each tissue.
-fn tissues() -> Vec<(Vec<f64>, Vec<f64>)> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/references/rod_many.csv");
-    let text = std::fs::read_to_string(path).unwrap();
+fn tissues(file: &str) -> Vec<(Vec<f64>, Vec<f64>)> {
+    let text = std::fs::read_to_string(format!("{}/tests/references/{file}", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
     let column = |c: usize| {
         let mut truth: Vec<f64> = rows[..3].iter().filter_map(|r| r[c].parse().ok()).collect();
@@ -36,43 +35,67 @@ fn read(force: impl Fn(f64) -> f64, depths: impl Iterator<Item = f64>, noise_n: 
     depths.enumerate().filter_map(&mut take).collect()
 }
 
+/// Delays of what was seen, s, ascending; how many membranes there were; how many were said where there is none: of ten insertions into
+/// each
+/// tissue.
+fn seen(file: &str, noise_n: f64) -> (Vec<f64>, usize, usize) {
+    let (mut delays, mut crossed, mut wrong) = (Vec::new(), 0, 0);
+    for (c, (truth, forces)) in tissues(file).into_iter().enumerate() {
+        let force = |d: f64| {
+            let (k, w) = ((d / STEP) as usize, d / STEP % 1.0);
+            forces[k] + w * (forces[(k + 1).min(forces.len() - 1)] - forces[k])
+        };
+        for seed in 0..10 {
+            let depths = (0..1999).map(|i| SPEED * 1e-3 * f64::from(i));
+            let found = read(force, depths, noise_n, 100 * c as u64 + seed);
+            let is = |z: f64, f: &Crossing| (f.depth_m - z).abs() < 1e-4 && f.seen_s - (z - STEP) / SPEED < 0.1;
+            crossed += truth.len();
+            delays.extend(truth.iter().filter_map(|&z| {
+                let seen = found.iter().find(|f| is(z, f))?;
+                Some(seen.seen_s - (z - STEP) / SPEED)
+            }));
+            wrong += found.iter().filter(|f| !truth.iter().any(|&z| is(z, f))).count();
+        }
+    }
+    delays.sort_by(f64::total_cmp);
+    (delays, crossed, wrong)
+}
+
+/// As a row of the table: how many were seen within 20 ms, too.
+fn row(noise_n: f64, (delays, crossed, wrong): &(Vec<f64>, usize, usize)) -> usize {
+    let soon = delays.iter().filter(|d| **d <= 0.02).count();
+    let at = |share: f64| 1e3 * delays[((delays.len() - 1) as f64 * share) as usize];
+    println!(
+        "{:.1} mN | {crossed} | {} | {:.1} % | {:.0}, {:.0}, {:.0} | {wrong}",
+        1e3 * noise_n,
+        delays.len(),
+        100.0 * soon as f64 / *crossed as f64,
+        at(0.5),
+        at(0.95),
+        at(1.0)
+    );
+    soon
+}
+
 #[test]
 fn membranes_are_seen_within_20_ms_and_two_of_200_insertions_have_one_too_many() {
     println!("noise | crossings | seen | within 20 ms | median, 95 %, longest ms | false in 200");
     // the load cell's own noise, 2.5 and 5 times that
     for (noise, least) in [(4e-4, 0.99), (1e-3, 0.93), (2e-3, 0.6)] {
-        let (mut delays, mut crossed, mut wrong) = (Vec::new(), 0, 0);
-        for (c, (truth, forces)) in tissues().into_iter().enumerate() {
-            let force = |d: f64| {
-                let (k, w) = ((d / STEP) as usize, d / STEP % 1.0);
-                forces[k] + w * (forces[(k + 1).min(forces.len() - 1)] - forces[k])
-            };
-            for seed in 0..10 {
-                let depths = (0..1999).map(|i| SPEED * 1e-3 * f64::from(i));
-                let found = read(force, depths, noise, 100 * c as u64 + seed);
-                let is = |z: f64, f: &Crossing| (f.depth_m - z).abs() < 1e-4 && f.seen_s - (z - STEP) / SPEED < 0.1;
-                crossed += truth.len();
-                delays.extend(truth.iter().filter_map(|&z| {
-                    let seen = found.iter().find(|f| is(z, f))?;
-                    Some(seen.seen_s - (z - STEP) / SPEED)
-                }));
-                wrong += found.iter().filter(|f| !truth.iter().any(|&z| is(z, f))).count();
-            }
-        }
-        delays.sort_by(f64::total_cmp);
-        let soon = delays.iter().filter(|d| **d <= 0.02).count();
-        let at = |share: f64| 1e3 * delays[((delays.len() - 1) as f64 * share) as usize];
-        println!(
-            "{:.1} mN | {crossed} | {} | {:.1} % | {:.0}, {:.0}, {:.0} | {wrong}",
-            1e3 * noise,
-            delays.len(),
-            100.0 * soon as f64 / crossed as f64,
-            at(0.5),
-            at(0.95),
-            at(1.0)
-        );
+        let seen = seen("rod_many.csv", noise);
+        let (soon, crossed, wrong) = (row(noise, &seen), seen.1, seen.2);
         assert!(soon as f64 >= least * crossed as f64 && wrong <= 2, "{noise}: {soon} of {crossed}, {wrong} false");
     }
+}
+
+/// Tissues by another author, which nothing was chosen on (`tests/references/bar.py many`): forces that creep, cutting that varies along
+/// the
+/// way, layers without a membrane.
+#[test]
+fn of_tissues_that_nothing_was_chosen_on_the_membranes_are_seen() {
+    let seen = seen("bar_many.csv", 4e-4);
+    row(4e-4, &seen);
+    assert!(seen.0.len() as f64 >= 0.9 * seen.1 as f64, "{} of {}", seen.0.len(), seen.1);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The deformation coefficient of a needle with friction: tissue travel over needle travel, a result where the kinematic needle has a key.
 #![allow(clippy::unwrap_used)]
 
-use crate::coarse::{alone, travel};
+use crate::coarse::{alone, at_depth, travel};
 use needle_twin::scene::Scene;
 use needle_twin::twin::Twin;
 
@@ -53,4 +53,36 @@ fn endless_friction_without_cutting_takes_along_all_that_the_shaft_has_come_to()
     let [a, b] = ["100.0", "1000.0"].map(run);
     assert!((a.0 / b.0 - 1.0).abs() < 1e-3, "{a:?} {b:?}");
     assert!((b.1 - 1.0).abs() < 0.05, "{b:?}");
+}
+
+/// The force on the needle once nothing is left to be done at a depth, N.
+fn at_rest(twin: &mut Twin, depth: f64) -> f64 {
+    (0..500).map(|_| at_depth(twin, depth)).find(|answer| answer.steps == 0).unwrap().force_n[2]
+}
+
+/// In place, 8 mm deep, and moved by 10 um: in, where the face of the tip pushes, endless friction is the kinematic rule with
+/// coefficient 1 but
+/// for the spring of sticking (the kinematic needle comes to its depth with coefficient 0 and is moved out with 1; its capture window, in
+/// which tissue ahead of the tip is pinned, is next to nothing). Out, the face does not pull, and the force is smaller by that.
+#[test]
+fn endless_friction_in_place_is_the_kinematic_rule_with_coefficient_1() {
+    let way = 1e-5;
+    let mut moved = [1.0, -1.0].map(|side| {
+        let keys = "interaction = \"frictional\"\nfriction_n_per_m = 1e4\ncutting_force_n = 10.0\n[motion]\nstart_depth_m = \
+             0.008\ndepth_m = 0.01\n";
+        let mut twin = built(keys);
+        travel(&mut twin, 8e-3, 8e-3 + side * way, 20);
+        side * at_rest(&mut twin, 8e-3 + side * way)
+    });
+    let mut kinematic = built(
+        "deformation_coefficient = 0.0\nretraction_coefficient = 1.0\ncapture_window_m = 1e-6\n[motion]\ndepth_m = 0.01\n",
+    );
+    // a little below the layer of nodes at 8 mm, so that it is held on the way out
+    let deepest = 8.02e-3;
+    travel(&mut kinematic, 0.0, deepest, 401);
+    travel(&mut kinematic, deepest, deepest - way, 20);
+    let rule = -at_rest(&mut kinematic, deepest - way);
+    moved.iter_mut().for_each(|force| *force /= rule);
+    println!("{moved:.4?} of {rule} N");
+    assert!((moved[0] - 1.0).abs() < 0.02 && moved[1] < moved[0] && moved[1] > 0.9, "{moved:?}");
 }

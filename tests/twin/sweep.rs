@@ -217,10 +217,20 @@ fn most_of_a_needle(scene: &Scene) -> f64 {
         let regions = scene.materials.iter().map(|m| real(format!("materials.{}.{key}", m.name)));
         regions.fold(real(format!("instrument.{key}")), f64::max)
     };
+    // what presses on the shaft is not known
+    if largest("friction_coefficient").max(real("instrument.shaft_friction_coefficient".to_owned())) > 0.0 {
+        return f64::INFINITY;
+    }
+    // the tip runs faster than the needle where a membrane has broken
+    let speed =
+        10.0 * real("motion.speed_m_per_s".to_owned()) / real("instrument.cutting_rate_reference_m_per_s".to_owned());
+    let faster = speed.max(1.0).powf(largest("cutting_rate_exponent"));
     // half a millimetre of undeformed tissue may have been drawn along
     let length = real("motion.depth_m".to_owned()) + 5e-4;
     let toughness = largest("fracture_toughness_j_per_m2") * real("instrument.diameter_m".to_owned());
-    largest("friction_n_per_m") * length + largest("cutting_force_n").max(toughness) + largest("puncture_force_n")
+    largest("friction_n_per_m") * length
+        + faster * largest("cutting_force_n").max(toughness)
+        + largest("puncture_force_n")
 }
 
 /// Moduli of the materials of regions, Pa.

@@ -2,7 +2,7 @@
 
 use super::{Frictional, LAG, STICKING, TIP_STIFFNESS};
 use crate::instrument::Event;
-use mtled::solver::{End, Solver};
+use mtled::solver::{End, Rate, Solver};
 
 /// What counts as having come to a boundary, in layers.
 const AT: f64 = 1e-3;
@@ -98,7 +98,9 @@ impl Frictional {
         let cutting = if limit.is_finite() { limit.max(beyond) } else { 0.0 };
         let spring = (STICKING * mu * 0.5 * radius).max(cutting / (GIVES * radius));
         let stiff = TIP_STIFFNESS * spring;
-        End { upper, share, spring, stiff, limit, stop, puncture, beyond, lag: LAG * self.shaft.radius }
+        let exponent = inside.map_or(0.0, |r| r.rate_exponent);
+        let rate = Rate { exponent, slow: self.slow * self.progress.elapsed };
+        End { upper, share, spring, stiff, limit, stop, puncture, beyond, rate, lag: LAG * self.shaft.radius }
     }
 
     /// Whether the tissue springs back along the needle, with a residual force of so many N: then the pose is worth further steps.

@@ -15,14 +15,15 @@
 //! start has its full section there; it cuts, or is withdrawn, by the length of the tip before that moves.
 
 mod front;
+mod hold;
 mod shaft;
 
-pub use shaft::{Resistance, Shaft, start_depth};
+pub use shaft::{Resistance, Shaft, start_and_slow};
 
 use super::puncture::is_withdrawn;
 use super::{Event, Phase, Tip};
 use mtled::cloned_field_by_field;
-use mtled::solver::{End, Grip, Model, Role, Solver, Wall};
+use mtled::solver::{Grip, Model, Role, Solver};
 
 /// Stiffness of sticking over the shear modulus: force per length of shaft and displacement. Forces are 1.8 % below those of a rigid
 /// bond, and slip begins after some micrometres rather than at once.
@@ -44,6 +45,8 @@ pub struct Frictional {
     inner: Vec<(u32, usize)>,
     /// Depth at which the needle is in place at first, m.
     start: f64,
+    /// Speed up to which cutting takes the same force, m/s.
+    slow: f64,
     /// sqrt(V / (pi l)) of the cells that the needle fills, m.
     effective_radius: f64,
     progress: Progress,
@@ -69,6 +72,8 @@ cloned_field_by_field! {
         /// Depth of the tip, m.
         depth: f64,
         deepest: f64,
+        /// Time that the present move takes, s; infinite where it is not known.
+        elapsed: f64,
         withdrawn: bool,
         /// Force at a puncture from which the tissue springs back, N, and looks at that so far.
         released: Option<(f64, u32)>,
@@ -80,9 +85,15 @@ cloned_field_by_field! {
 }
 
 impl Frictional {
-    /// A needle along a shaft of layers. `cells`: corners and volume of each integration point's cell.
+    /// A needle along a shaft of layers. `[start, slow]`: depth at which it is in place at first, m, and speed up to which cutting takes
+    /// the same force, m/s; `cells`: corners and volume of each integration point's cell.
     #[must_use]
-    pub fn new(shaft: Shaft, start: f64, length: f64, cells: impl Iterator<Item = ([u32; 4], f64)>) -> Self {
+    pub fn new(
+        shaft: Shaft,
+        [start, slow]: [f64; 2],
+        length: f64,
+        cells: impl Iterator<Item = ([u32; 4], f64)>,
+    ) -> Self {
         let size: usize = shaft.rings.iter().sum();
         let mut layer_of = std::collections::BTreeMap::new();
         for (i, n) in shaft.nodes.iter().enumerate() {
@@ -108,13 +119,14 @@ impl Frictional {
             filled: vec![0.0; inner.len()],
             depth: 0.0,
             deepest: 0.0,
+            elapsed: f64::INFINITY,
             withdrawn: false,
             released: None,
             friction: 0.0,
             slips: 0.0,
         };
         let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
-        Self { areas: shaft.areas(), shaft, inner, start, effective_radius, progress }
+        Self { areas: shaft.areas(), shaft, inner, start, slow, effective_radius, progress }
     }
 
     /// As [`super::NeedlePath::effective_radius`].
@@ -180,8 +192,8 @@ impl Frictional {
     /// The model with this needle's rod.
     #[must_use]
     pub fn rod(&self, model: Model) -> Model {
-        let Shaft { nodes, rings, .. } = &self.shaft;
-        model.with_rod([0.0, 0.0, -1.0], nodes.clone(), rings, self.areas.clone())
+        let Shaft { nodes, rings, axis, .. } = &self.shaft;
+        model.with_rod(*axis, nodes.clone(), rings, self.areas.clone())
     }
 
     /// Depth at which the needle is in place at first, m.
@@ -200,15 +212,26 @@ impl Frictional {
         p.entered = Some(self.shaft.place(self.start).0);
         solver.drag_from(self.start);
         solver.place_end(self.start);
-        self.hold(&Tip { offset: [0.0, 0.0, -self.start], depth: self.start, slope: [0.0; 2] }, solver);
+        let axis = self.shaft.axis;
+        let tip = Tip {
+            offset: axis.map(|a| self.start * a),
+            depth: self.start,
+            slope: [axis[0] / axis[2], axis[1] / axis[2]],
+        };
+        self.hold(&tip, solver);
+    }
+
+    /// Says how long the next moves take, each, in s: `None` where that is not known, which counts as slow.
+    pub fn elapse(&mut self, each_s: Option<f64>) {
+        self.progress.elapsed = each_s.filter(|t| *t > 0.0).unwrap_or(f64::INFINITY);
     }
 
     pub(super) fn impose(&mut self, tip: &Tip, solver: &mut Solver) -> (Phase, Option<Event>) {
-        let depth = -tip.offset[2];
+        let depth = (0..3).map(|k| tip.offset[k] * self.shaft.axis[k]).sum::<f64>();
         let event = self.advance_front(solver);
         self.progress.tip = self.material_at(depth, solver);
         self.progress.shoulder = self.shoulder(self.progress.tip);
-        if self.progress.tip < 0.0 || depth <= 0.0 {
+        if self.progress.tip < 0.0 || tip.offset[2] >= 0.0 {
             self.release(solver);
             solver.drag_from(depth);
             self.progress.deepest = 0.0;
@@ -250,103 +273,6 @@ impl Frictional {
         front
     }
 
-    /// Roles of the nodes, friction of the layers, push of the tip, cells that the needle fills.
-    fn hold(&mut self, tip: &Tip, solver: &mut Solver) {
-        let (front, at) = (self.progress.front, self.progress.shoulder);
-        let pushes = self.progress.tip > front - self.layer();
-        let (upper, share) = self.shaft.place(if pushes { self.shoulder(front) } else { at });
-        self.progress.friction = 0.0;
-        for layer in 0..self.shaft.depths.len() {
-            let above = layer.checked_sub(1).map_or(0.0, |k| self.shaft.depths[k]);
-            let ends = layer == upper || layer == upper + 1;
-            let grip = if ends && (pushes || at > above) {
-                Grip::Apart
-            } else if at > above || (layer == 0 && self.progress.entered.is_some()) {
-                Grip::Tied
-            } else {
-                Grip::Free
-            };
-            let mut wall = Wall { grip, spring: 0.0, limit: 0.0 };
-            if grip != Grip::Free {
-                wall.spring = STICKING * self.shaft.share(layer, at, |r| r.shear_modulus);
-                wall.limit = self.shaft.share(layer, at, |r| r.friction);
-                self.progress.friction += wall.limit;
-            }
-            solver.grip(layer, wall);
-            self.guide(layer, grip, tip, solver);
-        }
-        let end = if pushes { self.end(upper, share) } else { End::default() };
-        solver.set_end(end);
-        self.fill(solver);
-    }
-
-    /// Where the shaft's full section ends when the tip is at a depth of the material, m.
-    fn shoulder(&self, tip: f64) -> f64 {
-        let (way, length) = (tip - self.start, TIP_LENGTH * self.shaft.radius);
-        self.start + (way - way.clamp(-length, length))
-    }
-
-    /// Holds a layer's nodes sideways: by a spring as far as the tip has come from the layer before, then rigidly.
-    fn guide(&mut self, layer: usize, grip: Grip, tip: &Tip, solver: &mut Solver) {
-        let role = if grip == Grip::Free { Role::Free } else { Role::Dragged };
-        let z = self.shaft.depths[layer];
-        let before = self.progress.grip[layer];
-        self.progress.grip[layer] = grip;
-        if grip == Grip::Free && before == Grip::Free {
-            return;
-        }
-        if before == Grip::Free {
-            self.progress.beside[layer] = tip.axis_at(z);
-        }
-        let above = layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
-        let (gap, passed) = (z - above, ((self.progress.shoulder - above) / (z - above)).clamp(0.0, 1.0));
-        let rigid = passed >= 1.0 - 1e-9;
-        let mu = self.shaft.under[layer].shear_modulus;
-        let spring = if rigid { f64::INFINITY } else { 2.0 * mu * gap * passed / (1.0 - passed) };
-        let (axis, beside) = (tip.axis_at(z), self.progress.beside[layer]);
-        let to = [axis[0] - beside[0], axis[1] - beside[1], 0.0];
-        let size: usize = self.shaft.rings.iter().sum();
-        for &n in &self.shaft.nodes[layer * size..(layer + 1) * size] {
-            if (before == Grip::Free) != (grip == Grip::Free) {
-                solver.set_role(n as usize, role);
-            }
-            if grip != Grip::Free {
-                solver.guide(n as usize, to, spring);
-            }
-        }
-    }
-
-    /// The needle takes the place of the tissue in the cells above its tip.
-    fn fill(&mut self, solver: &mut Solver) {
-        let z = &self.shaft.depths;
-        for ((point, layer), filled) in self.inner.iter().zip(&mut self.progress.filled) {
-            let share = match (self.progress.entered, layer.checked_sub(1)) {
-                (Some(_), Some(above)) => {
-                    ((self.progress.shoulder - z[above]) / (z[*layer] - z[above])).clamp(0.0, 1.0)
-                }
-                _ => 0.0,
-            };
-            if share != *filled {
-                *filled = share;
-                solver.set_active(*point as usize, 1.0 - share);
-            }
-        }
-    }
-
-    fn release(&mut self, solver: &mut Solver) {
-        let size: usize = self.shaft.rings.iter().sum();
-        for layer in 0..self.shaft.depths.len() {
-            if self.progress.grip[layer] != Grip::Free {
-                self.progress.grip[layer] = Grip::Free;
-                solver.grip(layer, Wall::default());
-                let nodes = &self.shaft.nodes[layer * size..(layer + 1) * size];
-                nodes.iter().for_each(|&n| solver.set_role(n as usize, Role::Free));
-            }
-        }
-        solver.set_end(End::default());
-        self.fill(solver);
-    }
-
     pub(super) fn take_over(&mut self, other: &Self) {
         self.progress.clone_from(&other.progress);
     }
@@ -368,7 +294,7 @@ impl Frictional {
         (p.front, p.entered, p.tip, p.shoulder, p.deepest, p.withdrawn) = (0.0, None, 0.0, 0.0, 0.0, false);
         // a solver that was reset has all cells filled with tissue again
         p.filled.fill(0.0);
-        (p.released, p.friction, p.slips, p.depth) = (None, 0.0, 0.0, 0.0);
+        (p.released, p.friction, p.slips, p.depth, p.elapsed) = (None, 0.0, 0.0, 0.0, f64::INFINITY);
         self.release(solver);
         self.place(solver);
     }

@@ -4,14 +4,18 @@ use crate::scene::{Interaction, Metres, NamedMaterial, Region, Scene};
 use mtled::cloud::Axis;
 
 /// What tissue does to a needle.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Resistance {
     /// 0: in no region; otherwise one more than the region's place in the scene.
     pub region: u8,
     /// Largest friction per length, N/m.
     pub friction: f64,
+    /// Friction over the normal pressure of the tissue on the shaft, beside that.
+    pub friction_coefficient: f64,
     /// N.
     pub cutting: f64,
+    /// Exponent of the speed in the cutting force.
+    pub rate_exponent: f64,
     /// Force to enter it, N; 0: no membrane.
     pub puncture: f64,
     /// Pa.
@@ -27,23 +31,37 @@ impl Resistance {
             Some(NamedMaterial { material, pierced, .. }) => Self {
                 region,
                 friction: pierced.friction,
+                friction_coefficient: pierced.friction_coefficient,
                 // a cut as wide as the needle: the energy of its new surface is that of the force's way
                 cutting: if pierced.cutting_force > 0.0 {
                     pierced.cutting_force
                 } else {
                     pierced.fracture_toughness * diameter
                 },
+                rate_exponent: pierced.cutting_rate_exponent,
                 puncture: pierced.puncture_force,
                 shear_modulus: material.shear_modulus(),
             },
             None => {
-                let (friction, cutting, puncture) = match scene.instrument.map(|i| i.interaction) {
-                    Some(Interaction::Frictional { friction, cutting_force, puncture_force }) => {
-                        (friction, cutting_force, puncture_force)
-                    }
-                    _ => (0.0, 0.0, 0.0),
-                };
-                Self { region: 0, friction, cutting, puncture, shear_modulus: scene.material.shear_modulus() }
+                let none = Self { shear_modulus: scene.material.shear_modulus(), ..Self::default() };
+                match scene.instrument.map(|i| i.interaction) {
+                    Some(Interaction::Frictional {
+                        friction,
+                        shaft_friction_coefficient,
+                        cutting_force,
+                        puncture_force,
+                        cutting_rate_exponent,
+                        ..
+                    }) => Self {
+                        friction,
+                        friction_coefficient: shaft_friction_coefficient,
+                        cutting: cutting_force,
+                        rate_exponent: cutting_rate_exponent,
+                        puncture: puncture_force,
+                        ..none
+                    },
+                    _ => none,
+                }
             }
         }
     }
@@ -52,23 +70,28 @@ impl Resistance {
 /// Layers of nodes across the path, all alike, and what lies between them.
 #[derive(Clone, Debug)]
 pub struct Shaft {
-    /// Depth of each layer below the top, m.
+    /// Depth of each layer below the top along the axis, m.
     pub depths: Vec<f64>,
     /// Nodes by layer, each ring by ring from the axis.
     pub nodes: Vec<u32>,
+    /// Unit vector from the axis to each of them; zero on the axis.
+    pub outward: Vec<[f64; 3]>,
     /// Nodes in each ring of a layer.
     pub rings: Vec<usize>,
     /// What lies under each layer.
     pub under: Vec<Resistance>,
     /// R, m.
     pub radius: f64,
+    /// Unit vector along it, into the tissue.
+    pub axis: [f64; 3],
 }
 
 /// Distances between nodes of one layer, over those between layers.
 const SAME: f64 = 0.25;
 
 impl Shaft {
-    /// From nodes on the path with their depth below the top, m, and distance from the axis, m; `None` if they don't lie in layers that
+    /// From nodes on the path with their depth below the top along the axis, m, and distance from the axis, m; `None` if they don't lie
+    /// in layers that
     /// are all alike. `spacing`: usual distance between layers, m.
     #[must_use]
     pub fn new(mut nodes: Vec<(u32, f64, f64)>, spacing: f64, radius: f64) -> Option<Self> {
@@ -90,7 +113,7 @@ impl Shaft {
         }
         let depths = layers.iter().map(|l| l[0].1).collect();
         let nodes = layers.iter().flatten().map(|(n, ..)| *n).collect();
-        Some(Self { depths, nodes, rings, under: Vec::new(), radius })
+        Some(Self { depths, nodes, outward: Vec::new(), rings, under: Vec::new(), radius, axis: [0.0, 0.0, -1.0] })
     }
 
     /// With what lies under each layer for a needle of a diameter in m: `region` of a point on the axis.
@@ -101,12 +124,16 @@ impl Shaft {
         diameter: f64,
         axis: &Axis,
         top: f64,
+        points: &[[f64; 3]],
         region: impl Fn([f64; 3]) -> u8,
     ) -> Self {
+        let secant = axis.secant();
+        self.axis = [axis.slope[0], axis.slope[1], -1.0].map(|x| x / secant);
+        self.outward = self.nodes.iter().map(|&n| axis.outward(top, points[n as usize])).collect();
         self.under = (0..self.depths.len())
             .map(|k| {
                 let next = self.depths.get(k + 1).copied().unwrap_or(self.depths[k] + 1e-6);
-                let depth = 0.5 * (self.depths[k] + next);
+                let depth = 0.5 * (self.depths[k] + next) / secant;
                 let [x, y] = axis.at(depth);
                 Resistance::of(scene, region([x, y, top - depth]), diameter)
             })
@@ -156,6 +183,12 @@ impl Shaft {
         sum
     }
 
+    /// Places of the nodes of a layer's outermost ring.
+    pub fn wall(&self, layer: usize) -> std::ops::Range<usize> {
+        let (size, outermost) = (self.rings.iter().sum::<usize>(), self.rings.last().copied().unwrap_or(0));
+        (layer + 1) * size - outermost..(layer + 1) * size
+    }
+
     /// The first layer below a depth under which another region begins.
     #[must_use]
     pub fn boundary_below(&self, depth: f64) -> Option<usize> {
@@ -165,10 +198,14 @@ impl Shaft {
     }
 }
 
-/// Depth of the needle's start along its axis, m.
+/// Depth of the needle's start along its axis, m, and the speed up to which cutting takes the same force, m/s.
 #[must_use]
-pub fn start_depth(scene: &Scene) -> f64 {
-    scene.motion.map_or(0.0, |m| Metres::get(m.start_depth))
+pub fn start_and_slow(scene: &Scene) -> [f64; 2] {
+    let slow = match scene.instrument.map(|i| i.interaction) {
+        Some(Interaction::Frictional { cutting_rate_reference, .. }) => cutting_rate_reference.get(),
+        _ => f64::INFINITY,
+    };
+    [scene.motion.map_or(0.0, |m| Metres::get(m.start_depth)), slow]
 }
 
 #[cfg(test)]
@@ -179,7 +216,7 @@ mod tests {
     fn shaft() -> Shaft {
         let nodes = (0..5).flat_map(|k| (0..3).map(move |i| (3 * k + i, 1e-3 * f64::from(k), 2.5e-4 * f64::from(i))));
         let mut shaft = Shaft::new(nodes.collect(), 1e-3, 5e-4).unwrap();
-        let tissue = Resistance { region: 0, friction: 2.0, cutting: 1.0, puncture: 0.0, shear_modulus: 1e3 };
+        let tissue = Resistance { friction: 2.0, cutting: 1.0, shear_modulus: 1e3, ..Resistance::default() };
         shaft.under = vec![tissue; 5];
         shaft
     }

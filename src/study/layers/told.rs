@@ -20,6 +20,10 @@ pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f
     let n = fit.layers;
     let mut cannot_tell = Vec::new();
     let membranes = membranes(fit, drops);
+    if fit.is_double() && drops.len() != n {
+        let why = "whose each was is told by where the boundaries lie, which is wrong where a membrane is pushed deeper than the next one";
+        cannot_tell.push(format!("puncture forces for certain: {} drops were seen for {n} layers; {why}", drops.len()));
+    }
     let layers = (0..n)
         .map(|i| {
             let mut layer = Layer {

@@ -39,6 +39,18 @@ impl Axis {
         length2(along / self.secant(), across)
     }
 
+    /// Unit vector from the axis to a point, across the axis; zero for a point of it. `top` is the height of the top face.
+    #[must_use]
+    pub fn outward(&self, top: f64, p: Point) -> Point {
+        let centre = self.at(top - p[2]);
+        let along = [self.slope[0], self.slope[1], -1.0].map(|x| x / self.secant());
+        let v = [p[0] - centre[0], p[1] - centre[1], 0.0];
+        let share = v[0] * along[0] + v[1] * along[1];
+        let across: Point = std::array::from_fn(|k| v[k] - share * along[k]);
+        let length = across.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if length > 1e-9 * (top - p[2]).abs() && length > 0.0 { across.map(|x| x / length) } else { [0.0; 3] }
+    }
+
     /// A point of the horizontal section, an ellipse, of the cylinder of this radius round the axis, in turns.
     #[must_use]
     pub fn section(&self, top: f64, depth: f64, radius: f64, turn: f64) -> Point {

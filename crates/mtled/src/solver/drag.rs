@@ -15,11 +15,10 @@
 //! while it sticks and relative to its tangent motion t d while it slips, so that neither beginning is a push, and the trial force holds
 //! no inertia. t itself is learnt throughout and not set to the rod's motion: a layer that sticks for a moment would go on with the rod.
 
+use super::aside::{across, along};
 use super::cloned::cloned_field_by_field;
-use super::contact::By;
-use super::inertia::Sums;
 use super::nodes::Rule;
-use super::slide::{Tip, slide};
+use super::slide::{Rate, Tip, slide};
 use super::state::Moving;
 
 /// Share of its distance from the outermost ring that a tied layer's node loses per step.
@@ -69,6 +68,8 @@ pub struct End {
     pub puncture: f64,
     /// Limit once it is broken, N; nothing stops the end then.
     pub beyond: f64,
+    /// How the limits grow with the speed of c_i.
+    pub rate: Rate,
     /// How far a c_i may be behind the mean of all, m.
     pub lag: f64,
 }
@@ -102,6 +103,8 @@ cloned_field_by_field! {
         pub wall: Vec<f64>,
         /// c_i of each ring, m.
         pub end: Vec<f64>,
+        /// c_i at the beginning of the time that [`End::rate`] is of, m.
+        pub began: Vec<f64>,
         /// P of each layer, N, into the body on the tissue.
         pub pull: Vec<f64>,
         /// P_i, N.
@@ -143,6 +146,7 @@ impl Drag {
             at: 0.0,
             wall: vec![0.0; layers],
             end: vec![0.0; rings],
+            began: vec![0.0; rings],
             pull: vec![0.0; layers],
             push: vec![0.0; rings],
             broken: None,
@@ -173,18 +177,23 @@ impl Drag {
         }
     }
 
-    /// Way of the rod in a step, along z, m.
+    /// Way of the rod in a step, m.
     fn way_of(&self, rule: &Rule) -> f64 {
-        (self.way[1] - self.way[0]) / f64::from(rule.steps) * self.axis[2]
+        (self.way[1] - self.way[0]) / f64::from(rule.steps)
     }
 
-    fn gripped(&self) -> impl Iterator<Item = usize> {
+    /// Way along the rod that the tangent motion has in a step, m.
+    fn drift(&self, rule: &Rule, tangent: &[[f64; 3]; 3]) -> f64 {
+        along(&std::array::from_fn(|k| rule.drift(tangent, k)), &self.axis)
+    }
+
+    pub(super) fn gripped(&self) -> impl Iterator<Item = usize> {
         (0..self.walls.len()).filter(|&l| self.walls[l].grip != Grip::Free)
     }
 
     /// Displacement of a place's node along the axis, m.
     fn along(&self, place: usize, u: &[[f64; 3]]) -> f64 {
-        u[self.nodes[place] as usize][2] / self.axis[2]
+        along(&u[self.nodes[place] as usize], &self.axis)
     }
 
     /// Mean displacement of a layer's outermost ring along the axis, m.
@@ -215,9 +224,9 @@ impl Drag {
         for layer in self.gripped() {
             for p in self.layer(layer) {
                 let n = self.nodes[p] as usize;
-                let drift = if slip.held[p] { self.way_of(rule) } else { rule.drift(&tangent[n], 2) };
-                slip.step[p] = (drift + rule.keep * q[n][2]) / self.axis[2]
-                    - force(&f[n], &self.axis) / (mass[n] * rule.mass_factor);
+                let drift = if slip.held[p] { self.way_of(rule) } else { self.drift(rule, &tangent[n]) };
+                slip.step[p] = drift + rule.keep * along(&q[n], &self.axis)
+                    - along(&f[n], &self.axis) / (mass[n] * rule.mass_factor);
                 slip.load[p] = 0.0;
             }
             if self.walls[layer].grip == Grip::Tied {
@@ -248,13 +257,24 @@ impl Drag {
                 }
             }
             let [spring, stiff, most] = [end.spring, end.stiff, limit].map(|sum| self.areas[i] * sum);
-            let tip = Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance };
+            let mut tip = Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance };
             let mut force = tip.force(d - slip.end[i] - w);
             if force > most {
                 // where the end has to be for the force to be at its limit
-                let c = (d - w - most * (1.0 / spring + compliance)).min(stop).max(slip.end[i]);
+                let give = 1.0 / spring + compliance;
+                let mut c = d - w - most * give;
+                let fast = end.rate.exponent > 0.0 && c - slip.began[i] > end.rate.slow;
+                if fast {
+                    c = slip.began[i] + end.rate.way(c - slip.began[i], most, 1.0 / give);
+                }
+                let c = c.min(stop).max(slip.end[i]);
+                let stopped = c >= stop;
+                if fast && !stopped {
+                    // the limit at the speed that it has
+                    tip.limit = (d - c - w) / give;
+                }
                 force = tip.force(d - c - w);
-                slip.dissipated += most.min(force) * (c - slip.end[i]);
+                slip.dissipated += if fast && !stopped { force } else { most.min(force) } * (c - slip.end[i]);
                 slip.end[i] = c;
             }
             slip.push[i] = force;
@@ -325,7 +345,7 @@ impl Drag {
 
     /// Takes the step, and what velocity is left of it. That of a wall that sticks is damped critically for its spring.
     fn move_on(&self, state: &mut Moving, mass: &[f64], rule: &Rule) {
-        let way = self.way_of(rule);
+        let rod = self.way_of(rule);
         for layer in self.gripped() {
             let sticks = self.sticks(&state.slip, layer);
             let heavy = self.layer(layer).map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor;
@@ -334,52 +354,26 @@ impl Drag {
             let Moving { u, q, tangent, slip, .. } = &mut *state;
             for p in self.layer(layer) {
                 let n = self.nodes[p] as usize;
-                let moved = slip.step[p] * self.axis[2];
-                u[n][2] += moved;
+                let moved = slip.step[p];
+                (0..3).for_each(|k| u[n][k] += moved * self.axis[k]);
                 if self.walls[layer].grip == Grip::Tied {
                     // what the end has bent becomes flat again
-                    u[n][2] += FLATTEN * (flat - self.along(p, u)) * self.axis[2];
+                    let bent = FLATTEN * (flat - self.along(p, u));
+                    (0..3).for_each(|k| u[n][k] += bent * self.axis[k]);
                 }
                 let pushed = !sticks && self.is_pushed(slip, layer, p);
                 slip.held[p] = sticks || pushed;
-                let deviation = moved - rule.drift(&tangent[n], 2);
-                let left = rule.teach(&mut tangent[n], 2, deviation);
-                q[n][2] = match (sticks, pushed) {
-                    (true, _) => keep * (moved - way),
+                let deviation = moved - self.drift(rule, &tangent[n]);
+                let left: [f64; 3] = std::array::from_fn(|k| rule.teach(&mut tangent[n], k, deviation * self.axis[k]));
+                let left = match (sticks, pushed) {
+                    (true, _) => keep * (moved - rod),
                     // what the end holds would swing past its limit, and stay cut
                     (false, true) => 0.0,
-                    (false, false) => left,
+                    (false, false) => along(&left, &self.axis),
                 };
+                let beside = across(&q[n], &self.axis);
+                q[n] = std::array::from_fn(|k| beside[k] + left * self.axis[k]);
             }
         }
     }
-
-    /// What the dragged nodes contribute to the balance along the axis.
-    pub fn sums(&self, state: &Moving, points: &[[f64; 3]], mass: &[f64], mass_factor: f64) -> Sums {
-        let mut sums = Sums::default();
-        if self.nodes.is_empty() {
-            // no rod: not even the sign of a zero is another
-            return sums;
-        }
-        let Moving { u, q, tangent, f, slip, .. } = state;
-        for layer in self.gripped() {
-            for p in self.layer(layer) {
-                let n = self.nodes[p] as usize;
-                let left = [0.0, 0.0, f[n][2] - slip.load[p] * self.axis[2]];
-                let mut along = tangent[n].map(|t| [0.0, 0.0, t[2]]);
-                if slip.held[p] {
-                    along[2][2] = self.axis[2];
-                }
-                let place = std::array::from_fn(|k| points[n][k] + u[n][k]);
-                sums.add_held(By::Instrument, &place, &self.axis.map(|a| -a * slip.load[p]));
-                sums.add_free(mass[n] * mass_factor, &[0.0, 0.0, q[n][2]], &along, &left);
-            }
-        }
-        sums
-    }
-}
-
-/// Component of a force along the axis, of a node that goes along it.
-fn force(f: &[f64; 3], axis: &[f64; 3]) -> f64 {
-    f[2] * axis[2]
 }

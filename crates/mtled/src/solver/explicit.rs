@@ -120,6 +120,11 @@ impl Solver {
         self.state.place_end(depth);
     }
 
+    /// [`State::begin_cut`].
+    pub fn begin_cut(&mut self) {
+        self.state.begin_cut();
+    }
+
     /// [`State::mend`].
     pub fn mend(&mut self) {
         self.state.mend();
@@ -139,6 +144,12 @@ impl Solver {
     #[must_use]
     pub fn slip(&self) -> &Slip {
         self.state.slip()
+    }
+
+    /// [`State::internal_force`].
+    #[must_use]
+    pub fn internal_force(&self, node: usize) -> [f64; 3] {
+        self.state.internal_force(node)
     }
 
     /// [`State::of_layer`].

@@ -20,6 +20,7 @@
 
 use crate::approximation::Form;
 
+use super::aside::across;
 use super::contact::By;
 use super::model::Model;
 use super::state::{Constraints, Role, State};
@@ -129,7 +130,8 @@ impl Model {
             let rigid =
                 path.iter().zip(role).filter(|(path, role)| **role == Role::Dragged && path.spring == f64::INFINITY);
             for (path, _) in rigid {
-                (0..2).for_each(|k| sum[k] += path.end[k] - path.start[k]);
+                let moved = across(&[path.end[0] - path.start[0], path.end[1] - path.start[1], 0.0], &drag.axis);
+                (0..3).for_each(|k| sum[k] += moved[k]);
                 count += 1.0;
             }
             count = count.max(1.0);

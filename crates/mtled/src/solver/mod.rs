@@ -1,5 +1,6 @@
 //! The explicit step: internal-force kernel, stable step, damping, essential boundary conditions, reactions.
 
+mod aside;
 mod backoff;
 mod block;
 mod cloned;
@@ -42,6 +43,7 @@ pub use kernel::{InternalForce, Kernel};
 pub use model::{Model, Workspace};
 pub use pool::Pool;
 pub use settings::{Precision, SolverSettings, VolumeRatio};
+pub use slide::Rate;
 pub use state::{Role, State};
 pub use step::{Advance, Balance};
 pub use surface::{Inside, Shape};

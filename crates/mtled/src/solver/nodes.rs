@@ -1,5 +1,6 @@
 //! One explicit step of a run of consecutive nodes, by what holds each.
 
+use super::aside;
 use super::contact::{By, Moved, Touch};
 use super::disjoint::Chunks;
 use super::inertia::Sums;
@@ -55,6 +56,8 @@ pub struct Held<'a> {
     pub mass: &'a [f64],
     pub role: &'a [Role],
     pub path: &'a [Path],
+    /// Unit vector along the rod that drags nodes.
+    pub rod: [f64; 3],
     /// Undeformed places, m.
     pub points: &'a [[f64; 3]],
     /// Whether x is a radius, which stays zero on the axis.
@@ -118,14 +121,14 @@ impl<'a> Nodes<'a> {
                     let left = std::array::from_fn(|k| f[k] - force[k]);
                     sums.add_free(held.mass[n] * mass_factor, q, tangent, &left);
                 }
-                Role::Dragged if held.path[n].spring == f64::INFINITY => {
-                    sums.add_held(By::Instrument, &place, &[-f[0], -f[1], 0.0]);
+                Role::Dragged => {
+                    let node = (&self.u[l], q, tangent, f);
+                    aside::sums(&mut sums, node, &place, held.mass[n] * mass_factor, held, &held.path[n]);
                 }
-                Role::Guided | Role::Dragged => {
+                Role::Guided => {
                     let path = &held.path[n];
                     let pulls: [f64; 2] = std::array::from_fn(|k| path.spring * (path.end[k] - self.u[l][k]));
-                    let along = if held.role[n] == Role::Guided { -f[2] } else { 0.0 };
-                    sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], along]);
+                    sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], -f[2]]);
                     for (k, pull) in pulls.into_iter().enumerate() {
                         sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
                         (0..3).for_each(|d| sums.learnt[d] += tangent[d][k] * (f[k] - pull));
@@ -153,36 +156,36 @@ impl<'a> Nodes<'a> {
                 }
                 *q = [0.0; 3];
             }
-            Role::Dragged if held.path[n].spring == f64::INFINITY => {
+            Role::Dragged => {
                 let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
-                for k in 0..2 {
-                    let next = path.at(s, k);
-                    rule.set(tangent, k, next - u[k]);
-                    (u[k], q[k]) = (next, 0.0);
+                if path.spring == f64::INFINITY {
+                    aside::place((u, q, tangent), held, path, s, rule);
+                    return;
+                }
+                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
+                let radial = tangent.map(|t| t[0]);
+                aside::pull((&mut *u, &mut *q, &mut *tangent), f, inverse, held, path, s, rule);
+                if held.revolved && held.points[n][0] == 0.0 {
+                    // the radial parameter of a node on the axis has no force
+                    (u[0], q[0]) = (0.0, 0.0);
+                    tangent.iter_mut().zip(radial).for_each(|(t, radial)| t[0] = radial);
                 }
             }
-            Role::Guided | Role::Dragged => {
+            Role::Guided => {
                 let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
                 // the spring at the end of the step, so that it is stable however stiff it is
                 let spring = path.spring * inverse;
-                let on_axis = held.revolved && held.points[n][0] == 0.0 && held.role[n] == Role::Dragged;
-                if on_axis {
-                    // the radial parameter of a node on the axis has no force
-                    (u[0], q[0]) = (0.0, 0.0);
-                }
-                for k in usize::from(on_axis)..2 {
+                for k in 0..2 {
                     let drift = rule.drift(tangent, k);
                     let free = drift + rule.keep * q[k] - f[k] * inverse;
                     let v = (free + spring * (path.at(s, k) - u[k])) / (1.0 + spring);
                     u[k] += v;
                     q[k] = rule.teach(tangent, k, v - drift);
                 }
-                if held.role[n] == Role::Guided {
-                    let next = path.at(s, 2);
-                    rule.set(tangent, 2, next - u[2]);
-                    (u[2], q[2]) = (next, 0.0);
-                }
+                let next = path.at(s, 2);
+                rule.set(tangent, 2, next - u[2]);
+                (u[2], q[2]) = (next, 0.0);
             }
             Role::Free => {
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);

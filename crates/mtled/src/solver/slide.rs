@@ -25,6 +25,46 @@ impl Tip {
     }
 }
 
+/// How the limit of what cuts grows with its speed: l max(1, (v / v_0)^n), v = x / t for a way x within a time t.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rate {
+    /// n, 0 to 1; 0: not at all.
+    pub exponent: f64,
+    /// v_0 t, m: the way up to which the limit is l; infinite where the time is not known.
+    pub slow: f64,
+}
+
+impl Default for Rate {
+    fn default() -> Self {
+        Self { exponent: 0.0, slow: f64::INFINITY }
+    }
+}
+
+/// Relative change of a way at which it is found, and most tries.
+const FOUND: f64 = 1e-12;
+const TRIES: u32 = 50;
+
+impl Rate {
+    /// The way x of what cuts, m, where its push P is at the limit; P is l at the way `constant` > v_0 t, and falls with `stiffness` in
+    /// N/m.
+    /// With y = x / (v_0 t): P / l = most - fall y = y^n. The right side is concave, so Newton's steps from y = 1 come to the root from
+    /// below.
+    pub fn way(&self, constant: f64, limit: f64, stiffness: f64) -> f64 {
+        let fall = stiffness * self.slow / limit;
+        let most = 1.0 + fall * constant / self.slow;
+        let mut y = 1.0;
+        for _ in 0..TRIES {
+            let power = f64::powf(y, self.exponent);
+            let step = (most - fall * y - power) / (fall + self.exponent * power / y);
+            y += step;
+            if step <= FOUND * y {
+                break;
+            }
+        }
+        y * self.slow
+    }
+}
+
 /// Force P of a wall at the end of a step and where its slip b then is. `gap`: way of the rod less that of the layer without the
 /// wall's force; `heavy`: force per way that the layer makes of a force within a step, N/m.
 pub(super) fn slide(spring: f64, limit: f64, heavy: f64, gap: f64, b: f64) -> (f64, f64) {
@@ -38,6 +78,22 @@ pub(super) fn slide(spring: f64, limit: f64, heavy: f64, gap: f64, b: f64) -> (f
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_cuts_fast_is_at_its_limit() {
+        let rate = Rate { exponent: 0.5, slow: 1e-6 };
+        for (constant, limit, stiffness) in
+            [(2e-6, 3e-3, 80.0), (4e-5, 3e-3, 80.0), (1e-3, 3e-3, 1e4), (1e-3, 3e-3, 1.0)]
+        {
+            let way = rate.way(constant, limit, stiffness);
+            let push = limit + stiffness * (constant - way);
+            let most = limit * (way / rate.slow).sqrt();
+            assert!(
+                (push / most - 1.0).abs() < 1e-9 && way > rate.slow && way < constant,
+                "{way}: {push} N of {most} N"
+            );
+        }
+    }
 
     /// A rod along a layer that elastic tissue holds and inertia slows down, moved to random places and back. No step of slip makes
     /// work, and the rod's work is at least what slip has dissipated and springs have stored.

@@ -1,5 +1,6 @@
 //! What changes from step to step, and what holds the nodes. Copied in one line, by `clone_from`, with no allocation.
 
+use super::aside::aside;
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
 use super::drag::{Drag, End, Grip, Slip, Wall};
@@ -153,7 +154,10 @@ impl State {
 
     /// Gives a node another role; an instrument node keeps its displacement until [`State::prescribe`] moves it.
     pub fn set_role(&mut self, node: usize, role: Role) {
-        let u = self.moving.u[node];
+        let u = match role {
+            Role::Dragged => aside(&self.moving.u[node], &self.constraints.drag.axis),
+            _ => self.moving.u[node],
+        };
         self.constraints.role[node] = role;
         self.constraints.path[node] = Path { start: u, end: u, spring: 0.0 };
         self.moving.q[node] = [0.0; 3];
@@ -199,7 +203,13 @@ impl State {
     /// The rod's end is at a depth of the material, m, and has broken what was there.
     pub fn place_end(&mut self, depth: f64) {
         self.moving.slip.end.fill(depth);
+        self.moving.slip.began.fill(depth);
         self.moving.slip.broken = None;
+    }
+
+    /// A stretch of time begins, that of the end's [`End::rate`].
+    pub fn begin_cut(&mut self) {
+        self.moving.slip.began.copy_from_slice(&self.moving.slip.end);
     }
 
     /// Another membrane is in the end's way.
@@ -222,6 +232,12 @@ impl State {
     #[must_use]
     pub fn slip(&self) -> &Slip {
         &self.moving.slip
+    }
+
+    /// Internal force on a node after the last step, N: what its holder exerts on the tissue.
+    #[must_use]
+    pub fn internal_force(&self, node: usize) -> [f64; 3] {
+        self.moving.f[node]
     }
 
     /// Mean displacement of a layer of dragged nodes along the rod's axis, m.

@@ -13,6 +13,7 @@
 
 use crate::approximation::Form;
 
+use super::aside::aside;
 use super::disjoint::Each;
 use super::inertia::{Sums, dot};
 use super::model::{Model, Workspace, with_kernel};
@@ -126,6 +127,7 @@ impl Model {
             mass,
             role,
             path,
+            rod: drag.axis,
             points: &self.points,
             revolved: self.form == Form::Axisymmetric,
             surfaces: constraints.surfaces(step, rule.steps),
@@ -223,8 +225,9 @@ impl Model {
         self.refresh_masses(state, work);
         // velocities that led into trouble are not worth keeping
         state.moving.q.fill([0.0; 3]);
-        for (path, u) in state.constraints.path.iter_mut().zip(&state.moving.u) {
-            path.start = *u;
+        let Constraints { role, path, drag, .. } = &mut state.constraints;
+        for ((path, role), u) in path.iter_mut().zip(role).zip(&state.moving.u) {
+            path.start = if *role == Role::Dragged { aside(u, &drag.axis) } else { *u };
         }
         state.constraints.way.start = state.moving.offset;
         state.constraints.drag.way[0] = state.moving.slip.at;

@@ -1,0 +1,122 @@
+//! How the needle holds the tissue at its shaft: friction of its layers, their place sideways, cells that it fills.
+
+use super::{Frictional, STICKING, TIP_LENGTH};
+use crate::instrument::Tip;
+use mtled::solver::{End, Grip, Role, Solver, Wall};
+
+impl Frictional {
+    /// Roles of the nodes, friction of the layers, push of the tip, cells that the needle fills.
+    pub(super) fn hold(&mut self, tip: &Tip, solver: &mut Solver) {
+        let (front, at) = (self.progress.front, self.progress.shoulder);
+        let pushes = self.progress.tip > front - self.layer();
+        let (upper, share) = self.shaft.place(if pushes { self.shoulder(front) } else { at });
+        self.progress.friction = 0.0;
+        let mut pressure = 0.0;
+        for layer in 0..self.shaft.depths.len() {
+            let above = layer.checked_sub(1).map_or(0.0, |k| self.shaft.depths[k]);
+            let ends = layer == upper || layer == upper + 1;
+            let grip = if ends && (pushes || at > above) {
+                Grip::Apart
+            } else if at > above || (layer == 0 && self.progress.entered.is_some()) {
+                Grip::Tied
+            } else {
+                Grip::Free
+            };
+            let mut wall = Wall { grip, spring: 0.0, limit: 0.0 };
+            if grip != Grip::Free {
+                wall.spring = STICKING * self.shaft.share(layer, at, |r| r.shear_modulus);
+                wall.limit = self.shaft.share(layer, at, |r| r.friction);
+                let slides = self.shaft.share(layer, at, |r| r.friction_coefficient);
+                if slides > 0.0 {
+                    // at the end of the shaft there is tissue under it, too
+                    pressure = if grip == Grip::Tied { self.pressure(layer, solver) } else { pressure };
+                    wall.limit += slides * pressure;
+                }
+                self.progress.friction += wall.limit;
+            }
+            solver.grip(layer, wall);
+            self.guide(layer, grip, tip, solver);
+        }
+        let end = if pushes { self.end(upper, share) } else { End::default() };
+        solver.set_end(end);
+        self.fill(solver);
+    }
+
+    /// Force per length with which the tissue presses on the shaft at a layer, N/m: the radial part of what holds the layer's outermost
+    /// ring, over the layer's length. 2 pi R p for a pressure p; where the tissue pulls, nothing.
+    fn pressure(&self, layer: usize, solver: &Solver) -> f64 {
+        let on = |i: usize| {
+            let (f, outward) = (solver.internal_force(self.shaft.nodes[i] as usize), self.shaft.outward[i]);
+            (f[0] * outward[0] + f[1] * outward[1] + f[2] * outward[2]).max(0.0)
+        };
+        self.shaft.wall(layer).map(on).sum::<f64>() / self.shaft.share(layer, f64::INFINITY, |_| 1.0)
+    }
+
+    /// Where the shaft's full section ends when the tip is at a depth of the material, m.
+    pub(super) fn shoulder(&self, tip: f64) -> f64 {
+        let (way, length) = (tip - self.start, TIP_LENGTH * self.shaft.radius);
+        self.start + (way - way.clamp(-length, length))
+    }
+
+    /// Holds a layer's nodes sideways: by a spring as far as the tip has come from the layer before, then rigidly.
+    fn guide(&mut self, layer: usize, grip: Grip, tip: &Tip, solver: &mut Solver) {
+        let role = if grip == Grip::Free { Role::Free } else { Role::Dragged };
+        let z = self.shaft.depths[layer];
+        let vertical = -self.shaft.axis[2] * z;
+        let before = self.progress.grip[layer];
+        self.progress.grip[layer] = grip;
+        if grip == Grip::Free && before == Grip::Free {
+            return;
+        }
+        if before == Grip::Free {
+            self.progress.beside[layer] = tip.axis_at(vertical);
+        }
+        let above = layer.checked_sub(1).map_or(z - 1e-6, |k| self.shaft.depths[k]);
+        let (gap, passed) = (z - above, ((self.progress.shoulder - above) / (z - above)).clamp(0.0, 1.0));
+        let rigid = passed >= 1.0 - 1e-9;
+        let mu = self.shaft.under[layer].shear_modulus;
+        let spring = if rigid { f64::INFINITY } else { 2.0 * mu * gap * passed / (1.0 - passed) };
+        let (axis, beside) = (tip.axis_at(vertical), self.progress.beside[layer]);
+        let to = [axis[0] - beside[0], axis[1] - beside[1], 0.0];
+        let size: usize = self.shaft.rings.iter().sum();
+        for &n in &self.shaft.nodes[layer * size..(layer + 1) * size] {
+            if (before == Grip::Free) != (grip == Grip::Free) {
+                solver.set_role(n as usize, role);
+            }
+            if grip != Grip::Free {
+                solver.guide(n as usize, to, spring);
+            }
+        }
+    }
+
+    /// The needle takes the place of the tissue in the cells above its tip.
+    fn fill(&mut self, solver: &mut Solver) {
+        let z = &self.shaft.depths;
+        for ((point, layer), filled) in self.inner.iter().zip(&mut self.progress.filled) {
+            let share = match (self.progress.entered, layer.checked_sub(1)) {
+                (Some(_), Some(above)) => {
+                    ((self.progress.shoulder - z[above]) / (z[*layer] - z[above])).clamp(0.0, 1.0)
+                }
+                _ => 0.0,
+            };
+            if share != *filled {
+                *filled = share;
+                solver.set_active(*point as usize, 1.0 - share);
+            }
+        }
+    }
+
+    pub(super) fn release(&mut self, solver: &mut Solver) {
+        let size: usize = self.shaft.rings.iter().sum();
+        for layer in 0..self.shaft.depths.len() {
+            if self.progress.grip[layer] != Grip::Free {
+                self.progress.grip[layer] = Grip::Free;
+                solver.grip(layer, Wall::default());
+                let nodes = &self.shaft.nodes[layer * size..(layer + 1) * size];
+                nodes.iter().for_each(|&n| solver.set_role(n as usize, Role::Free));
+            }
+        }
+        solver.set_end(End::default());
+        self.fill(solver);
+    }
+}
