@@ -20,6 +20,7 @@ mod markers;
 mod paths;
 mod prediction;
 mod problem;
+mod runs;
 mod search;
 mod spikes;
 mod split;
