@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::{Answer, Collector, ForceSeries, Keep, Run};
-use crate::scene::Scene;
+use crate::scene::{Region, Scene};
 use crate::twin::{BuildError, Halt, Pose, StampedPose, Twin};
 
 /// Where the instrument was at one time.
@@ -47,6 +47,16 @@ pub trait Watch {
 pub fn build(scene: &Scene) -> Result<(Twin, f64), BuildError> {
     let start = Instant::now();
     let twin = Twin::new(scene)?;
+    Ok((twin, start.elapsed().as_secs_f64()))
+}
+
+/// The same on the cloud that the scene has with other regions ([`Twin::on_cloud_of`]).
+///
+/// # Errors
+/// [`BuildError`] if the scene can't be discretised.
+pub fn build_on(scene: &Scene, regions: &[Region]) -> Result<(Twin, f64), BuildError> {
+    let start = Instant::now();
+    let twin = Twin::on_cloud_of(scene, regions)?;
     Ok((twin, start.elapsed().as_secs_f64()))
 }
 

@@ -5,20 +5,21 @@ use crate::instrument::{Contact, NeedlePath};
 use crate::mesh::Volumes;
 use crate::scene::{Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::approximation::ShapeTable;
-use mtled::approximation::axisymmetric::AxisymmetricApproximation;
+use mtled::approximation::axisymmetric::{AxisymmetricApproximation, MeridianField};
 use mtled::cloud::{self, Domain, Meridian, Revolved, revolve};
 use mtled::solver::Role;
 
 use super::body::Layout;
 use super::build::{Built, frictional, interpolating, press, roles, settings, solver, surfaces};
+use super::moved::{self, Moved};
 use super::tissue::{Cells, Fields, Tissue};
 use super::{BuildError, regions};
 
-/// Builds the model.
+/// Builds the model. `made_for`: the scene of the cloud, which is moved from there.
 ///
 /// # Errors
 /// [`BuildError`] if the half plane can't be discretised.
-pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
+pub(super) fn build(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built, BuildError> {
     let (Shape::Cylinder { diameter, height }, Some(grading)) = (&scene.sample.shape, &scene.discretisation.grading)
     else {
         return Err(BuildError::Unsupported {
@@ -27,28 +28,37 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
         });
     };
     let domain = Domain::Cylinder { radius: 0.5 * diameter.get(), height: height.get() };
-    let layout = Layout::in_half_plane(scene, &domain, grading);
-    let plane = cloud::meridian::meridian(&domain, &layout.spacing).map_err(cloud_error)?;
+    let mut layout = Layout::in_half_plane(made_for, &domain, grading);
+    let mut plane = cloud::meridian::meridian(&domain, &layout.spacing).map_err(cloud_error)?;
     let held = scene
         .instrument
         .as_ref()
         .map_or_else(Vec::new, |i| Contact::nodes(&plane.points, &plane.faces, height.get(), i));
-    let region = regions::of_cells(scene, height.get(), &plane.points, &plane.triangles, &Volumes::default());
+    let region = regions::of_cells(made_for, height.get(), &plane.points, &plane.triangles, &Volumes::default());
     let material = regions::materials(scene, &region);
     let mut roles = roles(scene, &plane.faces, &held);
     let mut approximation = approximation(scene, &plane, &held, &roles);
     if !material.is_empty() {
         approximation = approximation.with_regions(&material);
     }
-    let targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| in_half_plane(t.position)).collect();
-    let table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
+    let targets = scene.targets.iter().map(|t| moved::back(moved, in_half_plane(t.position)));
+    let targets: Vec<[f64; 3]> = targets.collect();
+    let mut table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
+    let fields = [approximation.field(&plane.points)?, approximation.field(&targets)?];
+    let fitted = moved.map(|moved| {
+        moved.stretch(&mut table, &plane.points, &plane.triangles);
+        layout.reach = height.get() - moved.height(height.get() - layout.reach);
+        let places = moved.places(&plane.points);
+        std::mem::replace(&mut plane.points, places)
+    });
+    let places = [fitted.as_deref().unwrap_or(&plane.points), &plane.points];
     let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
     let contact = |i| contact(scene, i, &plane, &held, &layout, &table);
     let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
     regions::hold_rigid(scene, &plane.triangles, &material, &mut roles);
     let surfaces = surfaces(scene, &plane.points, &plane.faces, [0.0, height.get()]);
     Ok(Built {
-        solver: solver(scene, &cells, &plane.points, roles, &table, surfaces, &mut contact),
+        solver: solver(scene, &cells, places, roles, &table, surfaces, &mut contact),
         contact,
         top: height.get(),
         height: height.get(),
@@ -58,9 +68,8 @@ pub(super) fn build(scene: &Scene) -> Result<Built, BuildError> {
         tissue: tissue(
             scene,
             &plane,
-            &approximation,
+            fields,
             table,
-            &targets,
             revolve::sectors(0.5 * diameter.get(), layout.spacing.far),
             &region,
         )?,
@@ -120,9 +129,8 @@ fn contact(
 fn tissue(
     scene: &Scene,
     plane: &Meridian,
-    approximation: &AxisymmetricApproximation,
+    [nodes, targets]: [MeridianField; 2],
     table: ShapeTable,
-    targets: &[[f64; 3]],
     sectors: usize,
     region: &[u8],
 ) -> Result<Tissue, BuildError> {
@@ -148,8 +156,8 @@ fn tissue(
             volume: table.volume,
         },
         fields: Fields::Revolved {
-            nodes: approximation.field(&plane.points)?,
-            targets: approximation.field(targets)?,
+            nodes,
+            targets,
             first,
             azimuths,
             target_azimuths: scene.targets.iter().map(|t| azimuth(t.position)).collect(),

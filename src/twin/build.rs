@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_and_slow, surface};
-use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Integration, Method, Needle, Scene};
+use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Integration, Method, Needle, Region, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use mtled::cloud::{Axis, BASE, Cloud, Reflected, TOP};
 use mtled::mirror::Mirror;
 use mtled::solver::{Model, Role, Solver, SolverSettings, Surface};
 
+use super::moved::{self, Moved};
 use super::pace::Pace;
 use super::recover::Saved;
 use super::tissue::{Cells, Fields, Tissue};
@@ -38,11 +39,34 @@ impl Twin {
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
+        Self::built(scene, None)
+    }
+
+    /// The same on the cloud that the scene has with other regions, its nodes moved with the interfaces, so that the force is a smooth
+    /// function of the layers' depths; on its own cloud where that can't be ([`Twin::stretch_from`]).
+    ///
+    /// # Errors
+    /// [`BuildError`] if the scene can't be discretised.
+    pub fn on_cloud_of(scene: &Scene, regions: &[Region]) -> Result<Self, BuildError> {
+        Self::built(scene, Moved::new(scene, regions).map(|moved| (moved, regions)))
+    }
+
+    /// How many times as thick, or as thin, a layer is at most as with other regions, if the nodes of the cloud for those can be moved to
+    /// the scene's own; `None` where they can't: all of both have to be layers in a cylinder or box, of the same materials from top to
+    /// base, and none more than twice as thick or thin.
+    #[must_use]
+    pub fn stretch_from(scene: &Scene, regions: &[Region]) -> Option<f64> {
+        Moved::new(scene, regions).map(|moved| moved.most())
+    }
+
+    fn built(scene: &Scene, moved: Option<(Moved, &[Region])>) -> Result<Self, BuildError> {
         let dimension = scene.dimension();
+        let made_for = moved.as_ref().map(|(_, regions)| Scene { regions: regions.to_vec(), ..scene.clone() });
+        let (made_for, moved) = (made_for.as_ref().unwrap_or(scene), moved.map(|(moved, _)| moved));
         let Built { solver, contact, tissue, top, height, reach, mut warnings, repaired_supports } =
             match dimension.dimension {
-                Dimension::Axisymmetric => axisymmetric::build(scene)?,
-                Dimension::Mirrored | Dimension::Full | Dimension::Auto => full(scene)?,
+                Dimension::Axisymmetric => axisymmetric::build(scene, made_for, moved.as_ref())?,
+                Dimension::Mirrored | Dimension::Full | Dimension::Auto => full(scene, made_for, moved.as_ref())?,
             };
         warnings.extend(scene.advice());
         warnings.extend(contact.as_ref().and_then(|contact| thinner(scene, contact)));
@@ -87,13 +111,13 @@ fn thinner(scene: &Scene, contact: &Contact) -> Option<String> {
     })
 }
 
-/// The model in three dimensions, or in half of them.
-fn full(scene: &Scene) -> Result<Built, BuildError> {
-    let body = Body::new(scene)?;
+/// The model in three dimensions, or in half of them. `made_for`: the scene of the cloud, which is moved from there.
+fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built, BuildError> {
+    let mut body = Body::new(made_for)?;
     let (cloud, held) = (&body.cloud, &body.held);
     let mut roles = roles(scene, &cloud.faces, held);
     let interpolating = interpolating(&roles, held);
-    let region = regions::of_cells(scene, body.top, &cloud.points, &cloud.cells, &body.volumes);
+    let region = regions::of_cells(made_for, body.top, &cloud.points, &cloud.cells, &body.volumes);
     let material = regions::materials(scene, &region);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     if let Some(mirror) = &body.mirror {
@@ -102,23 +126,28 @@ fn full(scene: &Scene) -> Result<Built, BuildError> {
     if !material.is_empty() {
         approximation = approximation.with_regions(&material);
     }
-    let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| t.position).collect();
+    let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| moved::back(moved, t.position)).collect();
     let beyond = to_the_half(&mut targets, body.mirror.as_ref());
-    let table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
-    let table = match scene.discretisation.integration {
-        Integration::Plain => table,
-        Integration::Consistent => {
-            let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
-            approximation.consistent(table, &tied)?
-        },
-    };
+    let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
+    if scene.discretisation.integration == Integration::Consistent {
+        let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
+        table = approximation.consistent(table, &tied)?;
+    }
+    let (nodes, targets) = (approximation.field(&cloud.points)?, approximation.field(&targets)?);
+    let fitted = moved.map(|moved| {
+        moved.stretch(&mut table, &body.cloud.points, &body.cloud.cells);
+        body.reach = body.top - moved.height(body.top - body.reach);
+        let places = moved.places(&body.cloud.points);
+        std::mem::replace(&mut body.cloud.points, places)
+    });
+    let cloud = &body.cloud;
     let contact = |i| make_contact(scene, i, &body, &table);
     let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
     let surfaces = surfaces(scene, &cloud.points, &cloud.faces, [body.top - body.height, body.top]);
-    let solver = solver(scene, &cloud.cells, &cloud.points, roles, &table, surfaces, &mut contact);
+    let places = [fitted.as_deref().unwrap_or(&cloud.points), &cloud.points];
+    let solver = solver(scene, &cloud.cells, places, roles, &table, surfaces, &mut contact);
     let (of_point, volume) = cells_and_volumes(table);
-    let (nodes, targets) = (approximation.field(&cloud.points)?, approximation.field(&targets)?);
     let model = Cells { nodes: cloud.points.len(), triangles: None, of_point, volume };
     let (cloud, fields, region_shown) = match body.mirror {
         None => (body.cloud, Fields::Full { nodes, targets }, region.clone()),
@@ -292,11 +321,11 @@ pub(super) fn surfaces(
     [surface::of_instrument(scene, top, edge), surface::of_base(scene, bottom)]
 }
 
-/// The solver of a scene's shape table.
+/// The solver of a scene's shape table; places of the nodes for which that was fitted, and where they are.
 pub(super) fn solver(
     scene: &Scene,
     cells: &[[u32; 4]],
-    points: &[[f64; 3]],
+    [fitted, points]: [&[[f64; 3]]; 2],
     role: Vec<Role>,
     table: &ShapeTable,
     [instrument, base]: [Option<Surface>; 2],
@@ -311,7 +340,8 @@ pub(super) fn solver(
         threads: rayon::current_num_threads(),
     };
     let laws = regions::laws(scene, table);
-    let model = Model::of_materials(table, cells, points, role, &laws, &settings).with_surfaces(instrument, base);
+    let model = Model::of_materials(table, cells, fitted, role, &laws, &settings).with_nodes_at(points);
+    let model = model.with_surfaces(instrument, base);
     let Some(Contact::Frictional(needle)) = contact else { return Solver::of(Arc::new(model), settings.threads) };
     let mut solver = Solver::of(Arc::new(needle.rod(model)), settings.threads);
     needle.place(&mut solver);

@@ -9,6 +9,7 @@ mod happened;
 mod health;
 mod look_ahead;
 mod mesh;
+mod moved;
 mod observe;
 mod pace;
 mod pierce;

@@ -28,6 +28,7 @@ mod least_work;
 mod mesh_files;
 mod mesh_import;
 mod mirrored;
+mod moved_cloud;
 mod needle_capture;
 mod needle_friction;
 mod needle_motion;

@@ -6,8 +6,8 @@ mod clouds;
 
 use approx::assert_abs_diff_eq;
 use clouds::{KAPPA, METHODS, MLS, MMLS, MU, TET4, internal_force, minus, norm, settings};
-use mtled::approximation::{Basis, Settings};
 use mtled::approximation::table::Approximation;
+use mtled::approximation::{Basis, Settings};
 use mtled::cloud::Cloud;
 use mtled::material::Law;
 use mtled::solver::{Advance, Role, Solver, SolverSettings};

@@ -193,7 +193,7 @@ impl CurveTable {
         };
         let readings: Vec<Reading> = (0..PLACES).map(reading).collect();
         let none = ForceSeries::new(Vec::new());
-        let run = paths::run(&scene, &readings, &none, &mut Stopped(stop))?;
+        let run = paths::run(&scene, None, &readings, &none, &mut Stopped(stop))?;
         if let Some(reason) = run.diverged {
             return Err(CalibrateError::Diverged(reason));
         }
@@ -354,7 +354,7 @@ mod tests {
             let readings: Vec<Reading> =
                 (0..180).map(|i| Reading { time_s: f64::from(i) * 0.05, at: At::Depth(f64::from(i) * 5e-5) }).collect();
             let none = ForceSeries::new(Vec::new());
-            let run = paths::run(&scene, &readings, &none, &mut Stopped(&|| false)).unwrap();
+            let run = paths::run(&scene, None, &readings, &none, &mut Stopped(&|| false)).unwrap();
             let read = table.run(&scene, &readings, &none).unwrap();
             assert_eq!(run.answers.len(), read.answers.len());
             let peak = run.answers.last().unwrap().predicted_n;

@@ -72,8 +72,7 @@ pub(super) fn judged(
         refused: problem.refused(),
     };
     let drift = problem.sought.iter().position(|s| *s == Sought::Drift);
-    let region = problem.sought.iter().find(|s| s.is_of_regions()).map(Sought::name);
-    withhold(&mut calibration, drift, region, &rows);
+    withhold(&mut calibration, drift, problem.of_many_clouds(), &rows);
     Ok(calibration)
 }
 
@@ -97,7 +96,7 @@ fn verdict(rows: &Rows, across: &[(String, Rows)], fitted: usize, force_error: f
 }
 
 /// Gives no error to what can't be believed, and says why.
-fn withhold(calibration: &mut Calibration, drift: Option<usize>, region: Option<&str>, rows: &Rows) {
+fn withhold(calibration: &mut Calibration, drift: Option<usize>, many: Option<&str>, rows: &Rows) {
     let beyond = drift.and_then(|k| excessive(&calibration.estimates[k], rows));
     let all = match calibration.verdict.explains {
         Explains::No | Explains::InPart => Some("the model does not explain the readings".to_owned()),
@@ -105,7 +104,7 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, region: Option<
         _ if !calibration.converged => {
             Some(format!("the search ran out of steps after {}: start nearer with --set", calibration.iterations))
         }
-        _ => beyond.clone().or_else(|| region.map(of_regions)),
+        _ => beyond.clone().or_else(|| many.map(of_many_clouds)),
     };
     calibration.verdict.reasons.extend(beyond);
     let together = calibration.indistinguishable.clone();
@@ -120,12 +119,11 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, region: Option<
     }
 }
 
-/// Why nothing has an interval where a key of a region is sought: layers make up for each other, and the search was seen to end
-/// 10 to 25 % beside the values that made the data (docs/lab/interfaces.md).
-fn of_regions(key: &str) -> String {
+/// Why nothing has an interval where the size of a region that is no layer is sought.
+fn of_many_clouds(key: &str) -> String {
     format!(
-        "{key} is one of several regions': they make up for each other in the force, and runs differ by more than what is left to gain. \
-         Start from several values with --set and compare what is left of the fit"
+        "each value of {key} has a cloud of its own, and forces on two clouds differ by up to 1 %, which no derivative tells from the \
+         key's effect. Start from several values with --set and compare what is left of the fit"
     )
 }
 

@@ -153,7 +153,7 @@ impl Marked<'_> {
     fn run(&mut self, scene: &Scene) -> Result<Run, CalibrateError> {
         self.runs += 1;
         let none = ForceSeries::new(Vec::new());
-        paths::run(scene, self.task.readings, self.task.force.map_or(&none, |(series, _)| series), self.watch)
+        paths::run(scene, None, self.task.readings, self.task.force.map_or(&none, |(series, _)| series), self.watch)
     }
 
     /// Recorded times count from that of the first reading in a run.

@@ -22,6 +22,7 @@ mod markers;
 mod paths;
 mod prediction;
 mod problem;
+mod runs;
 mod search;
 mod spikes;
 mod split;

@@ -4,7 +4,7 @@ use super::{CalibrateError, Task};
 use crate::compare::components::Component;
 use crate::compare::path::ForcePath;
 use crate::compare::{self, Answer, Collector, ForceSeries, Keep, Reading, Run, Watch};
-use crate::scene::Scene;
+use crate::scene::{Region, Scene};
 
 /// Share of the poses that must be answered.
 const ANSWERED: f64 = 0.9;
@@ -14,14 +14,15 @@ pub(super) fn answered(run: &Run, task: &Task) -> bool {
     run.answers.len() as f64 >= ANSWERED * task.readings.len() as f64
 }
 
-/// A run of a scene over a recording.
+/// A run of a scene over a recording, on its own cloud or on that for other regions.
 pub(super) fn run(
     scene: &Scene,
+    regions: Option<&[Region]>,
     readings: &[Reading],
     measured: &ForceSeries,
     watch: &mut dyn Watch,
 ) -> Result<Run, CalibrateError> {
-    let built = compare::build(scene);
+    let built = regions.map_or_else(|| compare::build(scene), |regions| compare::build_on(scene, regions));
     let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
     let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
     let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, watch);

@@ -72,7 +72,7 @@ fn whole(
     measured: &ForceSeries,
     watch: &mut dyn Watch,
 ) -> Result<Run, CalibrateError> {
-    let run = paths::run(scene, readings, measured, watch)?;
+    let run = paths::run(scene, None, readings, measured, watch)?;
     if let Some(reason) = run.diverged {
         return Err(CalibrateError::Diverged(reason));
     }

@@ -5,22 +5,17 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::paths::{answered, path_of, paths_of, run};
+use super::paths::path_of;
+use super::runs::Common;
 use super::tie::{pressures, tied};
 use super::unknown::Sought;
 use super::{CalibrateError, Forces, Parts, Task};
 use crate::compare::components::Component;
 use crate::compare::path::ForcePath;
 use crate::compare::rows::{Rows, at_rest};
-use crate::compare::{Answer, At, Depths, Reading, Run, Watch, least_squares::Problem};
-use crate::scene::{Override, Scene};
+use crate::compare::{Answer, Depths, Run, Watch, least_squares::Problem};
+use crate::scene::Override;
 
-/// Change of a key for its derivative, as a share of it: far above the rounding of single precision, and what bends within it
-/// is small against the steps of the search.
-const DIFFERENCE: f64 = 0.01;
-/// The same of a region's depth or modulus: each value is a run of its own, a depth makes another cloud, and two of them differ by up to
-/// a per cent of the force, which the change has to stand out from.
-const DIFFERENCE_OF_REGIONS: f64 = 0.1;
 /// Pressures whose ratio changes by less than this keep it.
 const SAME_RATIO: f64 = 1e-12;
 /// Shift of the contact, m, within which the last run's own slope says what it does.
@@ -40,8 +35,9 @@ pub(super) struct Kept {
 pub(super) struct Recorded<'a> {
     pub(super) task: &'a Task<'a>,
     pub sought: Vec<Sought>,
-    watch: &'a mut dyn Watch,
-    tell: &'a mut dyn FnMut(&str),
+    pub(super) watch: &'a mut dyn Watch,
+    pub(super) tell: &'a mut dyn FnMut(&str),
+    pub(super) common: Common,
     /// Of the rows.
     parts: Parts,
     /// Rows that are fitted: those of the part, less what was left out.
@@ -51,14 +47,14 @@ pub(super) struct Recorded<'a> {
     /// What was measured across the axis at the rows, and whether the model has it.
     pub(super) across: Vec<Component>,
     pub(super) vectors: bool,
-    runs: u32,
+    pub(super) runs: u32,
     /// Keys that take the value of an unknown: the key, and its index.
     tied: Vec<(&'static str, usize)>,
     /// Which of the unknowns are pressures to which, together, the force is proportional; empty where it is not.
     pub(super) pressures: Vec<usize>,
     pub(super) kept: Option<Kept>,
     /// Poses that the last run refused.
-    refused: usize,
+    pub(super) refused: usize,
 }
 
 impl<'a> Recorded<'a> {
@@ -71,6 +67,7 @@ impl<'a> Recorded<'a> {
         Self {
             tied: tied(task.scene, &sought),
             pressures: pressures(task.scene, &sought),
+            common: Common::new(task.scene, &sought),
             task,
             sought,
             watch,
@@ -208,27 +205,6 @@ impl<'a> Recorded<'a> {
         self.sought.iter().position(|s| s == of).map_or(0.0, |k| x[k])
     }
 
-    pub(super) fn run(&mut self, scene: &Scene, contact_m: f64) -> Result<Run, CalibrateError> {
-        let shifted = |r: &Reading| match r.at {
-            At::Depth(depth) => Reading { at: At::Depth(depth - contact_m), ..*r },
-            At::Pose(mut pose) => {
-                (0..3).for_each(|k| pose.tip[k] -= contact_m * pose.axis[k]);
-                Reading { at: At::Pose(pose), ..*r }
-            }
-        };
-        let readings: Vec<Reading> = self.task.readings.iter().map(shifted).collect();
-        let tabulated = self.task.table.map(|table| table.run(scene, &readings, self.task.measured));
-        let run = match tabulated {
-            Some(run) => run.ok_or(CalibrateError::OutsideTable)?,
-            None => {
-                self.runs += 1;
-                run(scene, &readings, self.task.measured, self.watch)?
-            }
-        };
-        self.refused = readings.len() - run.answers.len();
-        Ok(run)
-    }
-
     /// What the load cell adds at a time, with the unknowns x.
     pub(super) fn added(&self, x: &[f64], time_s: f64) -> f64 {
         self.sought.iter().zip(x).map(|(s, value)| value * s.added(time_s)).sum()
@@ -284,39 +260,6 @@ impl<'a> Recorded<'a> {
         let force = all.iter().flat_map(|force| self.at_fitted(force)).collect();
         let depth = all.iter().flat_map(|_| self.at_fitted(&self.forces.depth_m)).collect();
         Ok((force, depth))
-    }
-
-    /// A run with the values x.
-    fn run_with(&mut self, x: &[f64]) -> Result<Option<Kept>, CalibrateError> {
-        let values = self.sought.iter().zip(x).filter(|(s, _)| matches!(s, Sought::Key(_) | Sought::Contact));
-        let values: Vec<String> = values.map(|(s, v)| format!("{} = {v:.6}", s.name())).collect();
-        (self.tell)(&format!("run {}: {}", self.runs + 1, values.join(", ")));
-        let Ok(scene) = self.task.scene.with(&self.changes(x)) else { return Ok(None) };
-        let run = match self.run(&scene, self.value(x, &Sought::Contact)) {
-            Err(CalibrateError::Build { .. } | CalibrateError::OutsideTable) => return Ok(None),
-            other => other?,
-        };
-        let paths = paths_of(&run, &self.across).filter(|_| run.diverged.is_none() && answered(&run, self.task));
-        Ok(paths.map(|paths| Kept { x: x.to_vec(), paths, regions: run.regions_over_depth() }))
-    }
-
-    /// Derivative of the fitted rows' force by one key, from a second run; the other way where the first can't be.
-    fn difference(&mut self, x: &[f64], k: usize, force: &[f64]) -> Result<Option<Vec<f64>>, CalibrateError> {
-        let share = if self.sought[k].is_of_regions() { DIFFERENCE_OF_REGIONS } else { DIFFERENCE };
-        // a pressure that is small against the others is changed as they are
-        let alike = self.pressures.iter().filter(|_| self.pressures.contains(&k)).map(|&p| x[p].abs());
-        let size = share * Some(alike.fold(x[k].abs(), f64::max)).filter(|size| *size > 0.0).unwrap_or(1.0);
-        for change in [size, -size] {
-            let mut beside = x.to_vec();
-            beside[k] += change;
-            if let Some(kept) = self.run_with(&beside)? {
-                let clock = self.value(x, &Sought::Clock);
-                let times = || self.fitted.iter().map(|&i| self.forces.time_s[i] - clock);
-                let other = self.one_column(kept.paths.iter().map(|p| times().map(|t| p.force_n(t, 0.0)).collect()));
-                return Ok(Some(other.iter().zip(force).map(|(a, b)| (a - b) / change).collect()));
-            }
-        }
-        Ok(None)
     }
 
     /// Derivative of the fitted rows' force by one unknown that needs no run.

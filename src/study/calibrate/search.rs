@@ -7,6 +7,9 @@ use crate::compare::alignment::{Alignment, align};
 use crate::compare::rows::Rows;
 use crate::compare::{Run, least_squares};
 
+/// Clouds that are made after the first, where the layers' depths are found to be far from the start's.
+const MOST_CLOUDS: usize = 3;
+
 /// Where the search of one recording ended.
 pub(super) struct Searched {
     pub unknowns: Vec<least_squares::Unknown>,
@@ -23,6 +26,9 @@ pub(super) fn search(problem: &mut Recorded, task: &Task) -> Result<Searched, Ca
         problem.sought.iter().map(|s| s.unknown(task.scene, task.wanted)).collect::<Result<Vec<_>, _>>()?;
     let begun: Vec<f64> = unknowns.iter().map(|u| u.start).collect();
     let mut first = problem.first(0.0)?;
+    if problem.makes_steady(&first) {
+        first = problem.first(0.0)?;
+    }
     let mut realigned = [Sought::Contact, Sought::Clock].map(|s| problem.sought.contains(&s));
     let before = first.alignment_of(rows_of(task, &first));
     let mut shift = [0.0; 2];
@@ -41,6 +47,12 @@ pub(super) fn search(problem: &mut Recorded, task: &Task) -> Result<Searched, Ca
     }
     problem.begin_in_table(&mut unknowns)?;
     let mut solution = least_squares::solve(problem, &unknowns)?.ok_or_else(|| problem.beyond_start())?;
+    for _ in 0..MOST_CLOUDS {
+        if problem.makes_anew(&solution.x)? {
+            unknowns.iter_mut().zip(&solution.x).for_each(|(u, x)| u.start = *x);
+            solution = again(problem, &unknowns, &solution)?;
+        }
+    }
     // with a force of the right shape the alignment is seen more clearly
     let seen = aligned(problem, &solution.x)?;
     if let Some(found) = &seen {

@@ -184,6 +184,13 @@ impl Model {
         model
     }
 
+    /// With nodes at other places than those for which the table was fitted: its gradients and volumes are of these.
+    #[must_use]
+    pub fn with_nodes_at(mut self, points: &[[f64; 3]]) -> Self {
+        self.points.copy_from_slice(points);
+        self
+    }
+
     /// With surfaces that nodes of [`Role::Surface`] may not pass: the instrument's, and one that the body stands on.
     #[must_use]
     pub fn with_surfaces(mut self, instrument: Option<Surface>, base: Option<Surface>) -> Self {

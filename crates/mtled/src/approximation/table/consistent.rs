@@ -74,7 +74,9 @@ impl Approximation {
             for (at, weight) in face_points() {
                 let at = std::array::from_fn(|k| (0..3).map(|c| at[c] * x[c][k]).sum());
                 self.with_fit(at, region, basis, false, |near, fit| {
-                    near.iter().zip(&fit.value).for_each(|(n, phi)| add(self.supports.entry(n.node), weight * phi, area));
+                    near.iter()
+                        .zip(&fit.value)
+                        .for_each(|(n, phi)| add(self.supports.entry(n.node), weight * phi, area));
                 })?;
             }
         }
@@ -109,9 +111,11 @@ impl Approximation {
 
 /// Barycentric points and weights of degree 4 on a triangle (Dunavant 1985).
 fn face_points() -> impl Iterator<Item = (V, f64)> {
-    [(0.445_948_490_915_965, 0.223_381_589_678_011), (0.091_576_213_509_771, 0.109_951_743_655_322)].into_iter().flat_map(
-        |(a, weight)| (0..3).map(move |c| (std::array::from_fn(|k| if k == c { 1.0 - 2.0 * a } else { a }), weight)),
-    )
+    [(0.445_948_490_915_965, 0.223_381_589_678_011), (0.091_576_213_509_771, 0.109_951_743_655_322)]
+        .into_iter()
+        .flat_map(|(a, weight)| {
+            (0..3).map(move |c| (std::array::from_fn(|k| if k == c { 1.0 - 2.0 * a } else { a }), weight))
+        })
 }
 
 fn entries(table: &ShapeTable, point: usize) -> std::ops::Range<usize> {
@@ -179,7 +183,8 @@ impl<'a> Fits<'a> {
     fn applied(&self, beta: &[V]) -> Vec<V> {
         let mut sum = vec![[0.0; 3]; beta.len()];
         let d = self.blocks(beta).into_iter().flatten();
-        let volumes = (0..self.table.volume.len()).flat_map(|g| entries(self.table, g).map(move |_| self.table.volume[g]));
+        let volumes =
+            (0..self.table.volume.len()).flat_map(|g| entries(self.table, g).map(move |_| self.table.volume[g]));
         for ((n, d), volume) in self.table.nodes.iter().zip(d).zip(volumes) {
             (0..3).for_each(|k| sum[*n as usize][k] += volume * d[k]);
         }
