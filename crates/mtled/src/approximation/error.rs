@@ -38,6 +38,15 @@ pub enum ApproximationError {
         /// How many nodes reach the point.
         nodes: usize,
     },
+    /// No correction of the gradients makes the sums those of the integrals.
+    #[error(
+        "the gradients can't be made consistent near ({:.6}, {:.6}, {:.6}) m: take discretisation.integration = \"plain\", or \
+         refine the cloud there", at[0], at[1], at[2]
+    )]
+    Unbalanced {
+        /// Where, m.
+        at: [f64; 3],
+    },
 }
 
 impl ApproximationError {
@@ -45,7 +54,10 @@ impl ApproximationError {
     #[must_use]
     pub const fn at(&self) -> [f64; 3] {
         match self {
-            Self::Uncovered { at } | Self::Coplanar { at, .. } | Self::Singular { at, .. } => *at,
+            Self::Uncovered { at }
+            | Self::Coplanar { at, .. }
+            | Self::Singular { at, .. }
+            | Self::Unbalanced { at } => *at,
         }
     }
 }

@@ -15,6 +15,9 @@
 //! The second line keeps linear fields exact. A is symmetric and positive, its null space the linear fields, for which the right
 //! side has no part; conjugate gradients solve for the three components at once.
 //!
+//! Of a body that is modelled by its half, all sums are those of the whole: a node's with the mirrored one of its image, and on the plane of
+//! symmetry, which is no surface, the part within it.
+//!
 //! b_j is the integral of phi_j n over the surface, region by region. Where all three nodes of a face are tied (held, or in contact), the
 //! force on the face acts at its nodes: each has a third of it.
 
@@ -23,6 +26,7 @@ use rayon::prelude::*;
 use super::{Approximation, ShapeTable};
 use crate::approximation::error::ApproximationError;
 use crate::approximation::mls::{Basis, cholesky, solve};
+use crate::mirror::Mirror;
 
 /// A vector in space, or three right sides.
 type V = [f64; 3];
@@ -42,6 +46,10 @@ impl Approximation {
     /// [`ApproximationError`] where there is no fit on the surface.
     pub fn consistent(&self, mut table: ShapeTable, tied: &[bool]) -> Result<ShapeTable, ApproximationError> {
         let Some(basis) = self.settings.basis else { return Ok(table) };
+        let symmetry = Symmetry {
+            mirror: self.supports.mirror(),
+            on_plane: (0..self.points.len() as u32).map(|n| self.supports.is_on_plane(n)).collect(),
+        };
         let mut missing = self.surface_integrals(tied, basis)?;
         for g in 0..table.volume.len() {
             for e in entries(&table, g) {
@@ -49,13 +57,14 @@ impl Approximation {
                 (0..3).for_each(|k| left[k] -= table.volume[g] * table.gradient[e][k]);
             }
         }
-        let places: Vec<V> = match self.supports.mirror() {
-            Some(mirror) => self.points.iter().copied().chain(self.points.iter().map(|p| mirror.image(p))).collect(),
+        let places = match symmetry.mirror {
+            Some(mirror) => [self.points.clone(), self.points.iter().map(|p| mirror.image(p)).collect()].concat(),
             None => self.points.clone(),
         };
-        let fits = Fits::new(&table, &places);
-        let beta = fits.solved(missing);
-        let correction: Vec<V> = fits.blocks(&beta).concat();
+        let fits = Fits::new(&table, &places, &symmetry);
+        let beta =
+            fits.solved(symmetry.folded(missing)).map_err(|n| ApproximationError::Unbalanced { at: places[n] })?;
+        let correction: Vec<V> = fits.blocks(&symmetry.unfolded(&beta)).concat();
         table.gradient.iter_mut().zip(correction).for_each(|(g, d)| (0..3).for_each(|k| g[k] += d[k]));
         Ok(table)
     }
@@ -65,7 +74,8 @@ impl Approximation {
         let images = if self.supports.mirror().is_some() { self.points.len() } else { 0 };
         let mut b = vec![[0.0; 3]; self.points.len() + images];
         let mut add = |entry: u32, share: f64, area: V| (0..3).for_each(|k| b[entry as usize][k] += share * area[k]);
-        for (face, region, area) in self.surface() {
+        let within_plane = |face: &[u32; 3]| images > 0 && face.iter().all(|&n| self.supports.is_on_plane(n));
+        for (face, region, area) in self.surface().into_iter().filter(|(face, ..)| !within_plane(face)) {
             if face.iter().all(|&n| tied[n as usize]) {
                 face.iter().for_each(|&n| add(n, 1.0 / 3.0, area));
                 continue;
@@ -122,9 +132,39 @@ fn entries(table: &ShapeTable, point: usize) -> std::ops::Range<usize> {
     table.start[point] as usize..table.start[point + 1] as usize
 }
 
+/// What a body's symmetry makes of vectors of all entries, and of those of nodes alone.
+struct Symmetry {
+    mirror: Option<Mirror>,
+    on_plane: Vec<bool>,
+}
+
+impl Symmetry {
+    /// Of the nodes: their own with the mirrored one of their image.
+    fn folded(&self, mut entries: Vec<V>) -> Vec<V> {
+        let Some(mirror) = self.mirror else { return entries };
+        let images = entries.split_off(self.on_plane.len());
+        for ((own, image), on_plane) in entries.iter_mut().zip(&images).zip(&self.on_plane) {
+            if *on_plane {
+                *own = mirror.within(own);
+            } else {
+                let image = mirror.image(image);
+                (0..3).for_each(|k| own[k] += image[k]);
+            }
+        }
+        entries
+    }
+
+    /// Of all entries, for those of the nodes.
+    fn unfolded(&self, nodes: &[V]) -> Vec<V> {
+        let images = self.mirror.iter().flat_map(|mirror| nodes.iter().map(|v| mirror.image(v)));
+        nodes.iter().copied().chain(images).collect()
+    }
+}
+
 /// Linear fits over the nodes of each point.
 struct Fits<'a> {
     table: &'a ShapeTable,
+    symmetry: &'a Symmetry,
     /// Where each entry is, m.
     places: &'a [V],
     /// Of each point: centre (m), 1/size (1/m), factor of the moment matrix; none where the nodes lie in a plane.
@@ -132,7 +172,7 @@ struct Fits<'a> {
 }
 
 impl<'a> Fits<'a> {
-    fn new(table: &'a ShapeTable, places: &'a [V]) -> Self {
+    fn new(table: &'a ShapeTable, places: &'a [V], symmetry: &'a Symmetry) -> Self {
         let of = |g: usize| {
             let nodes = &table.nodes[entries(table, g)];
             let count = nodes.len() as f64;
@@ -148,7 +188,7 @@ impl<'a> Fits<'a> {
             (centre, 1.0 / size, factor)
         };
         let moments = (0..table.volume.len()).into_par_iter().map(of).collect();
-        Self { table, places, moments }
+        Self { table, symmetry, places, moments }
     }
 
     /// d_gj of the points of a block, in the order of the table.
@@ -179,23 +219,27 @@ impl<'a> Fits<'a> {
         (0..self.table.volume.len().div_ceil(BLOCK)).into_par_iter().map(|block| self.block(beta, block)).collect()
     }
 
-    /// A beta, summed in the order of the table.
+    /// A beta of the nodes, summed in the order of the table.
     fn applied(&self, beta: &[V]) -> Vec<V> {
-        let mut sum = vec![[0.0; 3]; beta.len()];
-        let d = self.blocks(beta).into_iter().flatten();
+        let mut sum = vec![[0.0; 3]; self.places.len()];
+        let d = self.blocks(&self.symmetry.unfolded(beta)).into_iter().flatten();
         let volumes =
             (0..self.table.volume.len()).flat_map(|g| entries(self.table, g).map(move |_| self.table.volume[g]));
         for ((n, d), volume) in self.table.nodes.iter().zip(d).zip(volumes) {
             (0..3).for_each(|k| sum[*n as usize][k] += volume * d[k]);
         }
-        sum
+        self.symmetry.folded(sum)
     }
 
-    /// beta for what is missing, by conjugate gradients with the volume round each node for a preconditioner.
-    fn solved(&self, mut residual: Vec<V>) -> Vec<V> {
+    /// beta of the nodes for what is missing, by conjugate gradients with the volume round each node for a preconditioner; or the node where
+    /// most is left.
+    fn solved(&self, mut residual: Vec<V>) -> Result<Vec<V>, usize> {
         let mut weight = vec![0.0; residual.len()];
         for g in 0..self.table.volume.len() {
-            entries(self.table, g).for_each(|e| weight[self.table.nodes[e] as usize] += self.table.volume[g]);
+            for &n in &self.table.nodes[entries(self.table, g)] {
+                let node = n as usize % residual.len();
+                weight[node] += self.table.volume[g];
+            }
         }
         let conditioned = |r: &[V]| -> Vec<V> {
             r.iter().zip(&weight).map(|(r, w)| if *w > 0.0 { r.map(|x| x / w) } else { [0.0; 3] }).collect()
@@ -221,7 +265,10 @@ impl<'a> Fits<'a> {
             way.iter_mut().zip(&z).for_each(|(w, z)| (0..3).for_each(|k| w[k] = z[k] + next / square * w[k]));
             square = next;
         }
-        beta
+        let left = |n: &usize| residual[*n].iter().fold(0.0_f64, |most, r| most.max(r.abs()));
+        let worst = (0..residual.len()).max_by(|a, b| left(a).total_cmp(&left(b)));
+        // in the finest clouds rounding ends the search a little earlier
+        worst.filter(|_| square > 1e4 * enough || square.is_nan()).map_or(Ok(beta), Err)
     }
 }
 
