@@ -161,14 +161,17 @@ impl Symmetry {
     }
 }
 
+/// Centre of a point's nodes (m), 1/size (1/m), factor of the moment matrix; none where they lie in a plane.
+type Moment = (V, f64, Option<[[f64; 4]; 4]>);
+
 /// Linear fits over the nodes of each point.
 struct Fits<'a> {
     table: &'a ShapeTable,
     symmetry: &'a Symmetry,
     /// Where each entry is, m.
     places: &'a [V],
-    /// Of each point: centre (m), 1/size (1/m), factor of the moment matrix; none where the nodes lie in a plane.
-    moments: Vec<(V, f64, Option<[[f64; 4]; 4]>)>,
+    /// Of each point.
+    moments: Vec<Moment>,
 }
 
 impl<'a> Fits<'a> {
