@@ -88,7 +88,8 @@ fn membranes_are_seen_within_20_ms_and_two_of_200_insertions_have_one_too_many()
     }
 }
 
-/// Tissues by another author, which nothing was chosen on (`tests/references/bar.py many`): forces that creep, cutting that varies along
+/// Tissues of another kind, written later by who had seen the first, on which nothing was chosen (`tests/references/bar.py many`): forces
+/// that creep, cutting that varies along
 /// the
 /// way, layers without a membrane.
 #[test]

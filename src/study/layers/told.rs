@@ -38,6 +38,11 @@ pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f
                 return layer;
             }
             layer.from_depth_m = Some(fit.begins(i));
+            if drops.len() > n && i + 1 < n {
+                let why = "there are more drops than layers, and whose each was is not certain";
+                cannot_tell.push(format!("cutting and puncture force of layer {}: {why}", i + 1));
+                return layer;
+            }
             let drop = membranes.get(i).copied().flatten();
             layer.puncture_force_n = drop.and_then(|d| less(before(first, d, diameter)?, fit.above(i)));
             if layer.puncture_force_n.is_none() {
