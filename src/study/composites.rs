@@ -119,7 +119,8 @@ pub const COMPOSITES: [Composite; 5] = [
         name: "membrane_indentation",
         preset: "indentation",
         regions: SKIN,
-        keys: &[NO_WALL, ("instrument.diameter_m", "0.001")],
+        // a force of a few mN: beside it, what one step a pose leaves of motion is 2 % (docs/lab/layers.md)
+        keys: &[NO_WALL, ("instrument.diameter_m", "0.001"), ("stepping.tolerance", "0.002")],
         heights_mm: &[],
         table: include_str!("../../bags/reference/membrane_indentation.csv"),
     },
