@@ -219,8 +219,7 @@ impl Layout {
                 }
             }
         }
-        let across = if point < 1.0 { CELLS_ACROSS } else { 1.0 };
-        features.extend(interfaces(scene, domain, far, across));
+        features.extend(interfaces(scene, domain, far, point < 1.0));
         Self { spacing: Spacing { far, growth: grading.growth, features }, reach }
     }
 
@@ -230,18 +229,19 @@ impl Layout {
     }
 }
 
-/// Cells across the thickness of a region in a half plane, at least; in space one has to do.
+/// Cells across the thickness of a region in a half plane, at least, and in space across one that is crushed; across others one has to do.
 const CELLS_ACROSS: f64 = 2.0;
 
 /// The regions' boundaries, fine enough for the thinnest of them.
 ///
 /// In space a sphere's facets, triangles of edge e, lie e^2/(8 R) within it on average, so its nodes stand as far outside.
-fn interfaces(scene: &Scene, domain: &Domain, far: f64, across: f64) -> impl Iterator<Item = Feature> {
-    let solids = scene.regions.iter().filter_map(|r| regions::solid(&r.shape, domain.height()));
-    solids.map(move |solid| {
+fn interfaces(scene: &Scene, domain: &Domain, far: f64, half_plane: bool) -> impl Iterator<Item = Feature> {
+    let solids = scene.regions.iter().filter_map(|r| Some((r, regions::solid(&r.shape, domain.height())?)));
+    solids.map(move |(region, solid)| {
+        let across = if half_plane || regions::is_crushed(scene, region) { CELLS_ACROSS } else { 1.0 };
         let spacing = far.min(solid.thickness() / across);
         let solid = match solid {
-            Solid::Sphere { centre, radius } if across == 1.0 => {
+            Solid::Sphere { centre, radius } if !half_plane => {
                 Solid::Sphere { centre, radius: radius + spacing * spacing / (8.0 * radius) }
             }
             other => other,

@@ -124,7 +124,7 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
         approximation = approximation.with_mirror(*mirror, &mirror.holds(&cloud.points));
     }
     if !material.is_empty() {
-        approximation = approximation.with_regions(&material);
+        approximation = approximation.with_regions(&material).with_four_points(&regions::with_four_points(made_for));
     }
     let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| moved::back(moved, t.position)).collect();
     let beyond = to_the_half(&mut targets, body.mirror.as_ref());

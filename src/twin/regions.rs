@@ -1,7 +1,7 @@
 //! Regions of a scene in its model: which material each cell is of.
 
 use crate::mesh::Volumes;
-use crate::scene::{RegionShape, Scene};
+use crate::scene::{Material, NamedMaterial, Region, RegionShape, Scene};
 use mtled::approximation::ShapeTable;
 use mtled::cloud::Solid;
 use mtled::material::Law;
@@ -69,6 +69,30 @@ pub(super) fn materials(scene: &Scene, region: &[u8]) -> Vec<u8> {
     let of_region: Vec<u8> = std::iter::once(0).chain(scene.regions.iter().map(|r| index(&r.material))).collect();
     let material: Vec<u8> = region.iter().map(|&r| of_region[usize::from(r)]).collect();
     if material.iter().all(|m| *m == 0) { Vec::new() } else { material }
+}
+
+/// Largest modulus over the stiffest other one of a layer that is taken for crushed.
+const CRUSHED: f64 = 0.1;
+/// The same of its thickness over the scene's spacing: beyond, it has cells enough across.
+const THIN: f64 = 2.0;
+
+/// Whether a region of a generated body is crushed between what is round it before that gives way: thin, and at most a tenth as stiff.
+/// Two nodes across and one point in each of its cells do not see it fold, and then an instrument goes through it without a
+/// force (docs/lab/layers.md).
+pub(super) fn is_crushed(scene: &Scene, region: &Region) -> bool {
+    let (Some(solid), Some(grading)) = (solid(&region.shape, 0.0), &scene.discretisation.grading) else { return false };
+    let named = |name: &str| scene.materials.iter().find(|m| m.name == name);
+    let others = scene.regions.iter().filter_map(|r| named(&r.material)).filter(|m| !m.rigid).map(|m| &m.material);
+    let stiffest = others.chain([&scene.material]).map(Material::shear_modulus).fold(0.0, f64::max);
+    // a tenth to the last digit of the file is a tenth
+    let soft = |m: &NamedMaterial| !m.rigid && m.material.shear_modulus() <= CRUSHED * (1.0 + 1e-9) * stiffest;
+    solid.thickness() < THIN * grading.spacing.get() && named(&region.material).is_some_and(soft)
+}
+
+/// Which materials' cells have four points each in space, by [`materials`]: those of crushed regions.
+pub(super) fn with_four_points(scene: &Scene) -> Vec<bool> {
+    let crushed = |m: &NamedMaterial| scene.regions.iter().any(|r| r.material == m.name && is_crushed(scene, r));
+    std::iter::once(false).chain(scene.materials.iter().map(crushed)).collect()
 }
 
 /// Laws by the materials' indices.

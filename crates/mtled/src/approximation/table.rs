@@ -118,6 +118,8 @@ pub struct Approximation {
     /// What each cell is integrated with.
     share: Vec<Share>,
     regions: Regions,
+    /// Whether the cells of a region have four points each at least; beyond the end: no.
+    four: Vec<bool>,
 }
 
 thread_local! {
@@ -132,7 +134,8 @@ impl Approximation {
         let supports = MirroredSupports::whole(points, &first, &interpolating);
         let share = shares(points, cells, &[], &settings);
         let regions = Regions::default();
-        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first, share, regions }
+        let four = Vec::new();
+        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first, share, regions, four }
     }
 
     /// Takes the cloud for the half of a body with n.x >= 0; `on_plane` are the nodes on the plane.
@@ -152,6 +155,23 @@ impl Approximation {
         self.supports = self.supports.with_radii(&self.first);
         self.share = shares(&self.points, &self.cells, region, &self.settings);
         self
+    }
+
+    /// Integrates the cells of some regions with four points each, `four` by region: one point a cell does not see how a soft layer folds
+    /// that is crushed between stiff ones.
+    #[must_use]
+    pub fn with_four_points(mut self, four: &[bool]) -> Self {
+        self.four = four.to_vec();
+        for cell in 0..self.cells.len() {
+            if self.has_four(self.regions.of_cell(cell)) {
+                self.share[cell] = Share::Own;
+            }
+        }
+        self
+    }
+
+    fn has_four(&self, region: u8) -> bool {
+        self.four.get(usize::from(region)) == Some(&true)
     }
 
     /// Number of nodes whose support was enlarged.
@@ -254,7 +274,8 @@ impl Approximation {
     fn gauss(&self, c: &[u32; 4], region: u8, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
         let x = self.corners(c);
         let (volume, _) = tetrahedron(&x);
-        gauss_points(self.settings.points_per_cell)
+        let own = self.settings.points_per_cell;
+        gauss_points(if self.has_four(region) { own.max(4) } else { own })
             .iter()
             .map(|(bary, weight)| {
                 let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
