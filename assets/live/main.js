@@ -24,7 +24,8 @@ function decodeModel(buffer) {
   const about = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 20, text)));
   let at = 20 + text;
   const next = (Type, n) => { const part = new Type(buffer, at, n); at += 4 * n; return part; };
-  return { about, points: next(Float32Array, 3 * points), surface: next(Uint32Array, 3 * surface), cells: next(Uint32Array, 4 * cells) };
+  const mesh = { points: next(Float32Array, 3 * points), surface: next(Uint32Array, 3 * surface), cells: next(Uint32Array, 4 * cells) };
+  return { about, ...mesh, region_of_cell: new Uint8Array(buffer, at) };
 }
 
 function decodeFrame(buffer, n) {

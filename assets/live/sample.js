@@ -5,6 +5,22 @@ const PLANES = { front: [1, 1], side: [0, 1], level: [2, -1] };
 /// Ends of the colour scale, mm: a scale that followed each frame would make colours mean nothing.
 const STEPS_MM = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500];
 
+/// Region of each triangle of the surface: that of the cell that it is a face of.
+function regionOfSurface({ surface, cells, region_of_cell }) {
+  const key = (i, j, k) => [i, j, k].sort((a, b) => a - b).join();
+  const place = new Map();
+  for (let k = 0; k < surface.length; k += 3) place.set(key(surface[k], surface[k + 1], surface[k + 2]), k / 3);
+  const found = new Uint8Array(surface.length / 3);
+  for (let c = 0; c < cells.length; c += 4) {
+    const [i, j, k, l] = cells.subarray(c, c + 4);
+    for (const face of [[i, j, k], [i, j, l], [i, k, l], [j, k, l]]) {
+      const at = place.get(key(...face));
+      if (at !== undefined) found[at] = region_of_cell[c / 4];
+    }
+  }
+  return found;
+}
+
 class LiveSample extends View {
   /// `model` as decode.js gives it.
   constructor(place, model) {
@@ -13,11 +29,15 @@ class LiveSample extends View {
     super(place, {
       ...model, ...none, time: [0], depth: [0], instrument: about.instrument,
       displacement: new Int16Array(points.length), displacement_unit: about.unit_m, displacement_max: 1e-3 * STEPS_MM[0],
+      regions: about.regions, region: { surface: about.regions ? regionOfSurface(model) : [], half: [], cut: [] },
     }, figures);
   }
 
   controls() {
     const one = (name) => this.place.querySelector(`[data-control=${name}]`);
+    const field = one('field');
+    field.hidden = !this.data.regions;
+    field.onchange = () => { this.field = field.value; this.legendFor = null; this.renew(); };
     this.plane = one('plane');
     this.slider = one('at');
     this.plane.onchange = () => { this.slider.value = 50; this.cut(); };
@@ -47,7 +67,9 @@ class LiveSample extends View {
     if (this.mode === 'half') {
       const entry = [d.instrument?.x || 0, d.instrument?.y || 0, this.centre[2]][axis];
       this.at = entry + part * (part < 0 ? entry - this.low[axis] : this.high[axis] - entry) * 0.999;
-      Object.assign(d, cutMesh(d, axis, sign, this.at));
+      const { of, ...mesh } = cutMesh(d, axis, sign, this.at);
+      Object.assign(d, mesh);
+      if (d.regions) Object.assign(d.region, { half: of.half.map((k) => d.region.surface[k]), cut: of.cut.map((k) => d.region_of_cell[k]) });
       this.slider.setAttribute('aria-valuetext', `${'xyz'[axis]} ${minus((1e3 * this.at).toFixed(1))} mm`);
     }
     this.place.querySelector('[data-show=at]').textContent = this.mode === 'half' ? `${'xyz'[axis]} = ${minus((1e3 * this.at).toFixed(1))} mm` : '';

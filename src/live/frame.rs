@@ -1,7 +1,7 @@
 //! The sample on its way to a viewer: places and triangles once, then displacements in 16-bit steps.
 //!
 //! Little-endian. A model: the words 1, bytes of JSON, points, triangles and cells (u32 each); the JSON, filled up to a multiple
-//! of four with spaces; x, y, z of each point as f32; then the indices as u32. A frame: the word 2; depth of the tip, tip (x, y, z) and axis
+//! of four with spaces; x, y, z of each point as f32; the indices as u32; if it has `regions`, that of each cell as a byte. A frame: the word 2; depth of the tip, tip (x, y, z) and axis
 //! (x, y, z) as f32; x, y, z of each target as f32; displacements in steps of the model's `unit_m`, x, y, z of each point as i16.
 
 use axum::body::Bytes;
@@ -22,6 +22,8 @@ pub struct Model<'a> {
     pub surface: &'a [[u32; 3]],
     /// Tetrahedra, for a cut.
     pub cells: &'a [[u32; 4]],
+    /// Region of each cell by its place among the `regions` of `about`, which have a name and a colour; empty: one region.
+    pub region: &'a [u8],
     /// What else the page is to know, as an object of JSON.
     pub about: &'a Value,
 }
@@ -68,6 +70,7 @@ impl Model<'_> {
         bytes.extend(self.points.iter().flatten().flat_map(|x| (*x as f32).to_le_bytes()));
         let indices = self.surface.iter().flatten().chain(self.cells.iter().flatten());
         bytes.extend(indices.flat_map(|i| i.to_le_bytes()));
+        bytes.extend_from_slice(self.region);
         Bytes::from(bytes)
     }
 }
@@ -98,12 +101,14 @@ mod tests {
         assert_eq!(unit, 0.03 / STEPS);
         let about = json!({ "scene": "x" });
         let model =
-            Model { points: &points, surface: &[[0, 1, 0]], cells: &[[0, 1, 0, 1]], about: &about }.encode(unit);
+            Model { points: &points, surface: &[[0, 1, 0]], cells: &[[0, 1, 0, 1]], region: &[7], about: &about };
+        let model = model.encode(unit);
         let word = |i: usize| u32::from_le_bytes(model[4 * i..4 * i + 4].try_into().unwrap()) as usize;
         assert_eq!([word(0), word(2), word(3), word(4)], [1, 2, 1, 1]);
         let text: Value = serde_json::from_slice(&model[20..20 + word(1)]).unwrap();
         assert_eq!((&text["scene"], text["unit_m"].as_f64()), (&json!("x"), Some(unit)));
-        assert_eq!(model.len(), 20 + word(1) + 4 * (6 + 3 + 4));
+        assert_eq!(model.len(), 20 + word(1) + 4 * (6 + 3 + 4) + 1);
+        assert_eq!(model.last(), Some(&7));
 
         let (axis, targets) = ([0.0, 0.0, -1.0], [[1.0; 3]]);
         let displacements = [[0.0, -0.001, 1.0], [f64::MIN, 0.0, 0.5 * unit]];

@@ -52,6 +52,7 @@ pub use layers_json::{layers_json, write_layers};
 pub use marker_fit::{marker_fit_json, write_marker_fit};
 pub use metrics::metrics_json;
 pub use page::report_html;
+pub(crate) use regions::colour as region_colour;
 pub use vtu::{clear_series, final_vtu, write_series};
 
 use crate::compare::Run;

@@ -17,7 +17,7 @@ const COLOURS: [[u8; 3]; 9] = [
 ];
 
 /// Colour of a region by its number.
-pub(super) fn colour(region: u8) -> [u8; 3] {
+pub(crate) fn colour(region: u8) -> [u8; 3] {
     match region {
         0 => COLOURS[0],
         region => COLOURS[1 + (usize::from(region) - 1) % (COLOURS.len() - 1)],

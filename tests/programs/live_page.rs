@@ -72,7 +72,13 @@ impl Page {
 
     fn model(&self) {
         let about = json!({ "scene": "x", "targets": ["t"] });
-        self.board.model(&Model { points: &POINTS, surface: &SURFACE, cells: &[[0, 1, 2, 3]], about: &about });
+        self.board.model(&Model {
+            points: &POINTS,
+            surface: &SURFACE,
+            cells: &[[0, 1, 2, 3]],
+            region: &[],
+            about: &about,
+        });
     }
 
     fn tissue(&self, depth_m: f64) {

@@ -255,6 +255,41 @@ fn in_a_browser_it_is_turned_and_cut_and_followed_to_the_end_of_a_run() {
     assert!(errors.is_empty(), "{errors:?}");
 }
 
+#[test]
+fn in_a_browser_regions_are_cut_open_in_their_colours() {
+    let Some(mut browser) = Browser::start() else { return };
+    let (domain, logs) = (free_domain(), tempfile::tempdir().unwrap());
+    let layer = "[materials.soft]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 839.0\n[[regions]]\nname = \"fat\"\nmaterial = \"soft\"\n\
+        shape = \"layer\"\nfrom_depth_m = 0.0\nto_depth_m = 0.006\n";
+    let coarse = [("discretisation.spacing_m", "0.005"), ("discretisation.edge_refinement", "1.0")];
+    let scene = logs.path().join("layered.toml");
+    std::fs::write(&scene, crate::coarse::scene("compression", &coarse).to_toml() + layer).unwrap();
+    let more = ["--scene", scene.to_str().unwrap(), "--ros-args", "-p", "page:=true", "-p", "page_port:=0"];
+    let node = Program::start(TWIN, &more, domain, &[("ROS_LOG_DIR", logs.path().to_str().unwrap())]);
+    let address = address(&logs);
+    browser.resize(1280, 1000, false);
+    browser.open(&address);
+    browser.wait("typeof state !== 'undefined' && state.sample", "the sample comes");
+    browser.eval(
+        "(() => { const s = document.querySelector('[data-control=field]'); s.value = 'region'; s.dispatchEvent(new Event('change')); })()",
+    );
+    let named = browser.eval("[...document.querySelectorAll('[data-show=regions] li')].map((e) => e.textContent)");
+    assert_eq!(named, json!(["sample", "fat"]));
+    // share of the picture in the orange of the first region, and in the grey of the rest: shades of one hue
+    let hues = "(() => { const c = document.querySelector('canvas'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; const n = [0, 0];
+        for (let i = 0; i < d.length; i += 4) if (d[i + 3] > 200) n[+(d[i + 2] < 0.2 * d[i])]++; return n.map((k) => 4 * k / d.length); })()";
+    for plane in ["front", "whole"] {
+        browser.eval(&format!("(() => {{ const s = document.querySelector('[data-control=plane]'); s.value = '{plane}'; s.dispatchEvent(new Event('change')); }})()"));
+        painted(&mut browser);
+        let shares = browser.eval(hues);
+        assert!((0..2).all(|k| shares[k].as_f64().unwrap() > 0.02), "{plane}: {shares}");
+        picture(&mut browser, &format!("live_regions_{plane}"));
+    }
+    assert!(browser.errors.is_empty(), "{:?}", browser.errors);
+    let (code, log, _) = node.stop("INT");
+    assert_eq!(code, Some(0), "{log}");
+}
+
 /// Processor time of a node's threads by name, s.
 #[cfg(target_os = "linux")]
 fn threads(process: u32) -> std::collections::BTreeMap<String, f64> {

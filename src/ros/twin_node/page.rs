@@ -10,6 +10,7 @@ use super::declared;
 use super::shared::{Banded, Compared, Live, Shared};
 use super::tissue::{Model, Snapshot};
 use crate::live::{self, Asked, Board, Server};
+use crate::report::region_colour;
 use crate::ros::messages::needle_twin::TwinStatus;
 use crate::ros::parameters::Parameters;
 use crate::ros::recorder::RECORD;
@@ -74,7 +75,7 @@ impl Page {
 
 /// Shows the sample.
 pub(super) fn model(board: &Board, model: &Model) {
-    let about = json!({
+    let mut about = json!({
         "scene": model.scene,
         "model_id": model.id.to_string(),
         "nodes": model.nodes,
@@ -82,7 +83,12 @@ pub(super) fn model(board: &Board, model: &Model) {
         "targets": model.target_names,
         "target_references_m": model.target_references,
     });
-    board.model(&live::Model { points: &model.points, surface: &model.surface, cells: &model.cells, about: &about });
+    let Model { points, surface, cells, region, .. } = model;
+    if !region.is_empty() {
+        let named = (0..).zip(model.along.names());
+        about["regions"] = named.map(|(i, name)| json!({ "name": name, "colour": region_colour(i) })).collect();
+    }
+    board.model(&live::Model { points, surface, cells, region, about: &about });
 }
 
 /// Shows the sample at a moment.

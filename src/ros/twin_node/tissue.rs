@@ -37,6 +37,8 @@ pub(super) struct Model {
     pub points: Vec<[f64; 3]>,
     pub surface: Vec<[u32; 3]>,
     pub cells: Vec<[u32; 4]>,
+    /// Region of each cell; empty: one region.
+    pub region: Vec<u8>,
     pub target_names: Vec<String>,
     pub target_references: Vec<[f64; 3]>,
     /// As the live page draws it.
@@ -61,6 +63,7 @@ impl Model {
             points,
             surface: twin.surface().to_vec(),
             cells: twin.cells().to_vec(),
+            region: twin.cell_regions().to_vec(),
             instrument: page::instrument(scene, twin.reference_points()),
             target_names: scene.targets.iter().map(|t| t.name.clone()).collect(),
             target_references: scene.targets.iter().map(|t| t.position).collect(),
