@@ -71,12 +71,13 @@ pub(super) fn materials(scene: &Scene, region: &[u8]) -> Vec<u8> {
     if material.iter().all(|m| *m == 0) { Vec::new() } else { material }
 }
 
-/// Largest modulus over the stiffest other one of a layer that is taken for crushed.
-const CRUSHED: f64 = 0.1;
+/// Largest modulus over the stiffest other one of a layer that is taken for crushed: one of 0.1 does not fold, and is nearer to the half
+/// plane with one point.
+const CRUSHED: f64 = 0.03;
 /// The same of its thickness over the scene's spacing: beyond, it has cells enough across.
 const THIN: f64 = 2.0;
 
-/// Whether a region of a generated body is crushed between what is round it before that gives way: thin, and at most a tenth as stiff.
+/// Whether a region of a generated body is crushed between what is round it before that gives way: thin, and much softer.
 /// Two nodes across and one point in each of its cells do not see it fold, and then an instrument goes through it without a
 /// force (docs/lab/layers.md).
 pub(super) fn is_crushed(scene: &Scene, region: &Region) -> bool {
@@ -84,8 +85,7 @@ pub(super) fn is_crushed(scene: &Scene, region: &Region) -> bool {
     let named = |name: &str| scene.materials.iter().find(|m| m.name == name);
     let others = scene.regions.iter().filter_map(|r| named(&r.material)).filter(|m| !m.rigid).map(|m| &m.material);
     let stiffest = others.chain([&scene.material]).map(Material::shear_modulus).fold(0.0, f64::max);
-    // a tenth to the last digit of the file is a tenth
-    let soft = |m: &NamedMaterial| !m.rigid && m.material.shear_modulus() <= CRUSHED * (1.0 + 1e-9) * stiffest;
+    let soft = |m: &NamedMaterial| !m.rigid && m.material.shear_modulus() <= CRUSHED * stiffest;
     solid.thickness() < THIN * grading.spacing.get() && named(&region.material).is_some_and(soft)
 }
 

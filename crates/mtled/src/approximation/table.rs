@@ -2,6 +2,7 @@
 //! volume that it stands for. Every method ends here; the internal-force kernel knows nothing else.
 
 mod consistent;
+mod points;
 
 use std::cell::RefCell;
 
@@ -157,23 +158,6 @@ impl Approximation {
         self
     }
 
-    /// Integrates the cells of some regions with four points each, `four` by region: one point a cell does not see how a soft layer folds
-    /// that is crushed between stiff ones.
-    #[must_use]
-    pub fn with_four_points(mut self, four: &[bool]) -> Self {
-        self.four = four.to_vec();
-        for cell in 0..self.cells.len() {
-            if self.has_four(self.regions.of_cell(cell)) {
-                self.share[cell] = Share::Own;
-            }
-        }
-        self
-    }
-
-    fn has_four(&self, region: u8) -> bool {
-        self.four.get(usize::from(region)) == Some(&true)
-    }
-
     /// Number of nodes whose support was enlarged.
     #[must_use]
     pub fn repaired_supports(&self) -> usize {
@@ -274,8 +258,7 @@ impl Approximation {
     fn gauss(&self, c: &[u32; 4], region: u8, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
         let x = self.corners(c);
         let (volume, _) = tetrahedron(&x);
-        let own = self.settings.points_per_cell;
-        gauss_points(if self.has_four(region) { own.max(4) } else { own })
+        self.gauss_points(region)
             .iter()
             .map(|(bary, weight)| {
                 let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
@@ -398,14 +381,4 @@ pub fn tetrahedron(x: &[[f64; 3]; 4]) -> (f64, [[f64; 3]; 4]) {
     let g: [[f64; 3]; 3] = c.map(|c| c.map(|v| v / six_v));
     let g0 = std::array::from_fn(|k| -(g[0][k] + g[1][k] + g[2][k]));
     (six_v / 6.0, [g0, g[0], g[1], g[2]])
-}
-
-/// Barycentric points and weights of degree 1, 2 and 3 (the last with one negative weight: Keast).
-fn gauss_points(n: u32) -> Vec<([f64; 4], f64)> {
-    let vertex = |a: f64| (0..4).map(move |i| std::array::from_fn(|k| if k == i { a } else { (1.0 - a) / 3.0 }));
-    match n {
-        4 => vertex(0.585_410_196_624_968_5).map(|p| (p, 0.25)).collect(),
-        5 => std::iter::once(([0.25; 4], -0.8)).chain(vertex(0.5).map(|p| (p, 0.45))).collect(),
-        _ => vec![([0.25; 4], 1.0)],
-    }
 }
