@@ -226,7 +226,7 @@ fn a_viewer_that_does_not_read_holds_up_nobody() {
     let page = page();
     let points: Vec<[f64; 3]> = (0..100_000).map(|i| [1e-7 * f64::from(i), 0.0, 0.01]).collect();
     let about = json!({ "scene": "large", "targets": [] });
-    page.board.model(&Model { points: &points, surface: &[], cells: &[], about: &about });
+    page.board.model(&Model { points: &points, surface: &[], cells: &[], region: &[], about: &about });
     let mut deaf = page.view();
     let mut viewer = page.view();
     assert_eq!(word(&binary(&mut viewer), 0), 1);

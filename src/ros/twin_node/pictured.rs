@@ -96,6 +96,7 @@ mod tests {
             points: vec![[1.0, 2.0, 3.0]],
             surface: vec![],
             cells: vec![],
+            region: Vec::new(),
             target_names: vec![],
             target_references: vec![],
             instrument: serde_json::Value::Null,
