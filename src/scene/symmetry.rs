@@ -3,7 +3,7 @@
 
 use mtled::mirror::Mirror;
 
-use super::{Dimension, InstrumentKind, Region, RegionShape, Scene, Shape};
+use super::{Dimension, InstrumentKind, Integration, Region, RegionShape, Scene, Shape};
 
 /// Largest distance of an entry point from a plane of symmetry, m: a thousandth of what a sensor resolves.
 const ON_PLANE: f64 = 1e-9;
@@ -118,6 +118,27 @@ impl Scene {
                 },
             },
             dimension => Resolved { dimension, because: asked },
+        }
+    }
+
+    /// Support radius over the mean edge length at a node, in the dimension that the scene runs in.
+    #[must_use]
+    pub fn support_factor(&self) -> f64 {
+        self.support_factor_in(self.dimension().dimension)
+    }
+
+    /// The same in another dimension. Narrow supports are too stiff where the field bends sharply, plain sums too soft: consistent ones
+    /// leave the first error alone, and take wider supports. Beside an interface, where supports are one-sided, wide ones are too soft
+    /// (`docs/lab/integration.md`).
+    #[must_use]
+    pub fn support_factor_in(&self, dimension: Dimension) -> f64 {
+        let d = &self.discretisation;
+        let wide =
+            d.integration == Integration::Consistent && dimension != Dimension::Axisymmetric && self.regions.is_empty();
+        match d.support_factor {
+            0.0 if wide => 2.1,
+            0.0 => 1.8,
+            given => given,
         }
     }
 

@@ -203,7 +203,7 @@ pub(super) fn settings(scene: &Scene) -> Settings {
             Method::Mls => Some(Basis::Linear),
             Method::Tet4 => None,
         },
-        support_factor: d.support_factor,
+        support_factor: scene.support_factor(),
         points_per_cell: d.points_per_cell,
         cells_per_point: d.cells_per_point,
     }
