@@ -21,6 +21,7 @@ pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     check.materials()?;
     check.regions()?;
     check.spacing()?;
+    check.support()?;
     check.instrument()?;
     check.dimension()?;
     check.stepping()?;
@@ -84,6 +85,16 @@ impl Check<'_> {
             );
         }
         Ok(())
+    }
+
+    fn support(&self) -> Result<(), SceneError> {
+        match self.scene.discretisation.support_factor {
+            factor if factor > 0.0 && factor <= 1.0 => self.refuse(
+                "discretisation.support_factor",
+                "must be above 1: a smaller support does not reach the next node; 0 takes the method's own".to_owned(),
+            ),
+            _ => Ok(()),
+        }
     }
 
     fn instrument(&self) -> Result<(), SceneError> {

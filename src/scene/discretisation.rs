@@ -19,8 +19,9 @@ section! {
         dimension: Dimension = Key::word("discretisation.dimension", Dimension::WORDS).or("auto"),
         /// How the nodes are spaced; absent where a mesh file brings them.
         grading: Option<Grading>,
-        /// alpha: support radius over mean edge length at a node.
-        support_factor: f64 = Key::real("discretisation.support_factor", Range::above(1.0, 4.0), "").or("1.8"),
+        /// alpha: support radius over mean edge length at a node; 0, the default, is 1.8, and 2.1 with consistent gradients
+        /// in three dimensions in a sample of one material.
+        support_factor: f64 = Key::real("discretisation.support_factor", Range::closed(0.0, 4.0), "").or("0.0"),
         /// eta: MMLS penalty on the quadratic coefficients, dimensionless (local scaled coordinates).
         penalty: f64 = Key::real("discretisation.penalty", Range::closed(0.0, 1e6), "").or("1e-2"),
         /// Integration points per tetrahedral cell; a triangle of the half plane then has 3, 6 or 7.
@@ -28,7 +29,8 @@ section! {
         /// Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless
         /// methods with one point per cell do so, and no half plane.
         cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[1, 2]).or("1"),
-        /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance. In space alone.
+        /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance, in space
+        /// alone; `auto`: so corrected in a sample of one material.
         integration: Integration = Key::word("discretisation.integration", Integration::WORDS).or("plain"),
         /// Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged
         /// (over each node) half-way.
@@ -78,6 +80,8 @@ pub enum Integration {
     Plain,
     /// Corrected by as little as makes sums over the points the integrals that they stand for.
     Consistent,
+    /// Consistent in a sample of one material, plain in one of several.
+    Auto,
 }
 
 /// `discretisation.dimension`.

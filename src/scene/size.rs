@@ -59,7 +59,7 @@ impl Scene {
     #[must_use]
     pub fn estimate_of(&self, nodes: f64, cells: f64) -> Estimate {
         let d = &self.discretisation;
-        let support = SUPPORT_NODES * (d.support_factor / 1.8).powi(3);
+        let support = SUPPORT_NODES * (self.support_factor() / 1.8).powi(3);
         let float = match d.precision {
             Precision::F32 => 4.0,
             Precision::F64 => 8.0,
@@ -89,7 +89,7 @@ impl Scene {
             Precision::F32 => 4.0,
             Precision::F64 => 8.0,
         };
-        let support = PLANE_SUPPORT * (self.discretisation.support_factor / 1.8).powi(2);
+        let support = PLANE_SUPPORT * (self.support_factor() / 1.8).powi(2);
         let points = 2.0 * nodes * PLANE_POINTS * f64::from(self.discretisation.points_per_cell);
         Estimate { nodes, bytes: points * support * (4.0 + 3.0 * float) + nodes * PLANE_BYTES }
     }

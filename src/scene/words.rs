@@ -45,7 +45,7 @@ words!(Volumetric: Quadratic = "quadratic", Logarithmic = "logarithmic");
 words!(IndenterTip: Flat = "flat", Sphere = "sphere");
 words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
-words!(Integration: Plain = "plain", Consistent = "consistent");
+words!(Integration: Plain = "plain", Consistent = "consistent", Auto = "auto");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Mirrored = "mirrored", Full = "full");
 words!(VolumeRatio: Projected = "projected", Averaged = "averaged", Pointwise = "pointwise");
 words!(Precision: F32 = "f32", F64 = "f64");

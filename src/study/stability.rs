@@ -57,12 +57,14 @@ const fn change(group: &'static str, label: &'static str, key: &'static str, val
     Change { group, label, key, value }
 }
 
-/// What every run starts from, beside the preset: Poisson's ratio 0.49, support factor 1.8, step factor 0.9.
-const BASE: [(&str, &str); 3] = [SPACE, (SPACING, "0.00304"), (SPEED, "0.004")];
+/// What every run starts from, beside the preset: Poisson's ratio 0.49, plain sums with a support factor of 1.8, step factor 0.9.
+const BASE: [(&str, &str); 4] = [SPACE, PLAIN, (SPACING, "0.00304"), (SPEED, "0.004")];
 /// The same for the quick form.
-const QUICK_BASE: [(&str, &str); 3] = [SPACE, (SPACING, "0.0055"), (SPEED, "0.008")];
+const QUICK_BASE: [(&str, &str); 4] = [SPACE, PLAIN, (SPACING, "0.0055"), (SPEED, "0.008")];
 /// The study is of methods in three dimensions.
 const SPACE: (&str, &str) = ("discretisation.dimension", "full");
+/// All methods have these, linear tetrahedra too.
+const PLAIN: (&str, &str) = ("discretisation.integration", "plain");
 const NU: &str = "material.poisson_ratio";
 const SPACING: &str = "discretisation.spacing_m";
 const SUPPORT: &str = "discretisation.support_factor";
@@ -115,7 +117,7 @@ pub struct Case {
     pub change: Change,
     /// Where it ends if nothing fails, m.
     pub deepest_m: f64,
-    base: [(&'static str, &'static str); 3],
+    base: [(&'static str, &'static str); 4],
 }
 
 /// Why a run ended.

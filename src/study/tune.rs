@@ -10,7 +10,6 @@
 use super::accuracy::{Case, Row, Steps, StudyError};
 use super::yardstick::Yardstick;
 use crate::compare::{self, Answer, At, Collector, Keep, Reading, Watch};
-use crate::scene::Word as _;
 use crate::scene::{Dimension, Override, Scene};
 
 /// Factors on the scene's spacing in a half plane, coarse first.
@@ -68,12 +67,12 @@ pub fn tune(
     let scene = scene.with(&[Override::text("motion.pose_hz", &goal.pose_hz.to_string(), "tune")])?;
     let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
     let own = Case::of(&scene)?;
-    let mut dimensions = vec![own.dimension.clone()];
+    let mut dimensions = vec![scene.dimension().dimension];
     if scene.discretisation.dimension == Dimension::Auto && own.is_half_plane() {
-        dimensions.push(Dimension::Full.as_str().to_owned());
+        dimensions.push(Dimension::Full);
     }
     for dimension in dimensions {
-        if search.dimension(&Case { dimension, ..own.clone() })?.is_none() {
+        if search.dimension(&own.in_dimension(&scene, dimension))?.is_none() {
             return Ok(None);
         }
         if let Some(row) = search.best()? {

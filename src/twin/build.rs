@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::instrument::{Contact, Frictional, NeedlePath, Press, Shaft, start_and_slow, surface};
-use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Integration, Method, Needle, Region, Scene};
+use crate::scene::{Base, Dimension, Instrument, InstrumentKind, Method, Needle, Region, Scene};
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use mtled::cloud::{Axis, BASE, Cloud, Reflected, TOP};
@@ -129,7 +129,7 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| moved::back(moved, t.position)).collect();
     let beyond = to_the_half(&mut targets, body.mirror.as_ref());
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
-    if scene.discretisation.integration == Integration::Consistent {
+    if scene.is_consistent_in(scene.dimension().dimension) {
         let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
         table = approximation.consistent(table, &tied)?;
     }
@@ -203,7 +203,7 @@ pub(super) fn settings(scene: &Scene) -> Settings {
             Method::Mls => Some(Basis::Linear),
             Method::Tet4 => None,
         },
-        support_factor: d.support_factor,
+        support_factor: scene.support_factor(),
         points_per_cell: d.points_per_cell,
         cells_per_point: d.cells_per_point,
     }

@@ -3,7 +3,7 @@
 
 use needle_twin::compare::{Answer, Watch};
 use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Prediction, StampedPose, Twin};
+use needle_twin::twin::{Pose, Prediction, StampedPose, Twin};
 
 /// Takes no notice of a run.
 pub struct Quiet;
@@ -49,16 +49,24 @@ pub fn travel(twin: &mut Twin, from_m: f64, to_m: f64, poses: u32) -> Vec<Predic
     (1..=poses).map(|k| at_depth(twin, depth(k))).collect()
 }
 
-/// Presses to a depth in poses of 50 um and stays there until the twin finds nothing left to do.
+/// Stays at a pose until the twin finds nothing left to do.
+pub fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
+    let stay = |twin: &mut Twin| twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
+    let mut answer = stay(twin);
+    for _ in 0..3000 {
+        if answer.steps == 0 {
+            break;
+        }
+        answer = stay(twin);
+    }
+    answer
+}
+
+/// Presses to a depth in poses of 50 um and rests there.
 pub fn press(twin: &mut Twin, depth_m: f64) -> Prediction {
     travel(twin, 0.0, depth_m, (depth_m / 50e-6).ceil() as u32);
-    for _ in 0..2000 {
-        let answer = at_depth(twin, depth_m);
-        if answer.steps == 0 {
-            return answer;
-        }
-    }
-    at_depth(twin, depth_m)
+    let pose = twin.pose_at_depth(depth_m);
+    rest(twin, pose)
 }
 
 /// All of an answer in digits that distinguish any two doubles.

@@ -4,22 +4,10 @@
 //! mirrored motions agree to a few per cent, not exactly.
 #![allow(clippy::unwrap_used)]
 
-use crate::coarse::{at_depth, scene, travel};
-use needle_twin::twin::{Halt, Pose, Prediction, StampedPose, Twin};
+use crate::coarse::{at_depth, rest, scene, travel};
+use needle_twin::twin::{Halt, Prediction, StampedPose, Twin};
 
 const DEPTH: f64 = 2.5e-3;
-
-/// Waits at a pose until the tissue is at rest.
-fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
-    let mut answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    for _ in 0..2000 {
-        if answer.steps == 0 {
-            break;
-        }
-        answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    }
-    answer
-}
 
 fn inserted() -> Twin {
     let mut twin = Twin::new(&scene("needle_insertion", &[])).unwrap();

@@ -5,9 +5,9 @@
 //! state of the insertion (`tests/references/needle_sideways.py`). Tissue ahead of the tip is free there.
 #![allow(clippy::unwrap_used)]
 
-use crate::coarse::{alone, digits, travel};
+use crate::coarse::{alone, digits, rest, travel};
 use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Health, Pose, Prediction, StampedPose, Twin};
+use needle_twin::twin::{Health, Prediction, StampedPose, Twin};
 
 const REFERENCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/references/needle_sideways.csv");
 /// Lateral motion of the test, m, and lean (sine).
@@ -47,18 +47,6 @@ pub fn targets(twin: &Twin) -> Vec<[f64; 3]> {
     let mut places = Vec::new();
     twin.target_positions(&mut places);
     places
-}
-
-/// Waits at a pose until the tissue is at rest.
-pub fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
-    let mut answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    for _ in 0..2000 {
-        if answer.steps == 0 {
-            break;
-        }
-        answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    }
-    answer
 }
 
 /// Goes to a depth at once, m, and waits.

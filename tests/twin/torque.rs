@@ -1,8 +1,8 @@
 //! Torque about the load cell's origin, against what follows from mechanics: the line of action of the force.
 #![allow(clippy::unwrap_used)]
 
-use crate::coarse::{press, scene, travel};
-use needle_twin::twin::{Pose, Prediction, StampedPose, Twin};
+use crate::coarse::{press, rest, scene, travel};
+use needle_twin::twin::{Pose, StampedPose, Twin};
 
 const HEIGHT: f64 = 0.017;
 
@@ -16,18 +16,6 @@ fn norm(a: [f64; 3]) -> f64 {
 
 fn twin(preset: &str, changes: &[(&str, &str)]) -> Twin {
     Twin::new(&scene(preset, changes)).unwrap()
-}
-
-/// Goes on at a pose until the tissue is at rest.
-fn rest(twin: &mut Twin, pose: Pose) -> Prediction {
-    let mut answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    for _ in 0..3000 {
-        if answer.steps == 0 {
-            break;
-        }
-        answer = twin.step(StampedPose { time_s: 0.0, pose }).unwrap();
-    }
-    answer
 }
 
 /// A smooth ball is pressed on along lines through its centre, wherever it sits: no torque there, and R e_z x F about its lowest point.

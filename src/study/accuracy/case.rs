@@ -90,13 +90,20 @@ impl Case {
             dimension: scene.dimension().dimension.as_str().to_owned(),
             spacing_m,
             edge_spacing_m: rounded(spacing_m * grading.edge_refinement),
-            support_factor: d.support_factor,
+            support_factor: scene.support_factor(),
             points_per_cell: d.points_per_cell,
             cells_per_point: d.cells_per_point,
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
             steps: Steps::Auto,
         })
+    }
+
+    /// The same in another dimension, with the scene's supports there.
+    #[must_use]
+    pub fn in_dimension(&self, scene: &Scene, dimension: Dimension) -> Self {
+        let support_factor = scene.support_factor_in(dimension);
+        Self { dimension: dimension.as_str().to_owned(), support_factor, ..self.clone() }
     }
 
     /// The same with all spacings times a factor. A needle's path is never coarser than the needle takes.

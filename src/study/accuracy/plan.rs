@@ -113,7 +113,7 @@ pub fn plan(scene: &Scene, extent: Extent) -> Result<Vec<Case>, StudyError> {
 /// As [`plan`].
 pub fn named(scene: &Scene) -> Result<Vec<(Case, &'static str)>, StudyError> {
     let own = Case::of(scene)?;
-    let in_space = Case { dimension: Dimension::Full.as_str().to_owned(), ..own.clone() };
+    let in_space = own.in_dimension(scene, Dimension::Full);
     Ok(vec![
         (own, "as shipped"),
         (in_space, "as shipped, in three dimensions"),
@@ -140,8 +140,7 @@ pub fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
 fn moving(scene: &Scene, own: &Case, extent: Extent) -> Vec<Case> {
     let mut cases = Vec::new();
     for range in RANGES.iter().filter(|r| r.dimension == Dimension::Full || scene.asymmetry().is_none()) {
-        let mut base = own.clone();
-        range.dimension.as_str().clone_into(&mut base.dimension);
+        let base = own.in_dimension(scene, range.dimension);
         let (spacings, paces) = match extent {
             Extent::Quick => (range.quick, range.quick_paces),
             _ => (range.spacings, range.paces),
@@ -194,7 +193,7 @@ fn at(case: &Case, (pose_hz, steps): Pace) -> Case {
 /// Three methods, three cures of locking and more points, on three clouds in space.
 fn at_rest(scene: &Scene, own: &Case) -> Vec<Case> {
     let needle = matches!(scene.instrument.map(|i| i.kind), Some(crate::scene::InstrumentKind::Needle(_)));
-    let base = Case { dimension: Dimension::Full.as_str().to_owned(), ..at(own, (SLOW, Steps::Rest)) };
+    let base = at(own, (SLOW, Steps::Rest)).in_dimension(scene, Dimension::Full);
     let mut cases = Vec::new();
     for (all, path) in AT_REST.into_iter().zip(AT_REST_PATH) {
         let base = if needle { base.spaced_at_edge(scene, path) } else { base.spaced(scene, all) };
