@@ -71,9 +71,9 @@ pub(super) fn materials(scene: &Scene, region: &[u8]) -> Vec<u8> {
     if material.iter().all(|m| *m == 0) { Vec::new() } else { material }
 }
 
-/// Largest modulus over the stiffest other one of a layer that is taken for crushed: one of 0.1 does not fold, and is nearer to the half
-/// plane with one point.
-const CRUSHED: f64 = 0.03;
+/// Largest modulus over the stiffest other one of a layer that is taken for crushed: with one point in each cell an indenter has lost its
+/// force there when it has gone three times the layer's thickness (docs/lab/layers.md); of stiffer layers it does so later.
+const CRUSHED: f64 = 0.1;
 /// The same of its thickness over the scene's spacing: beyond, it has cells enough across.
 const THIN: f64 = 2.0;
 
