@@ -22,11 +22,12 @@ pub(super) fn verdict(html: &mut String, run: &Run) {
     let fit = run.verdict();
     let mut reasons: Vec<String> = fit.reasons.clone();
     reasons.extend(run.losses.iter().cloned());
+    let poses = |n: u64| if n == 1 { "1 pose was".to_owned() } else { format!("{} poses were", count(n)) };
     if run.missed_deadlines > 0 {
-        reasons.push(format!("{} poses were answered after the next one had come", count(run.missed_deadlines)));
+        reasons.push(format!("{} answered after the next one had come", poses(run.missed_deadlines)));
     }
     if run.coalesced_poses > 0 {
-        reasons.push(format!("{} poses were skipped for a newer one", count(run.coalesced_poses)));
+        reasons.push(format!("{} skipped for a newer one", poses(run.coalesced_poses)));
     }
     let unstable = !run.unstable().is_empty();
     let (class, text) = match (&run.diverged, fit.explains) {
