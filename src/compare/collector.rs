@@ -140,6 +140,7 @@ impl Collector {
         self.energy_ratio.push(health.kinetic_to_strain_energy);
         self.run.min_jacobian = self.run.min_jacobian.min(health.min_jacobian);
         self.run.constraint_error_m = self.run.constraint_error_m.max(health.constraint_error_m);
+        self.run.note_folds(prediction.depth_m, health.folded_energy);
         // Both are forces of the tissue on what holds it: at rest they sum to zero.
         let unbalanced = std::array::from_fn(|k| prediction.base_force_n[k] + prediction.force_n[k]);
         self.imbalance_n = self.imbalance_n.max(norm(unbalanced));

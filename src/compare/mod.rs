@@ -181,6 +181,10 @@ pub struct Run {
     pub force_imbalance: f64,
     /// Largest constraint error, m.
     pub constraint_error_m: f64,
+    /// Largest share of the strain energy in cells that had turned over.
+    pub folded_energy: f64,
+    /// Depth at which that was first more than the force can be trusted with, m.
+    pub folded_from_m: Option<f64>,
     /// Times that the twin went back to the last good state and tried again with smaller steps.
     pub recoveries: u64,
     /// Nodes whose support was enlarged, since it did not determine the fit, or only just.

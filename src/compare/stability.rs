@@ -26,11 +26,12 @@ pub struct StabilityRow {
 }
 
 impl Run {
-    /// The four rows of the stability table.
+    /// The five rows of the stability table.
     #[must_use]
-    pub fn stability(&self) -> [StabilityRow; 4] {
+    pub fn stability(&self) -> [StabilityRow; 5] {
         let (jacobian, energy) = (self.min_jacobian, self.max_kinetic_to_strain_energy);
         let (imbalance, constraint) = (self.force_imbalance, self.constraint_error_m);
+        let folded = self.folded_energy;
         [
             StabilityRow {
                 name: "Smallest volume ratio",
@@ -40,6 +41,16 @@ impl Run {
                 bound: "above 0.1",
                 about: "Volume of the most compressed cell over its volume at rest; 0 would be a cell turned inside out.",
                 remedy: "the tissue folds: a coarser discretisation.spacing_m, a smaller depth, or an earlier puncture",
+            },
+            StabilityRow {
+                name: "Energy in folded cells",
+                value: folded,
+                unit: "",
+                holds: folded < Health::MOST_FOLDED,
+                bound: "below 0.05",
+                about: "Strain energy in cells whose corners have passed through each other, over all of it: the cloud does not resolve that tissue.",
+                remedy: "the force is not to be trusted from there on: a smaller depth, a smaller discretisation.spacing_m, or a \
+                         scene about one axis (discretisation.dimension = \"auto\")",
             },
             StabilityRow {
                 name: "Kinetic over strain energy",
@@ -71,6 +82,14 @@ impl Run {
         ]
     }
 
+    /// Takes up what share of the strain energy was in folded cells at a depth.
+    pub(crate) fn note_folds(&mut self, depth_m: f64, folded_energy: f64) {
+        self.folded_energy = self.folded_energy.max(folded_energy);
+        if folded_energy >= Health::MOST_FOLDED {
+            self.folded_from_m.get_or_insert(depth_m);
+        }
+    }
+
     /// What of the stability table doesn't hold, a line each; nothing of a run without answers.
     #[must_use]
     pub fn unstable(&self) -> Vec<String> {
@@ -85,7 +104,11 @@ impl Run {
             };
             format!("{} {value} does not hold (should be {}): {}", row.name, row.bound, row.remedy)
         };
-        self.stability().iter().filter(|row| !row.holds).map(line).collect()
+        let mut lines: Vec<String> = self.stability().iter().filter(|row| !row.holds).map(line).collect();
+        if let (Some(depth_m), false) = (self.folded_from_m, lines.is_empty()) {
+            lines.push(format!("cells that turned over have carried more than that from {:.2} mm on", 1e3 * depth_m));
+        }
+        lines
     }
 
     /// Whether the largest force of the run is a peak, and not the spike of tissue that folds or of a solution that is lost.

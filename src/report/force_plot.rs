@@ -4,7 +4,7 @@ use super::{
     phases::over_depth,
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, Panel, VERMILION, label, legend},
-    raster::fitted,
+    raster::{fitted, text_width},
     regions,
     thin::thin,
     unit::{Scale, significant},
@@ -143,9 +143,24 @@ fn heading(picture: &mut Picture, run: &Run) {
         "" => "No measured force: a prediction alone".to_owned(),
         source => format!("Measured force: {source}"),
     };
-    for (y, text) in [(60.0, line), (80.0, source)] {
-        let typ = label(Anchor::Start);
-        picture.text([SIDES[0], y], fitted(&text, typ, room), typ);
+    let typ = label(Anchor::Start);
+    let (first, second) = broken(&source, typ, room);
+    for (y, text) in [(60.0, line.as_str()), (78.0, first), (95.0, second)] {
+        picture.text([SIDES[0], y], fitted(text, typ, room), typ);
+    }
+}
+
+/// A text in two lines if it is wider than `room` px, at the last space that leaves the first within it.
+fn broken(text: &str, typ: Type, room: f64) -> (&str, &str) {
+    let fits = |at: &usize| text_width(&text[..*at], typ.size, typ.bold) <= room;
+    if fits(&text.len()) {
+        return (text, "");
+    }
+    // names may be as long as they like: what is beyond two lines is cut anyway
+    let spaces = text.char_indices().take(400).filter(|(_, c)| *c == ' ').map(|(at, _)| at);
+    match spaces.filter(fits).last() {
+        Some(at) => (&text[..at], &text[at + 1..]),
+        None => (text, ""),
     }
 }
 

@@ -76,6 +76,7 @@ impl Twin {
         let mirror = scene.mirror();
         let fixed = Fixed { scene, along, dimension, mirror, tissue, top, height, reach, warnings, repaired_supports };
         let mut twin = Self {
+            folds: super::Folds::new(&fixed.tissue),
             fixed: Arc::new(fixed),
             solver,
             saved: Saved::new(contact.clone()),

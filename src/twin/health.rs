@@ -15,6 +15,8 @@ pub struct Health {
     pub force_imbalance: f64,
     /// Largest distance between the field and its prescribed value at a constrained point, m; measured every 64 steps.
     pub constraint_error_m: f64,
+    /// Share of the strain energy that stands in cells that have turned over ([`super::folds`]); measured every 64 steps.
+    pub folded_energy: f64,
 }
 
 impl Health {
@@ -22,6 +24,9 @@ impl Health {
     pub const MOST_KINETIC: f64 = 0.05;
     /// Imbalance from which on the forces are not those of an equilibrium.
     pub const MOST_IMBALANCE: f64 = 0.02;
+    /// Share of the strain energy in folded cells from which on the cloud does not resolve the tissue: the force is off by some half of
+    /// it, and by more where a soft layer is crushed (docs/lab/stability.md).
+    pub const MOST_FOLDED: f64 = 0.05;
     /// Force over the peak force below which the ratio of energies says nothing.
     pub const LOADED: f64 = 0.1;
 }
@@ -33,6 +38,7 @@ impl Twin {
             kinetic_to_strain_energy: self.energies(balance),
             force_imbalance: self.progress.pace.imbalance,
             constraint_error_m: self.progress.constraint_error_m,
+            folded_energy: self.progress.folded_energy,
         }
     }
 

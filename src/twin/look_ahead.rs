@@ -64,6 +64,7 @@ impl Twin {
             saved: self.saved.clone(),
             counters: super::Counters::default(),
             happened: super::Happened::default(),
+            folds: self.folds.clone(),
         }
     }
 

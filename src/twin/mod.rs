@@ -5,6 +5,7 @@ mod axisymmetric;
 mod body;
 mod build;
 mod contain;
+mod folds;
 mod happened;
 mod health;
 mod look_ahead;
@@ -38,6 +39,7 @@ pub use health::Health;
 pub use look_ahead::Motion;
 pub use work::Work;
 
+use folds::Folds;
 use happened::Happened;
 use pace::Pace;
 use recover::{Lost, Saved};
@@ -191,6 +193,7 @@ pub struct Twin {
     counters: Counters,
     /// Events of the last pose.
     happened: Happened,
+    folds: Folds,
 }
 
 /// What never changes of a twin; shared with its branches.
@@ -221,6 +224,8 @@ struct Progress {
     steps_since_save: u32,
     /// See [`Health`].
     constraint_error_m: f64,
+    /// See [`Health`].
+    folded_energy: f64,
     steps: u64,
     /// Times that the twin went back to the last good state.
     recoveries: u64,
@@ -242,6 +247,7 @@ impl Progress {
             pace,
             steps_since_save: 0,
             constraint_error_m: 0.0,
+            folded_energy: 0.0,
             steps: 0,
             recoveries: 0,
             tip: [0.0; 3],

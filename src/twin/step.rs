@@ -19,7 +19,7 @@ const INSERTED_ALIGNMENT: f64 = 0.35;
 /// Largest tilt (sine) of an axisymmetric model's instrument, or out of a plane of symmetry, and largest distance from axis or plane over
 /// the height of the body. The model cannot follow either; smaller values are taken for sensor noise.
 const SYMMETRIC: f64 = 2e-3;
-/// Steps between two measurements of the constraint error.
+/// Steps between two measurements of the constraint error and of what has folded.
 const LOOK: u64 = 64;
 
 impl Twin {
@@ -114,6 +114,7 @@ impl Twin {
         self.progress.steps += u64::from(taken);
         if self.progress.steps / LOOK > looks {
             self.progress.constraint_error_m = self.constraint_error();
+            self.progress.folded_energy = self.folded_energy(balance.strain);
         }
         Ok(Prediction {
             time_s: pose.time_s,

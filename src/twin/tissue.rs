@@ -171,13 +171,22 @@ impl Tissue {
 
     /// Centre of the cell that an integration point lies in, in the undeformed body, m: of a ring at azimuth zero.
     pub fn place(&self, point: usize) -> [f64; 3] {
-        let corners = self.model.corners(point, &self.cells);
-        let shown = |n: u32| match &self.fields {
-            Fields::Full { .. } | Fields::Mirrored { .. } => n as usize,
-            Fields::Revolved { first, .. } => first[n as usize] as usize,
-        };
-        let sum = |k: usize| corners.iter().map(|&n| self.points[shown(n)][k]).sum::<f64>();
+        let corners = self.corners(point);
+        let sum = |k: usize| corners.iter().map(|&n| self.at_rest(n as usize)[k]).sum::<f64>();
         std::array::from_fn(|k| sum(k) / corners.len() as f64)
+    }
+
+    /// Corners of the cell that an integration point lies in, by the model's nodes.
+    pub fn corners(&self, point: usize) -> &[u32] {
+        self.model.corners(point, &self.cells)
+    }
+
+    /// Undeformed place of one of the model's nodes, m: of a ring at azimuth zero.
+    pub fn at_rest(&self, n: usize) -> [f64; 3] {
+        match &self.fields {
+            Fields::Full { .. } | Fields::Mirrored { .. } => self.points[n],
+            Fields::Revolved { first, .. } => self.points[first[n] as usize],
+        }
     }
 
     /// Largest distance between the field and its prescribed value at a held node, m.

@@ -46,6 +46,7 @@ fn broken() -> Run {
         &mut run.max_kinetic_to_strain_energy,
         &mut run.force_imbalance,
         &mut run.constraint_error_m,
+        &mut run.folded_energy,
         &mut run.build_s,
         &mut run.simulated_s,
     ] {

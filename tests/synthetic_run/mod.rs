@@ -40,6 +40,7 @@ pub fn needle(pose_hz: f64) -> Run {
         max_kinetic_to_strain_energy: 0.004,
         force_imbalance: 0.0065,
         constraint_error_m: 2.1e-9,
+        folded_energy: 0.0012,
         effective_radius_m: Some(4.9e-4),
         checksum: "9f3c0d5b7e21a864".into(),
         measured_source: "synthetic: formula with noise".into(),

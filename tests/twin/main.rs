@@ -16,6 +16,7 @@ mod deformation_coefficient;
 mod determinism;
 mod door;
 mod ensemble;
+mod folds;
 mod force_balance;
 mod frictional_oblique;
 mod guarded;

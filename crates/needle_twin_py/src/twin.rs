@@ -318,6 +318,12 @@ impl Prediction {
         self.prediction.health.force_imbalance
     }
 
+    /// Share of the strain energy in cells that have turned over: from 0.05 on the cloud does not resolve the tissue.
+    #[getter]
+    fn folded_energy(&self) -> f64 {
+        self.prediction.health.folded_energy
+    }
+
     fn __repr__(&self) -> String {
         let p = &self.prediction;
         let [x, y, z] = p.force_n;

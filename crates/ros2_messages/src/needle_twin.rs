@@ -264,6 +264,8 @@ pub struct TwinStatus {
     pub region_depths_m: Vec<f64>,
     /// Whether these are where the deformed tissue has them now; otherwise as in the scene.
     pub region_depths_predicted: bool,
+    /// Share of the strain energy in cells that have turned over; from 0.05 on the health is WARN.
+    pub folded_energy: f64,
 }
 
 impl TwinStatus {

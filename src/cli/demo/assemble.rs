@@ -128,6 +128,7 @@ fn health(run: &mut Run, heard: &Observations) {
         run.min_jacobian = run.min_jacobian.min(status.min_jacobian);
         so_far = so_far.max(status.predicted_n.abs());
         imbalance_n = imbalance_n.max(status.force_imbalance * so_far);
+        run.note_folds(status.depth_m, status.folded_energy);
         run.constraint_error_m = run.constraint_error_m.max(status.constraint_error_m);
         if status.predicted_n.abs() >= 0.1 * peak {
             run.max_kinetic_to_strain_energy = run.max_kinetic_to_strain_energy.max(status.kinetic_to_strain_energy);

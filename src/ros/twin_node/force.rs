@@ -166,6 +166,7 @@ pub(super) fn is_finite(prediction: &Prediction) -> bool {
         health.kinetic_to_strain_energy,
         health.force_imbalance,
         health.constraint_error_m,
+        health.folded_energy,
     ];
     forces.chain(&figures).all(|v| v.is_finite())
 }

@@ -6,6 +6,7 @@ use super::shared::{Live, Shared};
 use crate::ros::clock::NodeClock;
 use crate::ros::lifecycle::State;
 use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
+use crate::twin::Health;
 
 /// Health and the reasons for it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -108,6 +109,17 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
         let most = live.rejects.iter().max_by_key(|(_, n)| **n).map_or("", |(why, _)| why.word());
         judgement
             .add(TwinStatus::HEALTH_WARN, format!("{} poses refused in the last second ({most})", window.rejected));
+    }
+    let folded = live.last.map_or(0.0, |answer| answer.prediction.health.folded_energy);
+    if folded >= Health::MOST_FOLDED {
+        let share = 100.0 * folded;
+        judgement.add(
+            TwinStatus::HEALTH_WARN,
+            format!(
+                "{share:.0}% of the strain energy is in cells that have turned over: the tissue is crushed further than the cloud \
+                 resolves, and the force may be off by as much. Retract the instrument, or choose a finer discretisation"
+            ),
+        );
     }
     if let Some(reason) = load_cell_problem(live) {
         judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());

@@ -80,6 +80,7 @@ pub(super) fn status(
         message.kinetic_to_strain_energy = p.health.kinetic_to_strain_energy;
         message.force_imbalance = p.health.force_imbalance;
         message.constraint_error_m = p.health.constraint_error_m;
+        message.folded_energy = p.health.folded_energy;
     }
     message
 }

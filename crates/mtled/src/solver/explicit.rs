@@ -276,6 +276,14 @@ impl Solver {
         with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.deformation(scratch, point) })
     }
 
+    /// Strain energy that stands in one integration point at the last evaluation, without the projected volumetric part, J.
+    #[must_use]
+    pub fn energy_of(&self, point: usize) -> f64 {
+        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) {
+            k.energy_of(&self.state.moving.memory, scratch, point)
+        })
+    }
+
     /// Calls `visit(point, F, P, V)` for every integration point: F and first Piola-Kirchhoff stress (Pa) row-major,
     /// volume in m^3.
     pub fn for_points(&self, visit: impl FnMut(usize, [f64; 9], [f64; 9], f64)) {

@@ -190,6 +190,15 @@ impl<T: Real> Kernel<T> {
         scratch.blocks.iter().map(|b| b.energy).sum::<f64>() + projected
     }
 
+    /// Strain energy that stands in one integration point at the last evaluation, without the projected volumetric part, J.
+    pub(super) fn energy_of(&self, memory: &[Memory], scratch: &Scratch<T>, point: usize) -> f64 {
+        let (b, slot) = self.slot[point];
+        let (b, slot) = (b as usize, slot as usize);
+        let law = Relaxing { constants: self.of(&self.blocks[b]), memory: &memory[b] };
+        let (density, _) = law.evaluate(slot, &scratch.blocks[b].deformation_in(slot), 0.0);
+        density * self.blocks[b].volume_in(slot)
+    }
+
     /// Calls `visit(point, F, P, V)` for every integration point of the last evaluation: deformation gradient and first
     /// Piola-Kirchhoff stress in Pa (row-major), volume in m^3.
     pub(super) fn for_points(
