@@ -35,6 +35,14 @@ const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
 /// the needle jumps with the modulus, the force's error falls in proportion to it. Where tissue slips, the shear does not.
 const REGIONS_PATH_SPACING: f64 = 0.1;
 
+/// A path that is coarser than this over the capture radius begins so fine at the surface, in a half plane: over the first radii of depth
+/// few layers are captured, and each counts.
+const ENTRY_SPACING: f64 = 0.3;
+/// The cloud beside it is as fine, to this distance from the axis over the capture radius.
+const ENTRY_RADIUS: f64 = 1.5;
+/// Growth of the spacing with depth: faster, and the capture window, which is two layers long, is too long for the first millimetres.
+const ENTRY_GROWTH: f64 = 0.06;
+
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
 pub struct Body {
@@ -130,7 +138,9 @@ fn half(domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> Result<Cloud, cl
     let mut own = spacing.clone();
     for feature in &mut own.features {
         match feature {
-            Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } => *centre = within(*centre),
+            Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } | Feature::Entry { centre, .. } => {
+                *centre = within(*centre);
+            }
             Feature::Path { axis, .. } => (axis.entry, axis.slope) = (within(axis.entry), within(axis.slope)),
             Feature::Region { solid: Solid::Sphere { centre, .. } | Solid::Cylinder { centre, .. }, .. } => {
                 let [x, _] = within([centre[0], centre[1]]);
@@ -176,6 +186,11 @@ impl Layout {
         if scene.instrument.is_some_and(|i| surface::has_wall(&i)) {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
             layout.spacing.features.iter_mut().for_each(refine_wall);
+        }
+        // where tissue slips along the needle, the force of the first millimetres is no matter of layers
+        if !scene.instrument.is_some_and(|i| i.is_frictional()) {
+            let entry = layout.spacing.features.iter().find_map(entry);
+            layout.spacing.features.extend(entry);
         }
         layout
     }
@@ -223,7 +238,12 @@ impl Layout {
         Self { spacing: Spacing { far, growth: grading.growth, features }, reach }
     }
 
-    /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle.
+    /// Whether the layers of a needle's path are closer to each other where it enters.
+    pub fn is_graded(&self) -> bool {
+        self.spacing.features.iter().any(|f| matches!(f, Feature::Entry { .. }))
+    }
+
+    /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle. The largest, where they are graded.
     pub fn layer(&self) -> f64 {
         self.spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0)
     }
@@ -248,6 +268,19 @@ fn interfaces(scene: &Scene, domain: &Domain, far: f64, half_plane: bool) -> imp
         };
         Feature::Region { solid, spacing }
     })
+}
+
+/// What makes a needle's path finer where it enters, if it is coarse there.
+fn entry(feature: &Feature) -> Option<Feature> {
+    let Feature::Path { axis, capture_radius, spacing, .. } = *feature else { return None };
+    let fine = ENTRY_SPACING * capture_radius;
+    let entry = Feature::Entry {
+        centre: axis.entry,
+        radius: ENTRY_RADIUS * capture_radius,
+        spacing: fine,
+        growth: ENTRY_GROWTH,
+    };
+    (fine < spacing).then_some(entry)
 }
 
 /// Makes a needle's path finer.
