@@ -331,3 +331,27 @@ impl NeedlePath {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod tests {
+    use super::*;
+    use crate::scene::{InstrumentKind, Metres, Scene};
+
+    #[test]
+    fn a_window_follows_the_distance_between_its_layers() {
+        let InstrumentKind::Needle(needle) = Scene::preset("needle_insertion").unwrap().instrument.unwrap().kind else {
+            panic!("a needle")
+        };
+        // two nodes of one layer among them
+        let depths = [0.0, 1.5e-4, 1.5e-4, 3.1e-4, 5.0e-4, 7.5e-4];
+        let nodes: Vec<_> = (0u32..).zip(depths).collect();
+        let path = |needle| NeedlePath::new(nodes.clone(), 6, needle, 1e-3, 2.5e-4, Vec::new(), std::iter::empty());
+        let close = |windows: &[f64], wanted: [f64; 6]| windows.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(close(&path(needle).window, [5e-4; 6]), "even layers");
+        let graded = path(needle).graded().window;
+        assert!(close(&graded, [3e-4, 3e-4, 3e-4, 3.2e-4, 3.8e-4, 5e-4]), "{graded:?}");
+        let given = Needle { capture_window: Metres(2e-4), ..needle };
+        assert!(close(&path(given).graded().window, [2e-4; 6]), "the needle says how long");
+    }
+}

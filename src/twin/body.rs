@@ -35,9 +35,12 @@ const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
 /// the needle jumps with the modulus, the force's error falls in proportion to it. Where tissue slips, the shear does not.
 const REGIONS_PATH_SPACING: f64 = 0.1;
 
-/// A path that is coarser than this over the capture radius begins so fine at the surface, in a half plane: over the first radii of depth
-/// few layers are captured, and each counts.
-const ENTRY_SPACING: f64 = 0.3;
+/// Spacing of a needle's path at the surface over that deeper down, in a half plane: over the first millimetres few layers are captured,
+/// and each counts.
+const ENTRY_SPACING: f64 = 0.6;
+/// Paths that are finer than this over the capture radius are not graded: at their entry the capture window would not get shorter with the
+/// layers, whose distance is no even part of it, and the force would have a saw-tooth.
+const GRADED_FROM: f64 = 0.3;
 /// The cloud beside it is as fine, to this distance from the axis over the capture radius.
 const ENTRY_RADIUS: f64 = 1.5;
 /// Growth of the spacing with depth: faster, and the capture window, which is two layers long, is too long for the first millimetres.
@@ -187,8 +190,8 @@ impl Layout {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
             layout.spacing.features.iter_mut().for_each(refine_wall);
         }
-        // where tissue slips along the needle, the force of the first millimetres is no matter of layers
-        if !scene.instrument.is_some_and(|i| i.is_frictional()) {
+        if scene.instrument.is_some_and(|i| scene.regions.is_empty() && !surface::has_wall(&i) && !i.is_frictional()) {
+            // other paths are finer all along, and where tissue slips the force of the first millimetres is no matter of layers
             let entry = layout.spacing.features.iter().find_map(entry);
             layout.spacing.features.extend(entry);
         }
@@ -270,17 +273,12 @@ fn interfaces(scene: &Scene, domain: &Domain, far: f64, half_plane: bool) -> imp
     })
 }
 
-/// What makes a needle's path finer where it enters, if it is coarse there.
+/// What makes a needle's path finer where it enters, if it is coarse.
 fn entry(feature: &Feature) -> Option<Feature> {
     let Feature::Path { axis, capture_radius, spacing, .. } = *feature else { return None };
-    let fine = ENTRY_SPACING * capture_radius;
-    let entry = Feature::Entry {
-        centre: axis.entry,
-        radius: ENTRY_RADIUS * capture_radius,
-        spacing: fine,
-        growth: ENTRY_GROWTH,
-    };
-    (fine < spacing).then_some(entry)
+    let (radius, fine) = (ENTRY_RADIUS * capture_radius, ENTRY_SPACING * spacing);
+    let entry = Feature::Entry { centre: axis.entry, radius, spacing: fine, growth: ENTRY_GROWTH };
+    (spacing > GRADED_FROM * capture_radius).then_some(entry)
 }
 
 /// Makes a needle's path finer.
