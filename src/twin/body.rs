@@ -2,7 +2,7 @@
 
 use crate::instrument::{Contact, surface};
 use crate::mesh::Volumes;
-use crate::scene::{Grading, IndenterTip, InstrumentKind, Metres, Scene, Shape};
+use crate::scene::{Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
@@ -38,6 +38,8 @@ const REGIONS_PATH_SPACING: f64 = 0.1;
 /// Spacing of a needle's path at the surface over that deeper down, in a half plane: over the first millimetres few layers are captured,
 /// and each counts.
 const ENTRY_SPACING: f64 = 0.6;
+/// Largest puncture strain of a surface that gives way at once: the tip is then about 1 um deep.
+const AT_ONCE: f64 = 1e-3;
 /// Paths that are finer than this over the capture radius are not graded: at their entry the capture window would not get shorter with the
 /// layers, whose distance is no even part of it, and the force would have a saw-tooth.
 const GRADED_FROM: f64 = 0.3;
@@ -190,8 +192,7 @@ impl Layout {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
             layout.spacing.features.iter_mut().for_each(refine_wall);
         }
-        if scene.instrument.is_some_and(|i| scene.regions.is_empty() && !surface::has_wall(&i) && !i.is_frictional()) {
-            // other paths are finer all along, and where tissue slips the force of the first millimetres is no matter of layers
+        if scene.regions.is_empty() && scene.instrument.as_ref().is_some_and(enters_at_once) {
             let entry = layout.spacing.features.iter().find_map(entry);
             layout.spacing.features.extend(entry);
         }
@@ -271,6 +272,16 @@ fn interfaces(scene: &Scene, domain: &Domain, far: f64, half_plane: bool) -> imp
         };
         Feature::Region { solid, spacing }
     })
+}
+
+/// Whether a needle's path may be finer where it enters. Where the surface is pressed first, its strain at the tip's edge, which is singular,
+/// says how deep: it stays that of the cloud in space. Where tissue slips along the needle the force of the first millimetres is no matter of
+/// layers.
+fn enters_at_once(instrument: &Instrument) -> bool {
+    match &instrument.kind {
+        InstrumentKind::Needle(needle) => needle.puncture_strain <= AT_ONCE && !instrument.is_frictional(),
+        _ => false,
+    }
 }
 
 /// What makes a needle's path finer where it enters, if it is coarse.
