@@ -10,7 +10,7 @@
 //! scaled masses and damping, from the state that the last pose left: that is why a pose costs milliseconds.
 //!
 //! ```text
-//! cargo run --release --example insert_needle            # the preset: 293 nodes in a half plane
+//! cargo run --release --example insert_needle            # the preset: 326 nodes in a half plane
 //! cargo run --release --example insert_needle -- 0.004   # coarser: 4 mm between nodes away from the needle
 //! ```
 //!

@@ -55,6 +55,19 @@ const LEAST_WINDOW: f64 = 2.0;
 /// How far above the tissue the wall goes at the puncture, m.
 const AWAY: f64 = 1.0;
 
+/// Nodes whose depths differ by less are of one layer, m: rounding.
+const SAME_LAYER: f64 = 1e-9;
+
+/// Vertical length of the capture window of a node whose layer is that far from the next, m.
+fn window(needle: &Needle, layer: f64) -> f64 {
+    let slope = needle.slope();
+    let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
+    match needle.capture_window.get() {
+        0.0 => (SHORT_WINDOW * needle.capture_radius.get() / secant).max(LEAST_WINDOW * layer),
+        length => length / secant,
+    }
+}
+
 /// State of the insertion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Insertion {
@@ -74,8 +87,8 @@ pub struct NeedlePath {
     slope: [f64; 2],
     /// Vertical distance between the layers of nodes, m.
     layer: f64,
-    /// Vertical length of the capture window, m.
-    window: f64,
+    /// Vertical length of each node's capture window, m.
+    window: Vec<f64>,
     /// Of the tissue at each node, Pa.
     shear_modulus: Vec<f64>,
     /// Integration points within two spacings of the entry point.
@@ -133,10 +146,7 @@ impl NeedlePath {
         let slope = needle.slope();
         let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
         let end = length / secant * (1.0 + 1e-9);
-        let window = match needle.capture_window.get() {
-            0.0 => (SHORT_WINDOW * needle.capture_radius.get() / secant).max(LEAST_WINDOW * layer),
-            length => length / secant,
-        };
+        let window = vec![window(&needle, layer); nodes.len()];
         let mut inner = Vec::new();
         let mut filled = 0.0;
         for (point, (c, volume)) in (0u32..).zip(cells) {
@@ -175,6 +185,20 @@ impl NeedlePath {
     #[must_use]
     pub fn revolved(self) -> Self {
         Self { revolved: true, ..self }
+    }
+
+    /// The same path where the distance between its layers grows with depth: each node's window is as long as the distance from its layer
+    /// to the one above asks for, unless the needle says how long it is.
+    #[must_use]
+    pub fn graded(self) -> Self {
+        let mut depths: Vec<f64> = self.nodes.iter().map(|(_, z)| *z).collect();
+        depths.dedup_by(|a, b| (*a - *b).abs() < SAME_LAYER);
+        let layer = |z: f64| {
+            let below = depths.partition_point(|d| *d < z - SAME_LAYER).max(1);
+            depths.get(below).map_or(self.layer, |d| d - depths[below - 1])
+        };
+        let window = self.nodes.iter().map(|(_, z)| window(&self.needle, layer(*z).min(self.layer))).collect();
+        Self { window, ..self }
     }
 
     /// The same path in the half of a body beside a plane of symmetry, of whose nodes these are the places in m.
@@ -305,5 +329,29 @@ impl NeedlePath {
             Hold::Captured(c) if !self.revolved && c.passed < 1.0 => Role::Guided,
             Hold::Indented | Hold::Captured(_) => Role::Instrument,
         }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod tests {
+    use super::*;
+    use crate::scene::{InstrumentKind, Metres, Scene};
+
+    #[test]
+    fn a_window_follows_the_distance_between_its_layers() {
+        let InstrumentKind::Needle(needle) = Scene::preset("needle_insertion").unwrap().instrument.unwrap().kind else {
+            panic!("a needle")
+        };
+        // two nodes of one layer among them
+        let depths = [0.0, 1.5e-4, 1.5e-4, 3.1e-4, 5.0e-4, 7.5e-4];
+        let nodes: Vec<_> = (0u32..).zip(depths).collect();
+        let path = |needle| NeedlePath::new(nodes.clone(), 6, needle, 1e-3, 2.5e-4, Vec::new(), std::iter::empty());
+        let close = |windows: &[f64], wanted: [f64; 6]| windows.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(close(&path(needle).window, [5e-4; 6]), "even layers");
+        let graded = path(needle).graded().window;
+        assert!(close(&graded, [3e-4, 3e-4, 3e-4, 3.2e-4, 3.8e-4, 5e-4]), "{graded:?}");
+        let given = Needle { capture_window: Metres(2e-4), ..needle };
+        assert!(close(&path(given).graded().window, [2e-4; 6]), "the needle says how long");
     }
 }

@@ -38,7 +38,7 @@ const FORCE_TARGETS: [ForceTarget; 10] = [
     force_target("compression", 0.0, 2.5e-3, [0.01; 2]),
     force_target("indentation", 0.0, 4e-3, [0.01; 2]),
     force_target("indentation", 0.0, 1e-2, [0.02; 2]),
-    force_target("needle_insertion", 2e-3, 1e-2, [0.03; 2]),
+    force_target("needle_insertion", 1e-3, 1e-2, [0.01, 0.03]),
     force_target("layered_indentation", 0.0, 4e-3, [0.01, 0.015]),
     force_target("layered_needle", 2e-3, 2e-3, [0.03; 2]),
     force_target("layered_needle", 4e-3, 1e-2, [0.015, 0.03]),

@@ -123,7 +123,8 @@ fn contact(
     }
     let nodes = held.iter().map(|&n| (n, top - plane.points[n as usize][2])).collect();
     let path = NeedlePath::new(nodes, plane.points.len(), *needle, layout.reach, layout.layer(), watched, corners);
-    Ok(Contact::Needle(Box::new(path.revolved())))
+    let path = path.revolved();
+    Ok(Contact::Needle(Box::new(if layout.is_graded() { path.graded() } else { path })))
 }
 
 fn tissue(

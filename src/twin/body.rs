@@ -2,7 +2,7 @@
 
 use crate::instrument::{Contact, surface};
 use crate::mesh::Volumes;
-use crate::scene::{Grading, IndenterTip, InstrumentKind, Metres, Scene, Shape};
+use crate::scene::{Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
@@ -34,6 +34,19 @@ const NEEDLE_PLANE_REFINEMENT: f64 = 1.0 / 3.0;
 /// Largest spacing along a needle's path through several regions in a half plane, over the capture radius: where the shear on
 /// the needle jumps with the modulus, the force's error falls in proportion to it. Where tissue slips, the shear does not.
 const REGIONS_PATH_SPACING: f64 = 0.1;
+
+/// Spacing of a needle's path at the surface over that deeper down, in a half plane: over the first millimetres few layers are captured,
+/// and each counts.
+const ENTRY_SPACING: f64 = 0.6;
+/// Largest puncture strain of a surface that gives way at once: the tip is then about 1 um deep.
+const AT_ONCE: f64 = 1e-3;
+/// Paths that are finer than this over the capture radius are not graded: at their entry the capture window would not get shorter with the
+/// layers, whose distance is no even part of it, and the force would have a saw-tooth.
+const GRADED_FROM: f64 = 0.3;
+/// The cloud beside it is as fine, to this distance from the axis over the capture radius.
+const ENTRY_RADIUS: f64 = 1.5;
+/// Growth of the spacing with depth: faster, and the capture window, which is two layers long, is too long for the first millimetres.
+const ENTRY_GROWTH: f64 = 0.06;
 
 /// Cloud of a scene and what a pose needs to know of it. Lengths in m.
 #[derive(Clone, Debug)]
@@ -130,7 +143,9 @@ fn half(domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> Result<Cloud, cl
     let mut own = spacing.clone();
     for feature in &mut own.features {
         match feature {
-            Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } => *centre = within(*centre),
+            Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } | Feature::Entry { centre, .. } => {
+                *centre = within(*centre);
+            }
             Feature::Path { axis, .. } => (axis.entry, axis.slope) = (within(axis.entry), within(axis.slope)),
             Feature::Region { solid: Solid::Sphere { centre, .. } | Solid::Cylinder { centre, .. }, .. } => {
                 let [x, _] = within([centre[0], centre[1]]);
@@ -176,6 +191,10 @@ impl Layout {
         if scene.instrument.is_some_and(|i| surface::has_wall(&i)) {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
             layout.spacing.features.iter_mut().for_each(refine_wall);
+        }
+        if scene.regions.is_empty() && scene.instrument.as_ref().is_some_and(enters_at_once) {
+            let entry = layout.spacing.features.iter().find_map(entry);
+            layout.spacing.features.extend(entry);
         }
         layout
     }
@@ -223,7 +242,12 @@ impl Layout {
         Self { spacing: Spacing { far, growth: grading.growth, features }, reach }
     }
 
-    /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle.
+    /// Whether the layers of a needle's path are closer to each other where it enters.
+    pub fn is_graded(&self) -> bool {
+        self.spacing.features.iter().any(|f| matches!(f, Feature::Entry { .. }))
+    }
+
+    /// Vertical distance between the layers of nodes along a needle's path, m; 0 without a needle. The largest, where they are graded.
     pub fn layer(&self) -> f64 {
         self.spacing.features.iter().filter_map(Feature::layer).next().unwrap_or(0.0)
     }
@@ -248,6 +272,24 @@ fn interfaces(scene: &Scene, domain: &Domain, far: f64, half_plane: bool) -> imp
         };
         Feature::Region { solid, spacing }
     })
+}
+
+/// Whether a needle's path may be finer where it enters. Where the surface is pressed first, its strain at the tip's edge, which is singular,
+/// says how deep: it stays that of the cloud in space. Where tissue slips along the needle the force of the first millimetres is no matter of
+/// layers.
+fn enters_at_once(instrument: &Instrument) -> bool {
+    match &instrument.kind {
+        InstrumentKind::Needle(needle) => needle.puncture_strain <= AT_ONCE && !instrument.is_frictional(),
+        _ => false,
+    }
+}
+
+/// What makes a needle's path finer where it enters, if it is coarse.
+fn entry(feature: &Feature) -> Option<Feature> {
+    let Feature::Path { axis, capture_radius, spacing, .. } = *feature else { return None };
+    let (radius, fine) = (ENTRY_RADIUS * capture_radius, ENTRY_SPACING * spacing);
+    let entry = Feature::Entry { centre: axis.entry, radius, spacing: fine, growth: ENTRY_GROWTH };
+    (spacing > GRADED_FROM * capture_radius).then_some(entry)
 }
 
 /// Makes a needle's path finer.

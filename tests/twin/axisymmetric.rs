@@ -83,19 +83,21 @@ fn indentation_has_the_reference_force() {
     compare_with("indentation", &[("instrument.wall_contact", "false")], "indentation_force.csv", 5e-4, 1e-2, bound);
 }
 
-/// The capture of nodes ahead of the tip leaves its mark while the needle is only a few layers deep.
 #[test]
 fn needle_has_the_reference_force() {
-    let bound = |depth: f64| match depth {
-        d if d < 1.5e-3 => 0.07,
-        d if d < 2.5e-3 => 0.03,
-        d if d < 3.5e-3 => 0.015,
-        _ => 0.01,
-    };
-    compare("needle_insertion", "needle_force_capture_radius_0.50mm.csv", 1e-3, 1e-2, bound);
+    compare("needle_insertion", "needle_force_capture_radius_0.50mm.csv", 1e-3, 1e-2, |_| 0.01);
 }
 
-/// What the docs offer to those who need the first two millimetres.
+/// The entry of the path is graded for any cloud. Single clouds differ while the needle is a few layers deep.
+#[test]
+fn the_needles_first_millimetres_are_right_on_other_clouds() {
+    for spacing in ["1.864e-3", "2.1e-3", "2.56e-3", "2.9125e-3"] {
+        let bound = |depth: f64| if depth < 2.5e-3 { 0.02 } else { 0.01 };
+        let changes = [("discretisation.spacing_m", spacing)];
+        compare_with("needle_insertion", &changes, "needle_force_capture_radius_0.50mm.csv", 1e-3, 4e-3, bound);
+    }
+}
+
 #[test]
 fn a_finer_path_has_the_needle_within_a_per_cent_from_the_first_millimetre() {
     let finer = [("discretisation.edge_refinement", "0.04")];

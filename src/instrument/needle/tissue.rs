@@ -10,8 +10,8 @@ impl NeedlePath {
     /// The needle takes the place of the tissue in the cells that it fills.
     pub(super) fn fill(&mut self, depth: f64, solver: &mut Solver) {
         for ((point, corners), filled) in self.inner.iter().zip(&mut self.progress.filled) {
-            let least = corners.iter().map(|&c| match self.progress.hold[c as usize] {
-                Hold::Captured(c) if self.revolved => c.share(depth, self.window),
+            let least = corners.iter().map(|&n| match self.progress.hold[n as usize] {
+                Hold::Captured(c) if self.revolved => c.share(depth, self.window[n as usize]),
                 Hold::Captured(c) => c.passed,
                 Hold::Free | Hold::Indented | Hold::Left(_) => 0.0,
             });

@@ -124,9 +124,10 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
             }
             Feature::Path { axis, capture_radius, length, spacing: fine } => {
                 let layers = spacing.layers(domain, &axis, length, fine);
-                path(&mut nodes, domain, &axis, capture_radius, fine, &layers);
+                let rings = |depth| path_shape(capture_radius, length, spacing.along(domain, &axis, fine, depth)).1;
+                path(&mut nodes, domain, &axis, capture_radius, &rings, &layers);
             }
-            Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } => {}
+            Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::Entry { .. } => {}
         }
     }
     interfaces::place_edges(domain, spacing, &mut nodes);
@@ -223,7 +224,7 @@ const CLOSEST_LAYER: f64 = 0.4;
 
 impl Spacing {
     /// Vertical depths of the layers of a path: equal steps between the places where its axis passes from one region to
-    /// another.
+    /// another, or steps that grow from an [`Feature::Entry`] on.
     pub(crate) fn layers(&self, domain: &Domain, axis: &Axis, length: f64, spacing: f64) -> Vec<f64> {
         let height = domain.height();
         let depth = length / axis.secant();
@@ -238,6 +239,14 @@ impl Spacing {
         ends.push(1.0);
         let mut layers = vec![0.0];
         for stretch in ends.windows(2) {
+            let within = |t: f64| stretch[0] + t * (stretch[1] - stretch[0]);
+            if self.along(domain, axis, spacing, depth * stretch[0]) < spacing {
+                let curve = |t: f64| axis.section(height, depth * within(t), 0.0, 0.0);
+                let graded = equidistribute(domain, self, &curve, false, 1);
+                layers.extend(graded.into_iter().map(|t| depth * within(t)));
+                layers.push(depth * stretch[1]);
+                continue;
+            }
             let (steps, _) = path_shape(spacing, length * (stretch[1] - stretch[0]), spacing);
             let at = |k: usize| stretch[0] + (stretch[1] - stretch[0]) * (k as f64 / steps as f64);
             layers.extend((1..=steps).map(|k| depth * at(k)));
@@ -248,20 +257,21 @@ impl Spacing {
     /// Number of nodes that a path has within its capture radius (0 for other features).
     pub(crate) fn path_nodes(&self, domain: &Domain, path: &Feature) -> usize {
         let Feature::Path { axis, capture_radius, length, spacing } = *path else { return 0 };
-        let layers = self.layers(domain, &axis, length, spacing).len();
-        let (_, rings) = path_shape(capture_radius, length, spacing);
-        if domain.is_half() {
-            // the axis and half of each ring; those that aren't turned have two nodes more on the plane
-            return layers * (1 + 3 * rings * (rings + 1) / 2) + layers.div_ceil(2) * rings;
-        }
-        layers * (1 + 3 * rings * (rings + 1))
+        let nodes = |(layer, depth): (usize, f64)| {
+            let (_, rings) = path_shape(capture_radius, length, self.along(domain, &axis, spacing, depth));
+            if domain.is_half() {
+                // the axis and half of each ring; those that aren't turned have two nodes more on the plane
+                return 1 + 3 * rings * (rings + 1) / 2 + (1 - layer % 2) * rings;
+            }
+            1 + 3 * rings * (rings + 1)
+        };
+        self.layers(domain, &axis, length, spacing).into_iter().enumerate().map(nodes).sum()
     }
 }
 
 /// Layers of rings of 6, 12, 18, ... nodes round an axis node, at these depths; every other layer is turned by half a pitch. A half body
 /// has those with y >= 0.
-fn path(nodes: &mut Nodes, domain: &Domain, axis: &Axis, radius: f64, spacing: f64, layers: &[f64]) {
-    let (_, rings) = path_shape(radius, radius, spacing);
+fn path(nodes: &mut Nodes, domain: &Domain, axis: &Axis, radius: f64, rings: &dyn Fn(f64) -> usize, layers: &[f64]) {
     let mut push = |p: Point, faces: u8| {
         let near = ON_LINE * radius;
         match domain.is_half() {
@@ -273,6 +283,7 @@ fn path(nodes: &mut Nodes, domain: &Domain, axis: &Axis, radius: f64, spacing: f
     for (layer, &depth) in layers.iter().enumerate() {
         let faces = if layer == 0 { TOP } else { 0 };
         push(axis.section(domain.height(), depth, 0.0, 0.0), faces);
+        let rings = rings(depth);
         for ring in 1..=rings {
             let r = radius * (ring as f64 / rings as f64);
             let turn = if layer % 2 == 1 { 0.5 } else { 0.0 };

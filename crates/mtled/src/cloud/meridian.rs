@@ -169,9 +169,10 @@ impl Plane<'_> {
         for f in &self.spacing.features {
             match *f {
                 Feature::Path { axis, capture_radius, length, spacing } => {
-                    let (_, rings) = path_shape(capture_radius, length, spacing);
                     for depth in self.spacing.layers(self.domain, &axis, length, spacing) {
                         let z = self.height - depth;
+                        let fine = self.spacing.along(self.domain, &axis, spacing, depth);
+                        let (_, rings) = path_shape(capture_radius, length, fine);
                         let place = |ring: usize| [capture_radius * (ring as f64 / rings as f64), 0.0, z];
                         points.extend((0..=rings).map(place));
                         floor = z;
@@ -179,7 +180,7 @@ impl Plane<'_> {
                     inner = capture_radius;
                 }
                 Feature::ContactRing { radius, .. } => marks.push(radius),
-                Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } => {}
+                Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::Entry { .. } => {}
             }
         }
         let (r, h) = (self.radius, self.height);

@@ -22,6 +22,7 @@ mod delaunay;
 mod domain;
 mod edges;
 mod error;
+mod fit;
 mod improve;
 mod interfaces;
 pub mod meridian;

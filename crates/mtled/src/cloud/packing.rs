@@ -55,6 +55,7 @@ impl Packing<'_> {
         let height = self.domain.height();
         self.spacing.features.iter().any(|f| match *f {
             Feature::Path { axis, capture_radius, length, spacing } => {
+                let spacing = self.spacing.along(self.domain, &axis, spacing, height - p[2]);
                 axis.distance(height, p) < capture_radius + 0.6 * spacing
                     && p[2] > height - length / axis.secant() - 0.6 * spacing
             }

@@ -2,6 +2,7 @@
 
 use super::domain::Domain;
 use super::error::CloudError;
+use super::fit;
 use super::path::Axis;
 use super::solid::Solid;
 use super::vector::{Point, length2};
@@ -56,6 +57,17 @@ pub enum Feature {
         /// Spacing along and across the path; half the capture radius resolves it.
         spacing: f64,
     },
+    /// Refines the upper part of a needle's path, its layers and rings, and the cloud beside it.
+    Entry {
+        /// Centre in x, y: where the path begins.
+        centre: [f64; 2],
+        /// Radius of the cylinder about the vertical through it within which the spacing depends on depth alone.
+        radius: f64,
+        /// Spacing at the top face.
+        spacing: f64,
+        /// Growth of the spacing per metre of depth.
+        growth: f64,
+    },
     /// A region of another material: nodes lie on its boundary, and no cell reaches across. Of several that hold a point the
     /// first one counts.
     Region {
@@ -74,6 +86,7 @@ impl Feature {
             | Feature::Rim { spacing, .. }
             | Feature::Path { spacing, .. }
             | Feature::Patch { spacing, .. }
+            | Feature::Entry { spacing, .. }
             | Feature::Region { spacing, .. } => spacing,
         }
     }
@@ -90,7 +103,7 @@ impl Feature {
                 let z = if top { height - p[2] } else { p[2] };
                 length2(domain.rim_distance([p[0], p[1]]), z)
             }
-            Feature::Patch { centre, radius, .. } => {
+            Feature::Patch { centre, radius, .. } | Feature::Entry { centre, radius, .. } => {
                 let r = length2(p[0] - centre[0], p[1] - centre[1]);
                 length2((r - radius).max(0.0), height - p[2])
             }
@@ -129,7 +142,9 @@ impl Feature {
     fn offset_area(&self, domain: &Domain, s: f64) -> f64 {
         match *self {
             Feature::ContactRing { radius, .. } => 2.0 * PI * radius * PI * s,
-            Feature::Patch { radius, .. } => PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s,
+            Feature::Patch { radius, .. } | Feature::Entry { radius, .. } => {
+                PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s
+            }
             Feature::Rim { .. } => {
                 let length = match *domain {
                     Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => 2.0 * PI * radius,
@@ -167,9 +182,25 @@ impl Spacing {
     pub fn at(&self, domain: &Domain, p: Point) -> f64 {
         let mut h = self.far;
         for f in &self.features {
-            h = h.min(f.spacing() + self.growth * f.distance(domain, p));
+            h = h.min(match *f {
+                Feature::Entry { .. } => self.at_entry(f, domain, p),
+                _ => f.spacing() + self.growth * f.distance(domain, p),
+            });
         }
         h
+    }
+
+    /// Spacing of the nodes of a needle's path at a depth below the top face, in metres: `spacing`, or less where the path enters.
+    pub(crate) fn along(&self, domain: &Domain, axis: &Axis, spacing: f64, depth: f64) -> f64 {
+        let p = axis.section(domain.height(), depth, 0.0, 0.0);
+        self.features.iter().map(|f| self.at_entry(f, domain, p)).fold(spacing, f64::min)
+    }
+
+    /// What an entry asks for; infinite for other features.
+    fn at_entry(&self, f: &Feature, domain: &Domain, p: Point) -> f64 {
+        let Feature::Entry { centre, radius, spacing, growth } = *f else { return f64::INFINITY };
+        let r = length2(p[0] - centre[0], p[1] - centre[1]);
+        spacing + growth * (domain.height() - p[2]) + self.growth * (r - radius).max(0.0)
     }
 
     /// Smallest spacing anywhere.
@@ -284,86 +315,8 @@ impl Spacing {
                     format!("give metres in (0, {}], the spacing far from the edges", self.far),
                 );
             }
-            validate_feature(f, domain)?;
+            fit::validate_feature(f, domain)?;
         }
         self.validate_pairs()
-    }
-}
-
-impl Spacing {
-    /// A needle path must keep clear of contact rings and of other paths, at the top face at least.
-    fn validate_pairs(&self) -> Result<(), CloudError> {
-        for (i, f) in self.features.iter().enumerate() {
-            let Feature::Path { axis, capture_radius, spacing, .. } = *f else { continue };
-            let centre = axis.entry;
-            for (j, other) in self.features.iter().enumerate() {
-                let gap = match *other {
-                    Feature::ContactRing { centre: c, radius, .. } => {
-                        (length2(c[0] - centre[0], c[1] - centre[1]) - radius).abs() - capture_radius
-                    }
-                    Feature::Path { axis: Axis { entry: c, .. }, capture_radius: r, .. } if j < i => {
-                        length2(c[0] - centre[0], c[1] - centre[1]) - r - capture_radius
-                    }
-                    _ => continue,
-                };
-                if gap < spacing {
-                    let rule = format!(
-                        "the path at ({}, {}) m is {gap} m from a contact ring or another path; leave at least one spacing, {spacing} m",
-                        centre[0], centre[1]
-                    );
-                    return Err(CloudError::OutOfRange { key: "capture radius", value: capture_radius, rule });
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Features must lie inside the top face and the body, with room for one spacing round them.
-fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), CloudError> {
-    let positive = |key, value: f64| {
-        if value.is_finite() && value > 0.0 {
-            Ok(())
-        } else {
-            Err(CloudError::OutOfRange { key, value, rule: "give a positive length in metres".into() })
-        }
-    };
-    let fits = |key, centre: [f64; 2], value: f64, spacing: f64| {
-        let room = domain.rim_distance(centre) - spacing;
-        if value <= room {
-            Ok(())
-        } else {
-            let rule = format!(
-                "at ({}, {}) m the sample leaves room for at most {room} m with this spacing",
-                centre[0], centre[1]
-            );
-            Err(CloudError::OutOfRange { key, value, rule })
-        }
-    };
-    match *f {
-        Feature::ContactRing { centre, radius, spacing } => {
-            positive("contact radius", radius)?;
-            if spacing > radius {
-                let rule = format!("a contact ring of radius {radius} m needs a spacing of at most that");
-                return Err(CloudError::OutOfRange { key: "edge spacing", value: spacing, rule });
-            }
-            fits("contact radius", centre, radius, 0.7 * spacing)
-        }
-        Feature::Rim { .. } | Feature::Region { .. } => Ok(()),
-        Feature::Patch { radius, .. } => positive("contact radius", radius),
-        Feature::Path { axis, capture_radius, length, spacing } => {
-            positive("capture radius", capture_radius)?;
-            positive("path length", length)?;
-            let secant = axis.secant();
-            for end in [axis.entry, axis.at(length / secant)] {
-                fits("capture radius", end, capture_radius * secant, 1.5 * spacing)?;
-            }
-            let deepest = domain.height() * secant - spacing;
-            if length > deepest {
-                let rule = format!("the path may reach {deepest} m into this sample");
-                return Err(CloudError::OutOfRange { key: "path length", value: length, rule });
-            }
-            Ok(())
-        }
     }
 }
