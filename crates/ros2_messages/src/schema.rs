@@ -148,7 +148,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/TwinStatus",
         include_str!("../msg/TwinStatus.msg"),
-        "RIHS01_e294bdb3978698e45e68b18a8087ebb6f6e9d2229cec7d10cdc7010480ea9af5",
+        "RIHS01_40978a0b5efafd93d1e72863dea53d73d5ee8797463a402d35cd8897a4555384",
     ),
 ];
 
