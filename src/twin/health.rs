@@ -15,7 +15,7 @@ pub struct Health {
     pub force_imbalance: f64,
     /// Largest distance between the field and its prescribed value at a constrained point, m; measured every 64 steps.
     pub constraint_error_m: f64,
-    /// Share of the strain energy that stands in cells that have turned over ([`super::folds`]); measured every 64 steps.
+    /// Share of the strain energy that stands in cells that have turned over (`src/twin/folds.rs`); measured every 64 steps.
     pub folded_energy: f64,
 }
 
