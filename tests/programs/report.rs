@@ -5,16 +5,15 @@ use crate::synthetic_run;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use needle_twin::{compare::Run, report, twin::Event};
 use serde_json::Value;
-use std::{collections::BTreeMap, fs, path::Path, process::Command};
+use std::collections::{BTreeMap, BTreeSet};
+use std::{fs, path::Path, process::Command};
 
 const FILES: [&str; 7] =
     ["final.vtu", "force.csv", "force.png", "force.svg", "metrics.json", "report.html", "targets.csv"];
 
 fn names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<String> =
-        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
+    let name = |e: std::io::Result<fs::DirEntry>| e.unwrap().file_name().into_string().unwrap();
+    fs::read_dir(folder).unwrap().map(name).collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// A run in which nearly everything went wrong.
