@@ -202,3 +202,50 @@ pub(super) fn load_cell_problem(live: &Live) -> Option<&'static str> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::ros::messages::builtin_interfaces::Time;
+    use crate::ros::parameters::Parameters;
+    use crate::ros::twin_node::declared::declarations;
+    use crate::ros::twin_node::solver::Answer;
+    use crate::twin::{Phase, Pose, Prediction, StampedPose, Work};
+    use std::time::Instant;
+
+    #[test]
+    fn tissue_that_has_folded_is_a_reason_to_warn() {
+        let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
+        let shared = Shared::new(Settings::of(&parameters), NodeClock::new(false));
+        let mut said = |folded_energy| {
+            let now = Instant::now();
+            let prediction = Prediction {
+                time_s: 0.0,
+                depth_m: 0.012,
+                force_n: [0.0, 0.0, 1.0],
+                base_force_n: [0.0; 3],
+                torque_nm: [0.0; 3],
+                phase: Phase::Indentation,
+                event: None,
+                steps: 1,
+                health: Health { folded_energy, ..Health::default() },
+            };
+            shared.lock().last = Some(Answer {
+                stamp: Time::from_nanos(0),
+                received: now,
+                begun: now,
+                done: now,
+                pose: StampedPose { time_s: 0.0, pose: Pose { tip: [0.0; 3], axis: [0.0, 0.0, -1.0] } },
+                prediction,
+                work: Work::default(),
+                boundaries_m: None,
+            });
+            let judgement = judge(&shared.lock(), &shared, &shared.settings(), &Around::default());
+            judgement.reasons.into_iter().find(|reason| reason.contains("turned over"))
+        };
+        assert_eq!(said(0.049), None);
+        let reason = said(0.062).unwrap();
+        assert!(reason.starts_with("6% of the strain energy"), "{reason}");
+    }
+}
