@@ -218,7 +218,7 @@ mod tests {
     fn tissue_that_has_folded_is_a_reason_to_warn() {
         let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
         let shared = Shared::new(Settings::of(&parameters), NodeClock::new(false));
-        let mut said = |folded_energy| {
+        let said = |folded_energy| {
             let now = Instant::now();
             let prediction = Prediction {
                 time_s: 0.0,
