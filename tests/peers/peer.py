@@ -267,7 +267,7 @@ class Peer:
             time.sleep(0.002)
         return {"count": count, "message": ros_types.to_dict(newest) if newest is not None else None}
 
-    def call(self, service, type, request=None, timeout=10.0, quiet=False):
+    def call(self, service, type, request=None, timeout=30.0, quiet=False):
         """Calls a service as rmw_cyclonedds does; `quiet`: without an answer the response is null."""
         if service not in self.clients:
             ask, reply = ros_types.service(type)
