@@ -50,6 +50,16 @@ pub fn build(scene: &Scene) -> Result<(Twin, f64), BuildError> {
     Ok((twin, start.elapsed().as_secs_f64()))
 }
 
+/// The same as a sibling of another twin where it can be one ([`Twin::sibling`]).
+///
+/// # Errors
+/// [`BuildError`] if the scene can't be discretised.
+pub fn build_beside(scene: &Scene, other: Option<&Twin>) -> Result<(Twin, f64), BuildError> {
+    let start = Instant::now();
+    let twin = other.and_then(|other| other.sibling(scene)).map_or_else(|| Twin::new(scene), Ok)?;
+    Ok((twin, start.elapsed().as_secs_f64()))
+}
+
 /// The same on the cloud that the scene has with other regions ([`Twin::on_cloud_of`]).
 ///
 /// # Errors

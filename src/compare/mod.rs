@@ -20,7 +20,7 @@ pub mod uncertainty;
 pub mod verdict;
 
 pub use collector::{Collector, Keep};
-pub use drive::{At, Reading, Watch, build, build_on, drive};
+pub use drive::{At, Reading, Watch, build, build_beside, build_on, drive};
 pub use legs::Legs;
 pub use metrics::{ForceMetrics, Latency};
 pub use regions::Depths;

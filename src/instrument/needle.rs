@@ -181,6 +181,24 @@ impl NeedlePath {
         }
     }
 
+    /// The path of another needle, which differs from this one in its coefficients alone.
+    #[must_use]
+    pub fn with(self, needle: Needle) -> Self {
+        Self { needle, ..self }
+    }
+
+    /// Whether it is one of a half plane.
+    #[must_use]
+    pub const fn is_revolved(&self) -> bool {
+        self.revolved
+    }
+
+    /// Vertical distance between the layers of nodes, m.
+    #[must_use]
+    pub const fn layer(&self) -> f64 {
+        self.layer
+    }
+
     /// The same path in a half plane: its nodes are rings, which never move sideways.
     #[must_use]
     pub fn revolved(self) -> Self {
@@ -297,6 +315,7 @@ impl NeedlePath {
         self.progress.state = Insertion { punctured: false, deepest: 0.0 };
         self.progress.strained = Strained::default();
         self.progress.withdrawn = false;
+        self.progress.tip = 0.0;
     }
 
     fn release_all(&mut self, solver: &mut Solver) {

@@ -277,7 +277,7 @@ fn interfaces(scene: &Scene, domain: &Domain, far: f64, half_plane: bool) -> imp
 /// Whether a needle's path may be finer where it enters. Where the surface is pressed first, its strain at the tip's edge, which is singular,
 /// says how deep: it stays that of the cloud in space. Where tissue slips along the needle the force of the first millimetres is no matter of
 /// layers.
-fn enters_at_once(instrument: &Instrument) -> bool {
+pub(super) fn enters_at_once(instrument: &Instrument) -> bool {
     match &instrument.kind {
         InstrumentKind::Needle(needle) => needle.puncture_strain <= AT_ONCE && !instrument.is_frictional(),
         _ => false,

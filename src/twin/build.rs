@@ -68,13 +68,27 @@ impl Twin {
                 Dimension::Axisymmetric => axisymmetric::build(scene, made_for, moved.as_ref())?,
                 Dimension::Mirrored | Dimension::Full | Dimension::Auto => full(scene, made_for, moved.as_ref())?,
             };
-        warnings.extend(scene.advice());
         warnings.extend(contact.as_ref().and_then(|contact| thinner(scene, contact)));
+        let of_cloud = warnings.len();
+        warnings.extend(scene.advice());
         let pace = Pace::new(scene, height);
         let scene = scene.clone();
         let along = Along::of(&scene, &tissue, top);
         let mirror = scene.mirror();
-        let fixed = Fixed { scene, along, dimension, mirror, tissue, top, height, reach, warnings, repaired_supports };
+        let tissue = Arc::new(tissue);
+        let fixed = Fixed {
+            scene,
+            along,
+            dimension,
+            mirror,
+            tissue,
+            top,
+            height,
+            reach,
+            warnings,
+            of_cloud,
+            repaired_supports,
+        };
         let mut twin = Self {
             folds: super::Folds::new(&fixed.tissue),
             fixed: Arc::new(fixed),
@@ -240,8 +254,7 @@ fn make_contact(
             let nodes = held.iter().map(|&n| (n, depth(n))).collect();
             let cells = corners.zip(table.volume.iter().copied());
             let path = NeedlePath::new(nodes, cloud.points.len(), *needle, *reach, *layer, watched, cells);
-            let at = |depth: f64| [x, y, top - depth];
-            let path = path.in_tissue(|depth| regions::stiffest(scene, *top, at(depth), 0.5 * layer));
+            let path = in_tissue(path, scene, *top);
             let path = match body.mirror {
                 Some(mirror) => path.mirrored(mirror, &cloud.points),
                 None => path,
@@ -249,6 +262,16 @@ fn make_contact(
             Ok(Contact::Needle(Box::new(path)))
         }
     }
+}
+
+/// The needle's path in a scene's tissue: see [`NeedlePath::in_tissue`].
+pub(super) fn in_tissue(path: NeedlePath, scene: &Scene, top: f64) -> NeedlePath {
+    if path.is_revolved() {
+        return path;
+    }
+    let [x, y] = scene.instrument.map_or([0.0; 2], |i| i.entry.map(|m| m.get()));
+    let near = 0.5 * path.layer();
+    path.in_tissue(|depth| regions::stiffest(scene, top, [x, y, top - depth], near))
 }
 
 /// A needle with friction through the layers of its path; `[top, layer, reach]`: z of the top face, distance between layers, length of
@@ -275,7 +298,7 @@ pub(super) fn frictional(
                      kinematic with a mesh",
         });
     };
-    let shaft = shaft.through(scene, needle.diameter.get(), &axis, top, points, |p| regions::at(scene, top, p));
+    let shaft = shaft.along(&axis, top, points).in_tissue(scene, needle, &axis, top, |p| regions::at(scene, top, p));
     Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_and_slow(scene), reach, cells))))
 }
 
@@ -340,7 +363,7 @@ pub(super) fn solver(
         step_factor: scene.stepping.step_factor,
         threads: rayon::current_num_threads(),
     };
-    let laws = regions::laws(scene, table);
+    let laws = regions::laws(scene, !table.region.is_empty());
     let model = Model::of_materials(table, cells, fitted, role, &laws, &settings).with_nodes_at(points);
     let model = model.with_surfaces(instrument, base);
     let Some(Contact::Frictional(needle)) = contact else { return Solver::of(Arc::new(model), settings.threads) };

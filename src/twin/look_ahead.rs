@@ -69,8 +69,14 @@ impl Twin {
     }
 
     /// Takes over the state of the twin that this one is a double of. Copies a few hundred bytes per node and allocates
-    /// nothing, so that it may run between two poses.
+    /// nothing, so that it may run between two poses. Of a sibling of that one ([`Twin::sibling`]) it takes over the scene as well; that
+    /// allocates a copy of its contact.
     pub fn take_over(&mut self, live: &Self) {
+        if !Arc::ptr_eq(&self.fixed, &live.fixed) {
+            self.fixed = Arc::clone(&live.fixed);
+            self.contact.clone_from(&live.contact);
+            self.saved.contact_of(&live.contact);
+        }
         self.solver.take_over(&live.solver);
         if let (Some(own), Some(live)) = (&mut self.contact, &live.contact) {
             own.take_over(live);

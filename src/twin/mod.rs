@@ -16,6 +16,7 @@ mod pace;
 mod pierce;
 mod recover;
 mod regions;
+mod sibling;
 mod step;
 #[cfg(test)]
 mod tests;
@@ -205,7 +206,7 @@ struct Fixed {
     mirror: Option<Mirror>,
     /// Regions on the instrument's path.
     along: Along,
-    tissue: Tissue,
+    tissue: Arc<Tissue>,
     /// z of the undeformed surface where the instrument meets it, m.
     top: f64,
     /// Height of the body under that, m.
@@ -213,6 +214,8 @@ struct Fixed {
     /// Deepest pose that the cloud can take, m.
     reach: f64,
     warnings: Vec<String>,
+    /// How many of them are of the cloud; the rest are of the scene.
+    of_cloud: usize,
     /// Nodes whose support was enlarged.
     repaired_supports: usize,
 }

@@ -32,6 +32,13 @@ impl Saved {
     }
 }
 
+impl Saved {
+    /// Of another contact from now on.
+    pub fn contact_of(&mut self, contact: &Option<Contact>) {
+        self.contact.clone_from(contact);
+    }
+}
+
 /// A solution that was lost.
 #[derive(Clone, Debug)]
 pub(super) struct Lost {

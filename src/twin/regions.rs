@@ -2,7 +2,6 @@
 
 use crate::mesh::Volumes;
 use crate::scene::{Material, NamedMaterial, Region, RegionShape, Scene};
-use mtled::approximation::ShapeTable;
 use mtled::cloud::Solid;
 use mtled::material::Law;
 use mtled::solver::Role;
@@ -95,9 +94,9 @@ pub(super) fn with_four_points(scene: &Scene) -> Vec<bool> {
     std::iter::once(false).chain(scene.materials.iter().map(crushed)).collect()
 }
 
-/// Laws by the materials' indices.
-pub(super) fn laws(scene: &Scene, table: &ShapeTable) -> Vec<Law> {
-    let further = if table.region.is_empty() { &[][..] } else { &scene.materials };
+/// Laws by the materials' indices; without `composite` of `[material]` alone.
+pub(super) fn laws(scene: &Scene, composite: bool) -> Vec<Law> {
+    let further = if composite { &scene.materials[..] } else { &[] };
     std::iter::once(scene.material.law()).chain(further.iter().map(|m| m.material.law())).collect()
 }
 

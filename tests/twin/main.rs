@@ -42,6 +42,7 @@ mod relaxation;
 mod scene_properties;
 mod scene_refusals;
 mod scenes;
+mod siblings;
 mod stable_step;
 mod supports;
 mod sweep;

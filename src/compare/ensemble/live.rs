@@ -10,8 +10,8 @@ use crate::twin::{Halt, Motion, Pose, Prediction, StampedPose, Twin};
 pub struct Live {
     /// A twin for each run that members share, and how much less deep its instrument is, m; none where the scene can't be discretised.
     twins: Vec<(Option<Twin>, f64)>,
-    /// A double of each, from the first look ahead on.
-    doubles: Vec<Option<Twin>>,
+    /// Of the twins on one cloud a double of one, from the first look ahead on.
+    doubles: Vec<Twin>,
     /// Which of them a member has, the member's force over its, and what the load cell reads without load, N.
     members: Vec<(usize, f64, f64)>,
     /// Force of each twin at the last pose, N; not a number where there is none.
@@ -70,7 +70,9 @@ impl Live {
         let (first, run_of) = distinct(members);
         let mut built = Vec::new();
         for k in first {
-            let twin = alone.install(|| Twin::new(&members[k].scene));
+            let scene = &members[k].scene;
+            let before = || built.iter().find_map(|(twin, _): &(Option<Twin>, f64)| twin.as_ref()?.sibling(scene));
+            let twin = alone.install(|| before().map_or_else(|| Twin::new(scene), Ok));
             let twin = twin.map_err(|error| trouble(k, error.to_string())).ok();
             built.push((twin, members[k].shift.contact_depth_m));
         }
@@ -185,7 +187,8 @@ impl Live {
         let count = all.iter().filter(|f| f.is_finite()).count();
         if let Some((filter, used)) = &self.learnt {
             let of_members = used.iter().map(|k| all[*k]).collect();
-            let forecast = filter.forecast(&Observed { members_n: of_members, ..Observed::default() });
+            let time_s = self.last.map_or(f64::NAN, |pose| pose.time_s);
+            let forecast = filter.forecast(&Observed { time_s, measured_n: f64::NAN, members_n: of_members });
             return forecast.map(|f| (Band::normal(f.mean_n, f.standard_deviation_n), count));
         }
         Band::of(all.into_iter()).map(|band| (band, count))
@@ -203,16 +206,14 @@ impl Live {
     /// have learnt from the load cell has none.
     pub fn ahead(&mut self, motion: &Motion) -> Option<Ahead> {
         let from = self.last?;
-        if self.doubles.is_empty() {
-            self.doubles = self.twins.iter().map(|(twin, _)| twin.as_ref().map(Twin::double)).collect();
-        }
         let mut forces: Vec<Vec<f64>> = Vec::new();
         let mut positions: Vec<Vec<[f64; 3]>> = Vec::new();
         let mut way = Vec::new();
         let places = motion.poses as usize;
         for (k, (twin, shallower_m)) in self.twins.iter().enumerate() {
             let (mut force, mut targets) = (vec![f64::NAN; places + 1], Vec::new());
-            if let (Some(twin), Some(double), true) = (twin, &mut self.doubles[k], self.force_n[k].is_finite()) {
+            if let (Some(twin), true) = (twin, self.force_n[k].is_finite()) {
+                let double = double_of(&mut self.doubles, twin);
                 double.take_over(twin);
                 if double.look_ahead(&moved(&from, -*shallower_m), motion, &mut way).is_ok() {
                     force[0] = self.force_n[k];
@@ -266,6 +267,15 @@ impl Live {
         self.positions.iter_mut().for_each(Vec::clear);
         (self.halt, self.last, self.learnt) = (None, None, None);
     }
+}
+
+/// The double of the twins on the cloud of one; makes it where there is none yet.
+fn double_of<'a>(doubles: &'a mut Vec<Twin>, twin: &Twin) -> &'a mut Twin {
+    let place = doubles.iter().position(|double| double.is_sibling_of(twin)).unwrap_or_else(|| {
+        doubles.push(twin.double());
+        doubles.len() - 1
+    });
+    &mut doubles[place]
 }
 
 /// A pose with the instrument further along its axis, m.

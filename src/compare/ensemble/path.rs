@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Answered, Crew, EnsembleError, Member};
 use crate::compare::{self, Answer, At, Collector, Keep, Reading, TargetRow, Watch};
-use crate::twin::Pose;
+use crate::twin::{Pose, Twin};
 
 /// What a member answers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -55,7 +55,10 @@ pub fn tracked_paths(
     crew: &Crew,
 ) -> Result<Paths, EnsembleError> {
     let (first, run_of) = distinct(members);
-    let runs = crew.each(first.len(), |k| mechanics(&members[first[k]], readings, times_s, crew.stop.clone()))?;
+    // members on one cloud share it; a first one that can't be built says so in its own run
+    let cloud = if first.len() > 1 { Twin::new(&members[first[0]].scene).ok() } else { None };
+    let run = |k: usize| mechanics(&members[first[k]], cloud.as_ref(), readings, times_s, crew.stop.clone());
+    let runs = crew.each(first.len(), run)?;
     let of_member = members.iter().zip(run_of).map(|(member, k)| Ok(recorded(member, readings, runs[k].as_ref()?)));
     let of_member = of_member.map(|path: Result<_, &String>| path.map_err(Clone::clone)).collect();
     Ok(Paths { of_member, runs: runs.len() })
@@ -76,9 +79,10 @@ pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
     (first, run_of)
 }
 
-/// The run of a member's scene, the same as any run of it.
+/// The run of a member's scene, the same as any run of it; on a twin's cloud, if that is its own.
 fn mechanics(
     member: &Member,
+    cloud: Option<&Twin>,
     readings: &[Reading],
     times_s: &[f64],
     stop: Option<Arc<AtomicBool>>,
@@ -87,7 +91,7 @@ fn mechanics(
     if quiet.stop() {
         return Err("interrupted".to_owned());
     }
-    let (mut twin, build_s) = compare::build(&member.scene).map_err(|error| error.to_string())?;
+    let (mut twin, build_s) = compare::build_beside(&member.scene, cloud).map_err(|error| error.to_string())?;
     let collector = Collector::new(&twin, "ensemble", build_s, Keep::ANSWERS);
     let mut answered = Answered::new(&mut quiet);
     let touched = readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));

@@ -22,7 +22,9 @@ pub use shaft::{Resistance, Shaft, start_and_slow};
 
 use super::puncture::is_withdrawn;
 use super::{Event, Phase, Tip};
+use crate::scene::{Instrument, InstrumentKind, Scene};
 use mtled::cloned_field_by_field;
+use mtled::cloud::Axis;
 use mtled::solver::{Grip, Model, Role, Solver};
 
 /// Stiffness of sticking over the shear modulus: force per length of shaft and displacement. Forces are 1.8 % below those of a rigid
@@ -127,6 +129,15 @@ impl Frictional {
         };
         let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
         Self { areas: shaft.areas(), shaft, inner, start, slow, effective_radius, progress }
+    }
+
+    /// The same needle with the coefficients of a scene: `region` of a point on its axis, which meets the body's top at a height, m.
+    #[must_use]
+    pub fn in_tissue(self, scene: &Scene, instrument: &Instrument, top: f64, region: impl Fn([f64; 3]) -> u8) -> Self {
+        let InstrumentKind::Needle(needle) = &instrument.kind else { return self };
+        let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: needle.slope() };
+        let [start, slow] = start_and_slow(scene);
+        Self { shaft: self.shaft.in_tissue(scene, needle, &axis, top, region), start, slow, ..self }
     }
 
     /// As [`super::NeedlePath::effective_radius`].

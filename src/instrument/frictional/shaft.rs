@@ -1,6 +1,6 @@
 //! What a needle meets on its way through the material: layers of nodes, and what the tissue between two of them does to it.
 
-use crate::scene::{Interaction, Metres, NamedMaterial, Region, Scene};
+use crate::scene::{Interaction, Metres, NamedMaterial, Needle, Region, Scene};
 use mtled::cloud::Axis;
 
 /// What tissue does to a needle.
@@ -116,20 +116,26 @@ impl Shaft {
         Some(Self { depths, nodes, outward: Vec::new(), rings, under: Vec::new(), radius, axis: [0.0, 0.0, -1.0] })
     }
 
-    /// With what lies under each layer for a needle of a diameter in m: `region` of a point on the axis.
+    /// Along an axis that meets the body's top at a height, m, through nodes at these places, m.
     #[must_use]
-    pub fn through(
-        mut self,
-        scene: &Scene,
-        diameter: f64,
-        axis: &Axis,
-        top: f64,
-        points: &[[f64; 3]],
-        region: impl Fn([f64; 3]) -> u8,
-    ) -> Self {
+    pub fn along(mut self, axis: &Axis, top: f64, points: &[[f64; 3]]) -> Self {
         let secant = axis.secant();
         self.axis = [axis.slope[0], axis.slope[1], -1.0].map(|x| x / secant);
         self.outward = self.nodes.iter().map(|&n| axis.outward(top, points[n as usize])).collect();
+        self
+    }
+
+    /// With what lies under each layer for a needle along an axis: `region` of a point there.
+    #[must_use]
+    pub fn in_tissue(
+        mut self,
+        scene: &Scene,
+        needle: &Needle,
+        axis: &Axis,
+        top: f64,
+        region: impl Fn([f64; 3]) -> u8,
+    ) -> Self {
+        let (secant, diameter) = (axis.secant(), needle.diameter.get());
         self.under = (0..self.depths.len())
             .map(|k| {
                 let next = self.depths.get(k + 1).copied().unwrap_or(self.depths[k] + 1e-6);

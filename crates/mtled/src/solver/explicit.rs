@@ -55,9 +55,10 @@ impl Solver {
         }
     }
 
-    /// Takes over the state of another solver of the same model: copies, allocates nothing. Before the next step
-    /// [`Solver::settle`] has to bring back what follows from that.
+    /// Takes over state and materials of another solver of the same cloud ([`Model::is_like`]): copies, allocates nothing. Before the next
+    /// step [`Solver::settle`] has to bring back what follows from that.
     pub fn take_over(&mut self, other: &Self) {
+        self.model = Arc::clone(&other.model);
         self.state.clone_from(&other.state);
     }
 

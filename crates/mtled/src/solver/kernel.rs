@@ -8,6 +8,8 @@
 //! Pass 2 is the exact derivative of the energy that pass 1 defines (see [`super::dilatation`]), so the force is
 //! conservative. With the pointwise volume ratio p = kappa u'(J_g) and the coarse nodes are idle.
 
+use std::sync::Arc;
+
 use super::VolumeRatio;
 use crate::approximation::ShapeTable;
 use crate::material::Law;
@@ -30,7 +32,15 @@ pub const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
 /// Internal-force kernel of one model: what never changes.
 #[derive(Debug)]
 pub struct Kernel<T: Real> {
-    pub(super) blocks: Vec<Block<T>>,
+    tables: Arc<Tables<T>>,
+    /// Of the material of each region.
+    pub(super) constants: Vec<Constants>,
+}
+
+/// What a shape table makes of a kernel, whatever the materials: the largest part of a model, shared by those of one cloud.
+#[derive(Debug)]
+struct Tables<T: Real> {
+    blocks: Vec<Block<T>>,
     /// Block and slot of each integration point.
     slot: Vec<(u32, u32)>,
     /// Where each block's forces begin among those of all, and which of them are a node's.
@@ -41,8 +51,7 @@ pub struct Kernel<T: Real> {
     dilation_shares: Shares,
     projection: Projection<T>,
     nodes: usize,
-    /// Of the material of each region.
-    pub(super) constants: Vec<Constants>,
+    volume_ratio: VolumeRatio,
 }
 
 /// What a displacement field costs and exerts.
@@ -86,6 +95,12 @@ pub struct Scratch<T: Real> {
     lanes: Vec<ForceOfLane<T>>,
 }
 
+impl<T: Real> Tables<T> {
+    fn constants(&self, laws: &[Law]) -> Vec<Constants> {
+        laws.iter().map(|law| Constants::new(law, self.volume_ratio)).collect()
+    }
+}
+
 impl<T: Real> Kernel<T> {
     /// Prepares the blocks of a shape table for a body of one material.
     #[must_use]
@@ -121,17 +136,28 @@ impl<T: Real> Kernel<T> {
         for (b, block) in blocks.iter().enumerate() {
             block.occupied().for_each(|(s, point)| slot[point] = (b as u32, s as u32));
         }
-        Self {
+        let tables = Tables {
             force_runs: Offsets::of(blocks.iter().map(|b| b.nodes.len())),
             force_shares: Shares::of(blocks.iter().map(|b| b.nodes.as_slice()), nodes),
             dilation_runs: Offsets::of(blocks.iter().map(|b| b.vertices.len())),
             dilation_shares: Shares::of(blocks.iter().map(|b| b.vertices.as_slice()), places.len()),
             projection: Projection::new(&dilatation, table, &vertices.cells, places.len()),
             nodes,
-            constants: laws.iter().map(|law| Constants::new(law, volume_ratio)).collect(),
+            volume_ratio,
             slot,
             blocks,
-        }
+        };
+        Self { constants: tables.constants(laws), tables: Arc::new(tables) }
+    }
+
+    /// The same of other materials, on the same tables.
+    pub(super) fn with_laws(&self, laws: &[Law]) -> Self {
+        Self { constants: self.tables.constants(laws), tables: Arc::clone(&self.tables) }
+    }
+
+    /// The blocks of integration points.
+    pub(super) fn blocks(&self) -> &[Block<T>] {
+        &self.tables.blocks
     }
 
     /// Material of a block.
@@ -146,29 +172,29 @@ impl<T: Real> Kernel<T> {
 
     /// All points tissue.
     pub(super) fn points(&self) -> Points<T> {
-        Points { active: self.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect() }
+        Points { active: self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect() }
     }
 
     /// What a material that relaxes remembers at first, by block.
     pub(super) fn memory(&self) -> Vec<Memory> {
-        self.blocks.iter().map(|b| Memory::new(&self.of(b).law.prony, b.point.len())).collect()
+        self.tables.blocks.iter().map(|b| Memory::new(&self.of(b).law.prony, b.point.len())).collect()
     }
 
     /// Scratch memory for a team of so many threads.
     pub(super) fn scratch(&self, threads: usize) -> Scratch<T> {
-        let most = self.blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
+        let most = self.tables.blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
         Scratch {
-            blocks: self.blocks.iter().map(BlockScratch::new).collect(),
-            force: vec![[T::default(); 3]; self.force_runs.total()],
-            dilation: vec![T::default(); self.dilation_runs.total()],
-            projection: self.projection.scratch(),
+            blocks: self.tables.blocks.iter().map(BlockScratch::new).collect(),
+            force: vec![[T::default(); 3]; self.tables.force_runs.total()],
+            dilation: vec![T::default(); self.tables.dilation_runs.total()],
+            projection: self.tables.projection.scratch(),
             lanes: vec![vec![Default::default(); most]; threads.max(1)],
         }
     }
 
     /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
     pub(super) fn set_active(&self, points: &mut Points<T>, point: usize, share: f64) {
-        let (b, s) = self.slot[point];
+        let (b, s) = self.tables.slot[point];
         points.active[b as usize][s as usize / LANES].0[s as usize % LANES] = T::of(share);
     }
 
@@ -179,24 +205,24 @@ impl<T: Real> Kernel<T> {
 
     /// Deformation gradient (row-major) of one integration point at the last evaluation.
     pub(super) fn deformation(&self, scratch: &Scratch<T>, point: usize) -> Gradient<f64> {
-        let (b, s) = self.slot[point];
+        let (b, s) = self.tables.slot[point];
         scratch.blocks[b as usize].deformation_in(s as usize)
     }
 
     /// Strain energy at the last evaluation, J.
     pub(super) fn energy(&self, scratch: &Scratch<T>) -> f64 {
         let projected =
-            if self.projects() { self.projection.energy(&scratch.projection, &self.constants) } else { 0.0 };
+            if self.projects() { self.tables.projection.energy(&scratch.projection, &self.constants) } else { 0.0 };
         scratch.blocks.iter().map(|b| b.energy).sum::<f64>() + projected
     }
 
     /// Strain energy that stands in one integration point at the last evaluation, without the projected volumetric part, J.
     pub(super) fn energy_of(&self, memory: &[Memory], scratch: &Scratch<T>, point: usize) -> f64 {
-        let (b, slot) = self.slot[point];
+        let (b, slot) = self.tables.slot[point];
         let (b, slot) = (b as usize, slot as usize);
-        let law = Relaxing { constants: self.of(&self.blocks[b]), memory: &memory[b] };
+        let law = Relaxing { constants: self.of(&self.tables.blocks[b]), memory: &memory[b] };
         let (density, _) = law.evaluate(slot, &scratch.blocks[b].deformation_in(slot), 0.0);
-        density * self.blocks[b].volume_in(slot)
+        density * self.tables.blocks[b].volume_in(slot)
     }
 
     /// Calls `visit(point, F, P, V)` for every integration point of the last evaluation: deformation gradient and first
@@ -207,7 +233,7 @@ impl<T: Real> Kernel<T> {
         scratch: &Scratch<T>,
         mut visit: impl FnMut(usize, Gradient<f64>, Gradient<f64>, f64),
     ) {
-        for ((block, scratch), memory) in self.blocks.iter().zip(&scratch.blocks).zip(memory) {
+        for ((block, scratch), memory) in self.tables.blocks.iter().zip(&scratch.blocks).zip(memory) {
             let law = Relaxing { constants: self.of(block), memory };
             for (slot, point) in block.occupied() {
                 let f = scratch.deformation_in(slot);
@@ -227,29 +253,29 @@ impl<T: Real> Kernel<T> {
         u: &[[f64; 3]],
     ) {
         let active = &points.active;
-        let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.dilation, &self.dilation_runs));
-        pool.each(deform, |b, (scratch, dilation)| self.blocks[b].deform(&active[b], u, scratch, dilation));
+        let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.dilation, &self.tables.dilation_runs));
+        pool.each(deform, |b, (scratch, dilation)| self.tables.blocks[b].deform(&active[b], u, scratch, dilation));
         let pressure: &[T] = if self.projects() {
-            let (dilation, shares) = (&scratch.dilation, &self.dilation_shares);
-            self.projection.project(&mut scratch.projection, pool, &self.constants, |n| {
+            let (dilation, shares) = (&scratch.dilation, &self.tables.dilation_shares);
+            self.tables.projection.project(&mut scratch.projection, pool, &self.constants, |n| {
                 // V_a (J_a - 1), m^3
                 T::of(shares.of_index(n).iter().map(|&at| dilation[at as usize].get()).sum())
             })
         } else {
             &[]
         };
-        let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.force_runs));
+        let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.tables.force_runs));
         pool.each_with(&mut scratch.lanes, blocks, |lanes, i, (scratch, force)| {
-            let block = &self.blocks[i];
+            let block = &self.tables.blocks[i];
             block.stress(&active[i], &memory[i], pressure, self.of(block), scratch, lanes, force);
         });
     }
 
     /// Shares of the masses, over s (see [`super::mass`]), in the first component of the forces.
     pub(super) fn bound(&self, memory: &[Memory], scratch: &mut Scratch<T>, pool: &mut Pool) {
-        let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.force_runs));
+        let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.tables.force_runs));
         pool.each_with(&mut scratch.lanes, blocks, |lanes, i, (scratch, force)| {
-            let block = &self.blocks[i];
+            let block = &self.tables.blocks[i];
             block.bound(&memory[i], self.of(block), scratch, lanes, force);
         });
     }
@@ -258,7 +284,7 @@ impl<T: Real> Kernel<T> {
     #[inline]
     pub(super) fn node_force(&self, scratch: &Scratch<T>, n: usize) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        for &at in self.force_shares.of_index(n) {
+        for &at in self.tables.force_shares.of_index(n) {
             let share = scratch.force[at as usize];
             (0..3).for_each(|k| sum[k] += share[k].get());
         }
@@ -276,7 +302,7 @@ impl<T: Real> Kernel<T> {
 
     /// Fixes what every point remembers for an increment of `dt` seconds.
     pub(super) fn begin(&self, memory: &mut [Memory], pool: &mut Pool, dt: f64) {
-        pool.each(Each::new(memory), |b, memory| memory.begin(&self.of(&self.blocks[b]).law.prony, dt));
+        pool.each(Each::new(memory), |b, memory| memory.begin(&self.of(&self.tables.blocks[b]).law.prony, dt));
     }
 
     /// Takes the deformation of the last evaluation into what every point remembers.
@@ -289,7 +315,7 @@ impl<T: Real> Kernel<T> {
         dt: f64,
     ) {
         pool.each(Each::new(memory), |b, memory| {
-            let block = &self.blocks[b];
+            let block = &self.tables.blocks[b];
             memory.commit(block, &points.active[b], &scratch.blocks[b], &self.of(block).law, dt);
         });
     }
@@ -311,9 +337,9 @@ impl<T: Real> Kernel<T> {
         let mut scratch = self.scratch(pool.threads());
         self.force(&self.points(), &self.memory(), &mut scratch, pool, u);
         InternalForce {
-            force: (0..self.nodes).map(|n| self.node_force(&scratch, n)).collect(),
+            force: (0..self.tables.nodes).map(|n| self.node_force(&scratch, n)).collect(),
             energy: self.energy(&scratch),
-            deformation: (0..self.slot.len()).map(|p| self.deformation(&scratch, p)).collect(),
+            deformation: (0..self.tables.slot.len()).map(|p| self.deformation(&scratch, p)).collect(),
         }
     }
 }

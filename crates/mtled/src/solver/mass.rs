@@ -11,6 +11,8 @@
 //! heavier, and the rest of the body moves on at its own pace: one mass factor for all would slow all of it. s is set
 //! once, at rest, from the true largest eigenvalue.
 
+use std::sync::Arc;
+
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::disjoint::Chunks;
 use super::kernel::NODES_PER_CHUNK;
@@ -106,7 +108,27 @@ pub(super) struct FundamentalMode {
     square: Vec<f64>,
 }
 
+/// What the slowest mode depends on beside the materials; shared by the models of one cloud.
+#[derive(Clone, Debug)]
+pub(super) struct Extent {
+    /// Undeformed places of the nodes, m.
+    pub points: Arc<[[f64; 3]]>,
+    /// m^3.
+    pub volume: f64,
+    /// Height of the cell (m), volume (m^3) and region of each integration point; empty in a body of one material.
+    pub parts: Arc<[(f64, f64, u8)]>,
+}
+
 impl FundamentalMode {
+    /// Of a body with the modulus of each region, Pa.
+    pub fn of(extent: &Extent, moduli: &[f64]) -> Self {
+        let Extent { points, volume, parts } = extent;
+        match moduli {
+            [modulus] => Self::new(points, *volume, *modulus),
+            _ => Self::layered(points, parts.iter().map(|&(z, volume, r)| (z, volume, moduli[usize::from(r)]))),
+        }
+    }
+
     pub fn new(points: &[[f64; 3]], volume: f64, modulus: f64) -> Self {
         let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
         let k = std::f64::consts::FRAC_PI_2 / height;

@@ -16,7 +16,7 @@ use super::drag::Drag;
 use super::half::Half;
 use super::inertia::{Motion, Sums};
 use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
-use super::mass::FundamentalMode;
+use super::mass::{Extent, FundamentalMode};
 use super::pool::Pool;
 use super::settings::{Precision, SolverSettings};
 use super::state::{Constraints, Control, Moving, Path, Role, State};
@@ -76,7 +76,8 @@ pub struct Model {
     /// What the shape table describes.
     pub(super) form: Form,
     /// What a body with a plane of symmetry has.
-    pub(super) half: Option<Half>,
+    pub(super) half: Option<Arc<Half>>,
+    extent: Extent,
     pub(super) mode: FundamentalMode,
     /// s of [`super::mass`].
     pub(super) mass_scale: f64,
@@ -84,7 +85,7 @@ pub struct Model {
     /// Threads that are worth having.
     threads: usize,
     /// Undeformed places of the nodes, m.
-    pub(super) points: Vec<[f64; 3]>,
+    pub(super) points: Arc<[[f64; 3]]>,
     /// The undeformed state.
     pub(super) rest: State,
 }
@@ -164,18 +165,20 @@ impl Model {
             // Blocks are what threads share, and a half plane has one or a few. So short a step gains nothing from a
             // second thread on a quiet machine, and loses tenfold where one has to wait for a processor.
             Form::Axisymmetric => {
-                let blocks = with_kernel!((&kernel) => (k) { k.blocks.len() });
+                let blocks = with_kernel!((&kernel) => (k) { k.blocks().len() });
                 settings.threads.min(blocks.div_ceil(BLOCKS_PER_THREAD))
             }
         };
-        let half = table.form.mirror().map(|mirror| Half::new(mirror, points));
+        let half = table.form.mirror().map(|mirror| Arc::new(Half::new(mirror, points)));
+        let extent = extent(table, cells, points, laws.len());
         let mut model = Self {
-            points: points.to_vec(),
-            rest: undeformed(&kernel, role, half.as_ref()),
+            points: Arc::clone(&extent.points),
+            rest: undeformed(&kernel, role, half.as_deref()),
             half,
             kernel,
             form: table.form,
-            mode: mode(table, cells, points, laws),
+            mode: FundamentalMode::of(&extent, &moduli(table.form, laws)),
+            extent,
             mass_scale: 1.0,
             step_factor: settings.step_factor,
             threads,
@@ -184,10 +187,54 @@ impl Model {
         model
     }
 
+    /// The same body of other materials, undeformed: as many laws as this one was made of. It has the bits of a model that is made anew
+    /// and shares all tables with this one.
+    #[must_use]
+    pub fn with_laws(&self, laws: &[Law]) -> Self {
+        let kernel = match &self.kernel {
+            Precise::F32(k) => Precise::F32(k.with_laws(laws)),
+            Precise::F64(k) => Precise::F64(k.with_laws(laws)),
+        };
+        let Constraints { role, instrument, base, drag, .. } = &self.rest.constraints;
+        let mut rest = undeformed(&kernel, role.clone(), self.half.as_deref());
+        rest.constraints = Constraints { instrument: *instrument, base: *base, drag: drag.clone(), ..rest.constraints };
+        rest.moving.slip = self.rest.moving.slip.clone();
+        let mut model = Self {
+            mode: FundamentalMode::of(&self.extent, &moduli(self.form, laws)),
+            kernel,
+            rest,
+            mass_scale: 1.0,
+            extent: self.extent.clone(),
+            points: Arc::clone(&self.points),
+            half: self.half.clone(),
+            ..*self
+        };
+        model.scale_masses();
+        model
+    }
+
+    /// Whether states and scratch memory of one can be used with the other: both are of one cloud, of whatever materials.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.points, &other.points)
+    }
+
+    /// Laws that it was made of.
+    #[must_use]
+    pub fn materials(&self) -> usize {
+        with_kernel!((&self.kernel) => (k) { k.constants.len() })
+    }
+
+    /// Surfaces that nodes of [`Role::Surface`] may not pass, as [`Model::with_surfaces`] has them.
+    #[must_use]
+    pub fn surfaces(&self) -> [Option<Surface>; 2] {
+        [self.rest.constraints.instrument, self.rest.constraints.base]
+    }
+
     /// With nodes at other places than those for which the table was fitted: its gradients and volumes are of these.
     #[must_use]
     pub fn with_nodes_at(mut self, points: &[[f64; 3]]) -> Self {
-        self.points.copy_from_slice(points);
+        self.points = points.into();
         self
     }
 
@@ -260,25 +307,28 @@ impl Model {
     }
 }
 
-/// The slowest mode, of shear in space and of stretch in a half plane.
-fn mode(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], laws: &[Law]) -> FundamentalMode {
+/// Modulus of the slowest mode in each material, Pa: of shear in space and of stretch in a half plane.
+fn moduli(form: Form, laws: &[Law]) -> Vec<f64> {
     let modulus = |law: &Law| {
         let mu = law.shear_modulus();
-        match table.form {
+        match form {
             Form::Full | Form::Mirrored(_) => mu,
             Form::Axisymmetric => 9.0 * law.bulk_modulus * mu / (3.0 * law.bulk_modulus + mu),
         }
     };
-    if let [law] = laws {
-        return FundamentalMode::new(points, table.volume.iter().sum(), modulus(law));
-    }
+    laws.iter().map(modulus).collect()
+}
+
+/// What the slowest mode needs of a body of so many materials.
+fn extent(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], materials: usize) -> Extent {
     let corners = table.form.corners();
     let height = |p: usize| {
         let cell = &cells[table.cell[p] as usize][..corners];
         cell.iter().map(|&n| points[n as usize][2]).sum::<f64>() / corners as f64
     };
-    let of_point = |p: usize| (height(p), table.volume[p], modulus(&laws[usize::from(table.region_of(p))]));
-    FundamentalMode::layered(points, (0..table.volume.len()).map(of_point))
+    let part = |p: usize| (height(p), table.volume[p], table.region_of(p));
+    let parts = if materials == 1 { 0 } else { table.volume.len() };
+    Extent { points: points.into(), volume: table.volume.iter().sum(), parts: (0..parts).map(part).collect() }
 }
 
 /// No displacement, no mass.

@@ -19,7 +19,7 @@ impl<T: Real> Kernel<T> {
         let of_region = |(region, constants): (usize, &Constants)| -> f64 {
             let prony = &constants.law.prony;
             let decay = prony.increment(dt).decay;
-            let own = || self.blocks.iter().zip(memory).filter(|(b, _)| usize::from(b.region) == region);
+            let own = || self.blocks().iter().zip(memory).filter(|(b, _)| usize::from(b.region) == region);
             let term = |i: usize| own().map(|(_, m)| m.sums().terms[i]).sum::<f64>().sqrt();
             (0..prony.len()).map(|i| (1.0 - decay[i]) * term(i)).sum()
         };
