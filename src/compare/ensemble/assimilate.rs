@@ -139,10 +139,10 @@ impl Assimilation {
         }
     }
 
-    /// The next reading of the load cell, if the members will have these forces; `None` where one of them is not finite.
+    /// A reading of the load cell at a time that has not been measured yet, if the members will have these forces; `None` where one of them is not finite.
     #[must_use]
     pub fn forecast(&self, ahead: &Observed) -> Option<Forecast> {
-        let forecast = self.force.forecast(&ahead.members_n, &self.filter);
+        let forecast = self.force.forecast(ahead.time_s, &ahead.members_n, &self.filter);
         Some(forecast).filter(|f| f.mean_n.is_finite() && f.standard_deviation_n.is_finite())
     }
 

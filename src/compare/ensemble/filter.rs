@@ -15,6 +15,9 @@
 //!
 //! A block whose d^2 is above `FAR`^2 v, with the R that was known before it, is rejected: what is learnt from it is the size of errors alone. So
 //! a knock, a slip or a boundary that no member has moves no key, and what lasts is taken in once R has grown to it.
+//!
+//! For the same reason a reading k blocks after the last one is forecast to be off the members' mean as that was, as far as such things
+//! have lasted of late: by r^k d. How far off such forecasts were, beyond the members' spread, is the error of the next one.
 
 use std::collections::VecDeque;
 
@@ -115,6 +118,11 @@ impl Filter {
     }
 }
 
+/// Number of the block at a time after the first reading, s.
+fn block_of(since_s: f64) -> f64 {
+    (since_s / HORIZON_S * (1.0 + 1e-9)).floor()
+}
+
 /// A number that was measured, and what the members say it should be.
 #[derive(Clone, Debug)]
 pub(super) struct Reading {
@@ -133,8 +141,10 @@ pub(super) struct Channel {
     squared: Recent,
     products: Recent,
     before: Option<f64>,
-    /// Of readings: forecast errors squared less the members' variance.
+    /// Of readings: distances from the members' mean squared, less the members' variance.
     errors: Recent,
+    /// The same of distances from what was forecast.
+    misses: Recent,
     /// Readings of the block that is not over yet, all with this number.
     block: Vec<Reading>,
     number: f64,
@@ -158,6 +168,7 @@ impl Channel {
             products: Recent::default(),
             before: None,
             errors: Recent::default(),
+            misses: Recent::default(),
             block: Vec::new(),
             number: 0.0,
             last: f64::NEG_INFINITY,
@@ -172,12 +183,12 @@ impl Channel {
     /// `None` in the first block and after a gap.
     pub fn take(&mut self, time_s: f64, reading: Reading, filter: &mut Filter) -> Option<Forecast> {
         let first_s = *self.first_s.get_or_insert(time_s);
-        let number = ((time_s - first_s) / HORIZON_S * (1.0 + 1e-9)).floor();
+        let number = block_of(time_s - first_s);
         if number != self.number {
             self.close(filter);
             self.number = number;
         }
-        let forecast = self.is_adjacent().then(|| self.forecast(&reading.members, filter));
+        let forecast = self.is_adjacent().then(|| self.forecast(time_s, &reading.members, filter));
         self.block.push(reading);
         forecast
     }
@@ -204,23 +215,38 @@ impl Channel {
         self.block.clear();
     }
 
-    /// The next reading, if the members have these numbers.
-    pub fn forecast(&self, members: &[f64], filter: &Filter) -> Forecast {
-        let (mean_n, variance) = filter.state(members).unwrap_or((f64::NAN, f64::NAN));
-        Forecast { mean_n, standard_deviation_n: (variance + self.error().powi(2)).sqrt() }
+    /// A reading at a time that has not been measured yet, s, if the members have these numbers.
+    pub fn forecast(&self, time_s: f64, members: &[f64], filter: &Filter) -> Forecast {
+        let (mean, variance) = filter.state(members).unwrap_or((f64::NAN, f64::NAN));
+        let error = self.misses.mean().max(self.noise_of_one.powi(2));
+        let blocks = self.first_s.map_or(1.0, |first_s| block_of(time_s - first_s) - self.last);
+        Forecast { mean_n: mean + self.offset(blocks), standard_deviation_n: (variance + error).sqrt() }
     }
 
-    /// Standard deviation of the forecasts' errors beyond the members' spread.
+    /// r^k d: what readings k blocks after the last one will be off the members' mean by.
+    fn offset(&self, blocks: f64) -> f64 {
+        self.correlation().powf(blocks.max(1.0)) * self.before.unwrap_or(0.0)
+    }
+
+    /// r: correlation of neighbouring innovations, 0 where none is known.
+    fn correlation(&self) -> f64 {
+        let r = (self.products.sum / self.squared.sum).clamp(0.0, LARGEST_CORRELATION);
+        if r.is_finite() { r } else { 0.0 }
+    }
+
+    /// Standard deviation of what readings are off the members' mean by, beyond their spread.
     pub fn error(&self) -> f64 {
         self.errors.mean().max(self.noise_of_one.powi(2)).sqrt()
     }
 
     /// Learns from the errors of the forecasts of the block.
     fn learn(&mut self, filter: &Filter) {
+        let (offset, memory) = (self.offset(1.0), MEMORY * self.block.len() as f64);
         for reading in &self.block {
             if let Some((mean, variance)) = filter.state(&reading.members) {
                 let error = reading.measured - mean;
-                self.errors.add(error * error - variance, MEMORY * self.block.len() as f64);
+                self.errors.add(error.powi(2) - variance, memory);
+                self.misses.add((error - offset).powi(2) - variance, memory);
             }
         }
     }
@@ -228,8 +254,8 @@ impl Channel {
     /// Error of a block's mean, as a variance.
     fn block_error(&self, count: f64) -> f64 {
         let alone = self.excess.mean().max(self.noise_of_one.powi(2) / count);
-        let r = (self.products.sum / self.squared.sum).clamp(0.0, LARGEST_CORRELATION);
-        if r.is_finite() { alone * (1.0 + r) / (1.0 - r) } else { alone }
+        let r = self.correlation();
+        alone * (1.0 + r) / (1.0 - r)
     }
 
     /// Takes in the mean of the block; false if it was rejected.
