@@ -68,9 +68,9 @@ fn are_alike(one: &Scene, other: &Scene) -> bool {
     same.name.clone_from(&other.name);
     same.description.clone_from(&other.description);
     same.uncertainty.clone_from(&other.uncertainty);
-    same.material = other.material.clone();
+    same.material = other.material;
     for (own, other) in same.materials.iter_mut().zip(&other.materials) {
-        (own.material, own.pierced) = (other.material.clone(), other.pierced);
+        (own.material, own.pierced) = (other.material, other.pierced);
     }
     if let (Base::Coulomb { .. }, Base::Coulomb { .. }) = (same.sample.base, other.sample.base) {
         same.sample.base = other.sample.base;

@@ -2,6 +2,7 @@
 //!
 //! Each member is a twin of its own with the values of one low-discrepancy point of `[uncertainty]`, and answers the same readings. So
 //! member k computes what a single run of its scene computes, to the last bit, whatever else runs beside it. Members that differ
+//! in nothing that the cloud depends on share it ([`Twin::sibling`](crate::twin::Twin::sibling)), and members that differ
 //! only in what the mechanics doesn't see share a run (`path`). Each runs on one thread; the threads that there are take runs
 //! one by one.
 
