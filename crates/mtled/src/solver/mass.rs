@@ -25,6 +25,9 @@ use crate::number::{Number, Real};
 
 /// Masses shrink by at most this factor per refresh, so that a point on the verge doesn't make them swing.
 const FADE: f64 = 0.95;
+/// Mass of a node over that at rest up to which it counts in the slowest mode. Where tissue is sheared or crushed a hundredfold beside what
+/// holds it, a few nodes get millions of times as heavy; they stay with what holds them and take no part in that mode.
+const OUTLIER: f64 = 30.0;
 
 impl Model {
     /// Brings the masses up to date with the last evaluation of the internal force, and the slowest frequency with the
@@ -44,7 +47,13 @@ impl Model {
                 }
             });
         });
-        control.slowest = self.mode.frequency(&control.mass);
+        control.slowest = self.slowest(&control.mass);
+    }
+
+    /// Frequency of the slowest mode, rad per step: see [`OUTLIER`].
+    fn slowest(&self, mass: &[f64]) -> f64 {
+        let counted = |(m, rest): (&f64, &f64)| if *rest > 0.0 { m.min(OUTLIER * rest) } else { *m };
+        self.mode.frequency(mass.iter().zip(&self.rest.control.mass).map(counted))
     }
 }
 
@@ -179,8 +188,8 @@ impl FundamentalMode {
     }
 
     /// rad per step.
-    pub fn frequency(&self, mass: &[f64]) -> f64 {
-        let inertia: f64 = mass.iter().zip(&self.square).map(|(m, s)| m * s).sum();
+    pub fn frequency(&self, mass: impl Iterator<Item = f64>) -> f64 {
+        let inertia: f64 = mass.zip(&self.square).map(|(m, s)| m * s).sum();
         (self.stiffness / inertia).sqrt()
     }
 }

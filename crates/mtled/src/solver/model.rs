@@ -272,7 +272,7 @@ impl Model {
         let control = &mut state.control;
         control.mass.iter_mut().for_each(|m| *m *= scale);
         control.largest /= scale;
-        control.slowest = self.mode.frequency(&control.mass);
+        control.slowest = self.mode.frequency(control.mass.iter().copied());
         self.mass_scale = scale;
         self.rest = state;
     }
