@@ -49,8 +49,9 @@ use super::puncture::{Strained, is_withdrawn};
 /// Capture window that a needle has by default, in capture radii. Tissue in the window is held along the needle where the problem
 /// has it free: a window of half a radius costs 1 % of the force at 1 mm, one of a whole radius 2 %.
 const SHORT_WINDOW: f64 = 0.375;
-/// The same in layers of nodes, where they are longer.
-const LEAST_WINDOW: f64 = 2.0;
+/// The same in layers of nodes, where they are longer: in space, and in a half plane, whose layers are finer where the needle enters.
+const LEAST_WINDOW: f64 = 1.5;
+const LEAST_WINDOW_IN_HALF_PLANE: f64 = 2.0;
 
 /// How far above the tissue the wall goes at the puncture, m.
 const AWAY: f64 = 1.0;
@@ -58,12 +59,12 @@ const AWAY: f64 = 1.0;
 /// Nodes whose depths differ by less are of one layer, m: rounding.
 const SAME_LAYER: f64 = 1e-9;
 
-/// Vertical length of the capture window of a node whose layer is that far from the next, m.
-fn window(needle: &Needle, layer: f64) -> f64 {
+/// Vertical length of the capture window of a node whose layer is that far from the next, m; `least`: in layers.
+fn window(needle: &Needle, layer: f64, least: f64) -> f64 {
     let slope = needle.slope();
     let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
     match needle.capture_window.get() {
-        0.0 => (SHORT_WINDOW * needle.capture_radius.get() / secant).max(LEAST_WINDOW * layer),
+        0.0 => (SHORT_WINDOW * needle.capture_radius.get() / secant).max(least * layer),
         length => length / secant,
     }
 }
@@ -146,7 +147,7 @@ impl NeedlePath {
         let slope = needle.slope();
         let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
         let end = length / secant * (1.0 + 1e-9);
-        let window = vec![window(&needle, layer); nodes.len()];
+        let window = vec![window(&needle, layer, LEAST_WINDOW); nodes.len()];
         let mut inner = Vec::new();
         let mut filled = 0.0;
         for (point, (c, volume)) in (0u32..).zip(cells) {
@@ -202,7 +203,8 @@ impl NeedlePath {
     /// The same path in a half plane: its nodes are rings, which never move sideways.
     #[must_use]
     pub fn revolved(self) -> Self {
-        Self { revolved: true, ..self }
+        let window = vec![window(&self.needle, self.layer, LEAST_WINDOW_IN_HALF_PLANE); self.nodes.len()];
+        Self { revolved: true, window, ..self }
     }
 
     /// The same path where the distance between its layers grows with depth: each node's window is as long as the distance from its layer
@@ -215,7 +217,8 @@ impl NeedlePath {
             let below = depths.partition_point(|d| *d < z - SAME_LAYER).max(1);
             depths.get(below).map_or(self.layer, |d| d - depths[below - 1])
         };
-        let window = self.nodes.iter().map(|(_, z)| window(&self.needle, layer(*z).min(self.layer))).collect();
+        let least = if self.revolved { LEAST_WINDOW_IN_HALF_PLANE } else { LEAST_WINDOW };
+        let window = self.nodes.iter().map(|(_, z)| window(&self.needle, layer(*z).min(self.layer), least)).collect();
         Self { window, ..self }
     }
 
@@ -365,7 +368,8 @@ mod tests {
         // two nodes of one layer among them
         let depths = [0.0, 1.5e-4, 1.5e-4, 3.1e-4, 5.0e-4, 7.5e-4];
         let nodes: Vec<_> = (0u32..).zip(depths).collect();
-        let path = |needle| NeedlePath::new(nodes.clone(), 6, needle, 1e-3, 2.5e-4, Vec::new(), std::iter::empty());
+        let path =
+            |needle| NeedlePath::new(nodes.clone(), 6, needle, 1e-3, 2.5e-4, Vec::new(), std::iter::empty()).revolved();
         let close = |windows: &[f64], wanted: [f64; 6]| windows.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12);
         assert!(close(&path(needle).window, [5e-4; 6]), "even layers");
         let graded = path(needle).graded().window;

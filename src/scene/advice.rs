@@ -1,9 +1,8 @@
 //! Warnings about scenes that are allowed but unlikely to give what they ask for; printed when a scene is checked or built.
 
-use mtled::solver::VolumeRatio;
-
 use super::{
-    ContactLaw, DeformationRule, Dimension, IndenterTip, Instrument, InstrumentKind, Material, Motion, Scene, Word as _,
+    ContactLaw, DeformationRule, Dimension, IndenterTip, Instrument, InstrumentKind, Material, Motion, Scene,
+    VolumeRatio, Word as _,
 };
 
 /// Distance by which captured tissue can be pushed ahead of the tip before cells invert there, m: runs ended at 1.6 to 2.1 mm,
@@ -105,7 +104,7 @@ fn pushed_ahead(push: f64) -> Vec<String> {
 }
 
 fn crushed(ratio: VolumeRatio, depth: f64) -> Vec<String> {
-    if ratio == VolumeRatio::Projected || depth <= ANY_VOLUME_RATIO {
+    if !matches!(ratio, VolumeRatio::Averaged | VolumeRatio::Pointwise) || depth <= ANY_VOLUME_RATIO {
         return Vec::new();
     }
     vec![format!(

@@ -1,6 +1,6 @@
 //! `[discretisation]`: how the field is approximated and integrated.
 
-use mtled::solver::{Precision, VolumeRatio};
+use mtled::solver::{self, Precision};
 
 use super::section::section;
 use super::{Key, Metres, Range, Word};
@@ -32,9 +32,9 @@ section! {
         /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance, in space
         /// alone; `auto`: so corrected in a sample of one material.
         integration: Integration = Key::word("discretisation.integration", Integration::WORDS).or("plain"),
-        /// Volume ratio that the pressure sees: projected (onto a coarser cloud) cures volumetric locking, averaged
-        /// (over each node) half-way.
-        volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("projected"),
+        /// Volume ratio that the law sees: projected (onto a coarser cloud) cures volumetric locking, mixed cures that of sheared tissue
+        /// as well, averaged (over each node) half-way; `auto`: mixed round a needle in space, else projected.
+        volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("auto"),
         /// Precision of the internal-force kernel.
         precision: Precision = Key::word("discretisation.precision", Precision::WORDS).or("f32"),
     }
@@ -71,6 +71,33 @@ pub enum Method {
     Mls,
     /// Linear tetrahedra: the finite-element baseline.
     Tet4,
+}
+
+/// `discretisation.volume_ratio`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VolumeRatio {
+    /// Mixed round a needle in space, else projected.
+    Auto,
+    /// [`mtled::solver::VolumeRatio::Mixed`].
+    Mixed,
+    /// [`mtled::solver::VolumeRatio::Projected`].
+    Projected,
+    /// [`mtled::solver::VolumeRatio::Averaged`].
+    Averaged,
+    /// [`mtled::solver::VolumeRatio::Pointwise`].
+    Pointwise,
+}
+
+impl From<VolumeRatio> for solver::VolumeRatio {
+    /// `auto` is to be resolved before ([`super::Scene::volume_ratio_in`]); left as it is, it is projected.
+    fn from(ratio: VolumeRatio) -> Self {
+        match ratio {
+            VolumeRatio::Mixed => Self::Mixed,
+            VolumeRatio::Auto | VolumeRatio::Projected => Self::Projected,
+            VolumeRatio::Averaged => Self::Averaged,
+            VolumeRatio::Pointwise => Self::Pointwise,
+        }
+    }
 }
 
 /// `discretisation.integration`.

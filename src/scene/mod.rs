@@ -42,7 +42,7 @@ mod words;
 
 pub use check::LARGEST_POISSON_RATIO;
 pub use correlation::Dependence;
-pub use discretisation::{Dimension, Discretisation, Grading, Integration, Method};
+pub use discretisation::{Dimension, Discretisation, Grading, Integration, Method, VolumeRatio};
 pub use edit::{NewValue, Override};
 pub use error::SceneError;
 pub use instrument::{ContactLaw, DeformationRule, IndenterTip, Instrument, InstrumentKind, Interaction, Needle};

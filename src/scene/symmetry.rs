@@ -3,7 +3,7 @@
 
 use mtled::mirror::Mirror;
 
-use super::{Dimension, InstrumentKind, Integration, Region, RegionShape, Scene, Shape};
+use super::{Dimension, InstrumentKind, Integration, Region, RegionShape, Scene, Shape, VolumeRatio};
 
 /// Largest distance of an entry point from a plane of symmetry, m: a thousandth of what a sensor resolves.
 const ON_PLANE: f64 = 1e-9;
@@ -150,6 +150,18 @@ impl Scene {
             Integration::Auto => self.regions.is_empty(),
         };
         wanted && dimension != Dimension::Axisymmetric
+    }
+
+    /// Volume ratio that the law sees, in a dimension, never `auto`. Beside a needle's entry tissue is sheared so far that the distortion locks
+    /// (`docs/lab/integration.md`); under an indenter's edge, where it is crushed, that same stiffness holds cells open.
+    #[must_use]
+    pub fn volume_ratio_in(&self, dimension: Dimension) -> VolumeRatio {
+        let needle = matches!(self.instrument, Some(i) if matches!(i.kind, InstrumentKind::Needle(_)));
+        match self.discretisation.volume_ratio {
+            VolumeRatio::Auto if needle && dimension != Dimension::Axisymmetric => VolumeRatio::Mixed,
+            VolumeRatio::Auto => VolumeRatio::Projected,
+            given => given,
+        }
     }
 
     /// Half of space or all of it, for a scene that has no symmetry of revolution.

@@ -1,9 +1,9 @@
 //! The words that a scene file uses for its choices, each tied to its type in one place.
 
 use mtled::material::Volumetric;
-use mtled::solver::{Precision, VolumeRatio};
+use mtled::solver::Precision;
 
-use super::{DeformationRule, Dimension, IndenterTip, Integration, Method};
+use super::{DeformationRule, Dimension, IndenterTip, Integration, Method, VolumeRatio};
 
 /// A choice that a scene file makes by a word.
 pub trait Word: Sized + Copy {
@@ -47,5 +47,5 @@ words!(DeformationRule: Incremental = "incremental", Absolute = "absolute");
 words!(Method: Mmls = "mmls", Mls = "mls", Tet4 = "tet4");
 words!(Integration: Plain = "plain", Consistent = "consistent", Auto = "auto");
 words!(Dimension: Auto = "auto", Axisymmetric = "axisymmetric", Mirrored = "mirrored", Full = "full");
-words!(VolumeRatio: Projected = "projected", Averaged = "averaged", Pointwise = "pointwise");
+words!(VolumeRatio: Auto = "auto", Mixed = "mixed", Projected = "projected", Averaged = "averaged", Pointwise = "pointwise");
 words!(Precision: F32 = "f32", F64 = "f64");

@@ -358,7 +358,7 @@ pub(super) fn solver(
     let d = &scene.discretisation;
     let settings = SolverSettings {
         law: scene.material.law(),
-        volume_ratio: d.volume_ratio,
+        volume_ratio: scene.volume_ratio_in(scene.dimension().dimension).into(),
         precision: d.precision,
         step_factor: scene.stepping.step_factor,
         threads: rayon::current_num_threads(),

@@ -14,7 +14,8 @@ use needle_twin::twin::Twin;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-const RATIOS: [VolumeRatio; 3] = [VolumeRatio::Projected, VolumeRatio::Averaged, VolumeRatio::Pointwise];
+const RATIOS: [VolumeRatio; 4] =
+    [VolumeRatio::Projected, VolumeRatio::Mixed, VolumeRatio::Averaged, VolumeRatio::Pointwise];
 
 fn internal_force(
     points: &[[f64; 3]],

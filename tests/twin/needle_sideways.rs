@@ -120,7 +120,7 @@ fn a_needle_that_leans_meets_the_force_of_the_tissue_behind_its_tip() {
         let answer = moved(&mut with_targets(depth_m, &[]), depth_m, 0.0, LEAN);
         let tangent = LEAN / (1.0 - LEAN * LEAN).sqrt();
         // the axis points into the sample: the shaft goes to -x
-        compare(depth_m, "lean", -tangent, tangent * depth_m, answer, [0.035, 0.03]);
+        compare(depth_m, "lean", -tangent, tangent * depth_m, answer, [0.02, 0.02]);
     }
 }
 
@@ -145,7 +145,7 @@ fn the_lateral_force_grows_evenly_with_the_depth() {
     }
 }
 
-/// The same force whatever the cloud: spacings of a half to a quarter of the capture radius. They differ by 1.1 %.
+/// The same force whatever the cloud: spacings of a half to a quarter of the capture radius. They differ by 1.0 %.
 #[test]
 fn the_lateral_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
     let force = |refinement: &str| {
@@ -159,7 +159,7 @@ fn the_lateral_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
     };
     let found = ["0.0833", "0.0556", "0.0417"].map(force);
     println!("{found:.6?} N");
-    assert!(found.iter().all(|f| (f / found[2] - 1.0).abs() < 0.015), "{found:?}");
+    assert!(found.iter().all(|f| (f / found[2] - 1.0).abs() < 0.0125), "{found:?}");
 }
 
 /// A needle that has been moved sideways goes on through tissue that was not: what it pierces further down is less and less aside.
@@ -231,7 +231,7 @@ fn a_lateral_force_with_inertia_in_it_is_told() {
     }
 }
 
-/// The capture window is a length: by default two layers of this cloud, 0.5 mm apart, and not another where a key says the same.
+/// The capture window is a length: by default one and a half layers of this cloud, 0.5 mm apart, and not another where a key says the same.
 #[test]
 fn the_capture_window_is_a_length() {
     let force = |window: &str| {
@@ -242,6 +242,6 @@ fn the_capture_window_is_a_length() {
     };
     let own = force("0");
     println!("{:?}", own.last());
-    let of = ["0.0009", "0.001", "0.0011"].map(|window| force(window) == own);
+    let of = ["0.00065", "0.00075", "0.00085"].map(|window| force(window) == own);
     assert_eq!(of, [false, true, false]);
 }

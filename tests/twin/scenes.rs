@@ -2,10 +2,10 @@
 //! and nothing that a user can write makes the reader panic.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use mtled::solver::{Precision, VolumeRatio};
+use mtled::solver::Precision;
 use needle_twin::scene::keys::{self, KEYS};
 use needle_twin::scene::{
-    Dimension, InstrumentKind, Kind, Method, Override, PRESETS, Scene, SceneError, Shape, Value, Word,
+    Dimension, InstrumentKind, Kind, Method, Override, PRESETS, Scene, SceneError, Shape, Value, VolumeRatio, Word,
 };
 
 pub const MINIMAL: &str = r#"

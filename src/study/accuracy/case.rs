@@ -84,10 +84,11 @@ impl Case {
         let grading = d.grading.ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
         let spacing_m = grading.spacing.get();
+        let dimension = scene.dimension().dimension;
         Ok(Self {
             method: d.method.as_str().to_owned(),
-            volume_ratio: d.volume_ratio.as_str().to_owned(),
-            dimension: scene.dimension().dimension.as_str().to_owned(),
+            volume_ratio: scene.volume_ratio_in(dimension).as_str().to_owned(),
+            dimension: dimension.as_str().to_owned(),
             spacing_m,
             edge_spacing_m: rounded(spacing_m * grading.edge_refinement),
             support_factor: scene.support_factor(),
@@ -99,11 +100,12 @@ impl Case {
         })
     }
 
-    /// The same in another dimension, with the scene's supports there.
+    /// The same in another dimension, with the scene's supports and volume ratio there.
     #[must_use]
     pub fn in_dimension(&self, scene: &Scene, dimension: Dimension) -> Self {
         let support_factor = scene.support_factor_in(dimension);
-        Self { dimension: dimension.as_str().to_owned(), support_factor, ..self.clone() }
+        let volume_ratio = scene.volume_ratio_in(dimension).as_str().to_owned();
+        Self { dimension: dimension.as_str().to_owned(), support_factor, volume_ratio, ..self.clone() }
     }
 
     /// The same with all spacings times a factor. A needle's path is never coarser than the needle takes.
@@ -166,7 +168,7 @@ impl Case {
     #[must_use]
     pub fn method_name(&self) -> String {
         match self.volume_ratio.as_str() {
-            "projected" => self.method.clone(),
+            "projected" | "mixed" => self.method.clone(),
             "pointwise" => format!("{}, no cure", self.method),
             other => format!("{}, {other}", self.method),
         }

@@ -70,6 +70,8 @@ pub struct BlockScratch<T> {
     pub deformation: Vec<Gradient<Lanes<T>>>,
     /// Pressure at each vertex, Pa.
     pub pressure: Vec<T>,
+    /// theta^(-2/3) - 1 at each vertex (see [`super::mixed`]); empty without it.
+    pub shrinkage: Vec<T>,
     /// Smallest volume ratio of the block's points at the last evaluation.
     pub min_jacobian: f64,
     /// Strain energy of the block's points less the projected volumetric part, at the last evaluation, J.
@@ -78,11 +80,12 @@ pub struct BlockScratch<T> {
 
 impl<T: Real> BlockScratch<T> {
     /// Memory for one block.
-    pub fn new(block: &Block<T>) -> Self {
+    pub fn new(block: &Block<T>, mixed: bool) -> Self {
         Self {
             u: vec![[T::default(); 3]; block.nodes.len()],
             deformation: vec![Default::default(); block.volume.len()],
             pressure: vec![T::default(); block.vertices.len()],
+            shrinkage: vec![T::default(); if mixed { block.vertices.len() } else { 0 }],
             min_jacobian: 1.0,
             energy: 0.0,
         }

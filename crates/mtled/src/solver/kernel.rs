@@ -19,9 +19,10 @@ use super::block::{Block, BlockScratch, ForceOfLane, Shares};
 use super::dilatation::Dilatation;
 use super::disjoint::{Chunks, Each, Offsets, Runs};
 use super::memory::Memory;
-use super::points::{Constants, Relaxing};
+use super::points::{Constants, Projected, Relaxing};
 use super::pool::Pool;
 use super::projection::{Projection, ProjectionScratch};
+use super::strip::FIELDS;
 use super::vertices::Vertices;
 use crate::number::lanes::{LANES, Lanes};
 use crate::number::{Number, Real};
@@ -90,6 +91,8 @@ pub struct Scratch<T: Real> {
     force: Vec<[T; 3]>,
     /// V (J - 1) of each block at each of its vertices, block after block, m^3.
     dilation: Vec<T>,
+    /// V (I1 - 3), where the law is [mixed](super::mixed); or empty.
+    distortion: Vec<T>,
     projection: ProjectionScratch<T>,
     /// Of each thread.
     lanes: Vec<ForceOfLane<T>>,
@@ -127,7 +130,9 @@ impl<T: Real> Kernel<T> {
         let vertices = Vertices::new(cells, &table.region, nodes);
         let places = vertices.places(points);
         let dilatation = match volume_ratio {
-            VolumeRatio::Projected => Dilatation::projected(&places, &vertices.cells, &vertices.region, table.form),
+            VolumeRatio::Projected | VolumeRatio::Mixed => {
+                Dilatation::projected(&places, &vertices.cells, &vertices.region, table.form)
+            }
             VolumeRatio::Averaged => Dilatation::nodal(&vertices.region),
             VolumeRatio::Pointwise => Dilatation { start: vec![0; places.len() + 1], ..Dilatation::default() },
         };
@@ -170,6 +175,11 @@ impl<T: Real> Kernel<T> {
         self.constants.iter().any(|c| c.projected > 0.0)
     }
 
+    /// Whether any material's distortion sees the projected volume ratio.
+    fn mixes(&self) -> bool {
+        self.constants.iter().any(|c| c.mixed)
+    }
+
     /// All points tissue.
     pub(super) fn points(&self) -> Points<T> {
         Points { active: self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect() }
@@ -184,10 +194,11 @@ impl<T: Real> Kernel<T> {
     pub(super) fn scratch(&self, threads: usize) -> Scratch<T> {
         let most = self.tables.blocks.iter().map(|b| b.nodes.len()).max().unwrap_or(0);
         Scratch {
-            blocks: self.tables.blocks.iter().map(BlockScratch::new).collect(),
+            blocks: self.tables.blocks.iter().map(|b| BlockScratch::new(b, self.of(b).mixed)).collect(),
             force: vec![[T::default(); 3]; self.tables.force_runs.total()],
             dilation: vec![T::default(); self.tables.dilation_runs.total()],
-            projection: self.tables.projection.scratch(),
+            distortion: vec![T::default(); if self.mixes() { self.tables.dilation_runs.total() } else { 0 }],
+            projection: self.tables.projection.scratch(self.mixes()),
             lanes: vec![vec![Default::default(); most]; threads.max(1)],
         }
     }
@@ -221,7 +232,7 @@ impl<T: Real> Kernel<T> {
         let (b, slot) = self.tables.slot[point];
         let (b, slot) = (b as usize, slot as usize);
         let law = Relaxing { constants: self.of(&self.tables.blocks[b]), memory: &memory[b] };
-        let (density, _) = law.evaluate(slot, &scratch.blocks[b].deformation_in(slot), 0.0);
+        let (density, _) = law.evaluate(slot, &scratch.blocks[b].deformation_in(slot), Projected::default());
         density * self.tables.blocks[b].volume_in(slot)
     }
 
@@ -237,7 +248,7 @@ impl<T: Real> Kernel<T> {
             let law = Relaxing { constants: self.of(block), memory };
             for (slot, point) in block.occupied() {
                 let f = scratch.deformation_in(slot);
-                let (_, stress) = law.evaluate(slot, &f, block.projected_pressure_in(&scratch.pressure, slot));
+                let (_, stress) = law.evaluate(slot, &f, block.projected_in(scratch, slot));
                 visit(point, f, stress, block.volume_in(slot));
             }
         }
@@ -253,21 +264,28 @@ impl<T: Real> Kernel<T> {
         u: &[[f64; 3]],
     ) {
         let active = &points.active;
-        let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.dilation, &self.tables.dilation_runs));
-        pool.each(deform, |b, (scratch, dilation)| self.tables.blocks[b].deform(&active[b], u, scratch, dilation));
-        let pressure: &[T] = if self.projects() {
-            let (dilation, shares) = (&scratch.dilation, &self.tables.dilation_shares);
-            self.tables.projection.project(&mut scratch.projection, pool, &self.constants, |n| {
-                // V_a (J_a - 1), m^3
-                T::of(shares.of_index(n).iter().map(|&at| dilation[at as usize].get()).sum())
-            })
+        let Tables { blocks, projection, dilation_runs: runs, dilation_shares: shares, .. } = &*self.tables;
+        let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.dilation, runs));
+        // of all cells at a node, m^3
+        let sum = |x: &[T], n: usize| T::of(shares.of_index(n).iter().map(|&at| x[at as usize].get()).sum());
+        let projected: [&[T]; FIELDS] = if self.mixes() {
+            let deform = (deform, Runs::new(&mut scratch.distortion, runs));
+            pool.each(deform, |b, ((scratch, j), i1)| blocks[b].deform(&active[b], u, scratch, j, i1));
+            let (j, i1) = (&scratch.dilation, &scratch.distortion);
+            projection.project_mixed(&mut scratch.projection, pool, &self.constants, |n| [sum(j, n), sum(i1, n)])
         } else {
-            &[]
+            pool.each(deform, |b, (scratch, j)| blocks[b].deform(&active[b], u, scratch, j, &mut []));
+            if self.projects() {
+                let j = &scratch.dilation;
+                projection.project(&mut scratch.projection, pool, &self.constants, |n| sum(j, n))
+            } else {
+                [&[]; FIELDS]
+            }
         };
         let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.tables.force_runs));
         pool.each_with(&mut scratch.lanes, blocks, |lanes, i, (scratch, force)| {
             let block = &self.tables.blocks[i];
-            block.stress(&active[i], &memory[i], pressure, self.of(block), scratch, lanes, force);
+            block.stress(&active[i], &memory[i], projected, self.of(block), scratch, lanes, force);
         });
     }
 

@@ -67,9 +67,10 @@ impl<T: Real> Block<T> {
         lanes: &mut ForceOfLane<T>,
         force: &mut [[T; 3]],
     ) {
-        match constants.plain() {
-            Some(law) => run(Bound { block: self, law: &law, scratch, lanes, force }),
-            None => run(Bound { block: self, law: &Relaxing { constants, memory }, scratch, lanes, force }),
+        match (constants.of_mixed(), constants.plain()) {
+            (Some(law), _) => run(Bound { block: self, law: &law, scratch, lanes, force }),
+            (None, Some(law)) => run(Bound { block: self, law: &law, scratch, lanes, force }),
+            (None, None) => run(Bound { block: self, law: &Relaxing { constants, memory }, scratch, lanes, force }),
         }
     }
 }
@@ -89,8 +90,7 @@ impl<T: Real, L: PointLaw<T>> Loop for Bound<'_, T, L> {
         let Self { block, law, scratch, lanes, force } = self;
         for group in 0..block.volume.len() {
             let volume = block.volume[group].max(-block.volume[group]);
-            let pressure = block.projected_pressure(&scratch.pressure, group);
-            let stiffness = law.stiffness(&scratch.deformation[group], pressure);
+            let stiffness = law.stiffness(&scratch.deformation[group], block.projected(scratch, group));
             let share = volume * block.squares[group] * stiffness;
             for visit in block.start[group] as usize..block.start[group + 1] as usize {
                 lanes[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);

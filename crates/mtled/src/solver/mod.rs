@@ -4,6 +4,7 @@ mod aside;
 mod backoff;
 mod block;
 mod cloned;
+mod collapse;
 mod contact;
 mod dilatation;
 #[allow(unsafe_code)] // parts of a slice for several threads
@@ -18,6 +19,7 @@ mod inertia;
 mod kernel;
 mod mass;
 mod memory;
+mod mixed;
 mod model;
 mod nodes;
 mod passes;

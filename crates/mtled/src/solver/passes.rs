@@ -5,7 +5,7 @@ use crate::material::neo_hookean::{Gradient, cofactor, determinant};
 
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::memory::Memory;
-use super::points::{Constants, PointLaw, Relaxing};
+use super::points::{Constants, PointLaw, Projected, Relaxing};
 use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
 
@@ -15,25 +15,27 @@ const VISITS_AHEAD: usize = 40;
 
 impl<T: Real> Block<T> {
     /// Pass 1. `active`: share of each point that is tissue; `dilation`: sum over the block's points of V (J - 1) over the
-    /// number of corners, at each vertex, m^3.
+    /// number of corners, at each vertex, m^3; `distortion`: the same of V (I1 - 3) where the law is [mixed](super::mixed), or empty.
     pub(super) fn deform(
         &self,
         active: &[Lanes<T>],
         u: &[[f64; 3]],
         scratch: &mut BlockScratch<T>,
         dilation: &mut [T],
+        distortion: &mut [T],
     ) {
         // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
         // whole sample costs no digits in single precision.
         let origin = u[self.nodes[0] as usize];
         dilation.fill(T::default());
+        distortion.fill(T::default());
         match self.form {
             Form::Full => {
                 for (local, &n) in scratch.u.iter_mut().zip(&self.nodes) {
                     let u = u[n as usize];
                     *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
                 }
-                run(Deform::<_, false> { block: self, active, scratch, dilation });
+                self.gradients::<false>(active, scratch, dilation, distortion);
             }
             Form::Mirrored(mirror) => {
                 for (l, (local, &n)) in scratch.u.iter_mut().zip(&self.nodes).enumerate() {
@@ -41,12 +43,26 @@ impl<T: Real> Block<T> {
                     let u = if l < self.originals { *u } else { mirror.image(u) };
                     *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
                 }
-                run(Deform::<_, false> { block: self, active, scratch, dilation });
+                self.gradients::<false>(active, scratch, dilation, distortion);
             }
             Form::Axisymmetric => {
                 self.copy_meridian(u, origin[2], &mut scratch.u);
-                run(Deform::<_, true> { block: self, active, scratch, dilation });
+                self.gradients::<true>(active, scratch, dilation, distortion);
             }
+        }
+    }
+
+    fn gradients<const AXISYMMETRIC: bool>(
+        &self,
+        active: &[Lanes<T>],
+        scratch: &mut BlockScratch<T>,
+        dilation: &mut [T],
+        distortion: &mut [T],
+    ) {
+        if distortion.is_empty() {
+            run(Deform::<_, AXISYMMETRIC, false> { block: self, active, scratch, dilation, distortion });
+        } else {
+            run(Deform::<_, AXISYMMETRIC, true> { block: self, active, scratch, dilation, distortion });
         }
     }
 
@@ -59,25 +75,27 @@ impl<T: Real> Block<T> {
         }
     }
 
-    /// Pass 2. `pressure` at all nodes, or empty; `force`: internal force of the block's points on each of its nodes, N.
+    /// Pass 2. `pressure` and `shrinkage` at all nodes, or empty; `force`: internal force of the block's points on each of its nodes, N.
     #[expect(clippy::too_many_arguments, reason = "what the points are, and where their numbers go")]
     pub(super) fn stress(
         &self,
         active: &[Lanes<T>],
         memory: &Memory,
-        pressure: &[T],
+        [pressure, shrinkage]: [&[T]; 2],
         constants: &Constants,
         scratch: &mut BlockScratch<T>,
         lanes: &mut ForceOfLane<T>,
         force: &mut [[T; 3]],
     ) {
-        if !pressure.is_empty() {
-            for (local, &n) in scratch.pressure.iter_mut().zip(&self.vertices) {
-                *local = pressure[n as usize];
+        for (local, all) in [(&mut scratch.pressure, pressure), (&mut scratch.shrinkage, shrinkage)] {
+            if !all.is_empty() {
+                local.iter_mut().zip(&self.vertices).for_each(|(local, &n)| *local = all[n as usize]);
             }
         }
         // the usual law has a loop of its own, with no choices in it
-        if let Some(plain) = constants.plain() {
+        if let Some(mixed) = constants.of_mixed() {
+            self.spread(&mixed, active, scratch, lanes);
+        } else if let Some(plain) = constants.plain() {
             self.spread(&plain, active, scratch, lanes);
         } else {
             self.spread(&Relaxing { constants, memory }, active, scratch, lanes);
@@ -106,36 +124,48 @@ impl<T: Real> Block<T> {
         }
     }
 
-    /// Mean over the corners of each point's cell of the pressures at the vertices, Pa.
+    /// What a group's points get from the coarse nodes.
     #[inline(always)]
-    pub(super) fn projected_pressure(&self, pressure: &[T], group: usize) -> Lanes<T> {
+    pub(super) fn projected(&self, scratch: &BlockScratch<T>, group: usize) -> Projected<Lanes<T>> {
+        let mixed = !scratch.shrinkage.is_empty();
+        Projected {
+            pressure: self.mean_of_corners(&scratch.pressure, group),
+            shrinkage: if mixed { self.mean_of_corners(&scratch.shrinkage, group) } else { Lanes::default() },
+        }
+    }
+
+    /// Mean over the corners of each point's cell of what stands at the vertices.
+    #[inline(always)]
+    fn mean_of_corners(&self, vertices: &[T], group: usize) -> Lanes<T> {
         let [a, b, c, d] = &self.corners[group];
-        let two = Lanes::look_up(pressure, a) + Lanes::look_up(pressure, b);
-        let third = Lanes::look_up(pressure, c);
+        let two = Lanes::look_up(vertices, a) + Lanes::look_up(vertices, b);
+        let third = Lanes::look_up(vertices, c);
         match self.form {
-            Form::Full | Form::Mirrored(_) => Lanes::of(0.25) * (two + (third + Lanes::look_up(pressure, d))),
+            Form::Full | Form::Mirrored(_) => Lanes::of(0.25) * (two + (third + Lanes::look_up(vertices, d))),
             Form::Axisymmetric => Lanes::of(1.0 / 3.0) * (two + third),
         }
     }
 
-    /// Projected pressure of the point in one slot, Pa.
-    pub(super) fn projected_pressure_in(&self, pressure: &[T], slot: usize) -> f64 {
-        self.projected_pressure(pressure, slot / LANES).0[slot % LANES].get()
+    /// What the point in one slot gets from the coarse nodes.
+    pub(super) fn projected_in(&self, scratch: &BlockScratch<T>, slot: usize) -> Projected<f64> {
+        let Projected { pressure, shrinkage } = self.projected(scratch, slot / LANES);
+        Projected { pressure: pressure.0[slot % LANES].get(), shrinkage: shrinkage.0[slot % LANES].get() }
     }
 }
 
 /// The loop over points of pass 1.
-struct Deform<'a, T: Real, const AXISYMMETRIC: bool> {
+struct Deform<'a, T: Real, const AXISYMMETRIC: bool, const MIXED: bool> {
     block: &'a Block<T>,
     active: &'a [Lanes<T>],
     scratch: &'a mut BlockScratch<T>,
     dilation: &'a mut [T],
+    distortion: &'a mut [T],
 }
 
-impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
+impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Loop for Deform<'_, T, AXISYMMETRIC, MIXED> {
     #[inline(always)]
     fn go(self) {
-        let Self { block, active, scratch, dilation } = self;
+        let Self { block, active, scratch, dilation, distortion } = self;
         let (one, zero) = (Lanes::of(1.0), Lanes::default());
         let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
         let mut min = Lanes::of(f64::MAX);
@@ -155,14 +185,26 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
             let j = determinant(&f, &cofactor(&f));
             // a NaN does not survive this comparison; the energy of pass 2 keeps it
             min = j.where_positive(active, min).min(min);
-            let share = share_of_corner * active * block.volume[group] * (j - one);
-            for corner in &block.corners[group][..if AXISYMMETRIC { 3 } else { 4 }] {
-                for (&c, share) in corner.iter().zip(share.0) {
-                    dilation[usize::from(c)] += share;
-                }
+            let volume = share_of_corner * active * block.volume[group];
+            let corners = &block.corners[group][..if AXISYMMETRIC { 3 } else { 4 }];
+            share_out(dilation, corners, volume * (j - one));
+            if MIXED {
+                let mut square = Lanes::of(-3.0);
+                f.iter().for_each(|f| square = f.fma(*f, square));
+                share_out(distortion, corners, volume * square);
             }
         }
         scratch.min_jacobian = min.0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
+    }
+}
+
+/// Adds a share of each lane to each of its corners.
+#[inline(always)]
+fn share_out<T: Real>(sums: &mut [T], corners: &[[u16; LANES]], share: Lanes<T>) {
+    for corner in corners {
+        for (&c, share) in corner.iter().zip(share.0) {
+            sums[usize::from(c)] += share;
+        }
     }
 }
 
@@ -186,8 +228,7 @@ impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L
             if volume == zero {
                 continue;
             }
-            let pressure = block.projected_pressure(&scratch.pressure, group);
-            let (density, stress) = law.at(group, &scratch.deformation[group], pressure);
+            let (density, stress) = law.at(group, &scratch.deformation[group], block.projected(scratch, group));
             // what is no tissue must not spoil its neighbours in the vector
             let here = volume * volume;
             energy += (volume * density).where_positive(here, zero);

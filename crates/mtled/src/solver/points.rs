@@ -7,8 +7,10 @@ use crate::material::neo_hookean::{
 use crate::material::{Distortional, Law, Volumetric};
 
 use super::VolumeRatio;
+use super::collapse::{collapse, collapse_curvature};
 use super::dilatation::POINTWISE_BULK;
 use super::memory::Memory;
+use super::mixed::{self, Mixed};
 use crate::number::{LANES, Lanes};
 use crate::number::{Number, Real};
 
@@ -22,6 +24,25 @@ pub struct Constants {
     pub pointwise: f64,
     /// Whether the pointwise part resists collapse, see [`super::dilatation`]; if not it is the law's own.
     pub resists_collapse: bool,
+    /// Whether the distortion sees the projected volume ratio, see [`super::mixed`].
+    pub mixed: bool,
+}
+
+/// What a point gets from the coarse nodes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Projected<N> {
+    /// Pressure, Pa.
+    pub pressure: N,
+    /// theta^(-2/3) - 1 of [`super::mixed`]; zero without it.
+    pub shrinkage: N,
+}
+
+impl<T: Real> Projected<Lanes<T>> {
+    /// Of one point.
+    #[inline(always)]
+    pub fn of_lane(&self, lane: usize) -> Projected<T> {
+        Projected { pressure: self.pressure.0[lane], shrinkage: self.shrinkage.0[lane] }
+    }
 }
 
 impl Constants {
@@ -29,12 +50,18 @@ impl Constants {
     pub fn new(law: &Law, volume_ratio: VolumeRatio) -> Self {
         let kappa = law.bulk_modulus;
         let pointwise = match volume_ratio {
-            VolumeRatio::Projected => kappa.min(POINTWISE_BULK * law.shear_modulus()),
+            VolumeRatio::Projected | VolumeRatio::Mixed => kappa.min(POINTWISE_BULK * law.shear_modulus()),
             VolumeRatio::Averaged => 0.0,
             VolumeRatio::Pointwise => kappa,
         };
-        let resists_collapse = volume_ratio == VolumeRatio::Projected;
-        Self { law: *law, projected: kappa - pointwise, pointwise, resists_collapse }
+        let resists_collapse = matches!(volume_ratio, VolumeRatio::Projected | VolumeRatio::Mixed);
+        let own = Self { law: *law, projected: kappa - pointwise, pointwise, resists_collapse, mixed: false };
+        Self { mixed: volume_ratio == VolumeRatio::Mixed && own.plain::<f64>().is_some(), ..own }
+    }
+
+    /// The same where the distortion sees the projected volume ratio.
+    pub(super) fn of_mixed<T: Real>(&self) -> Option<Mixed<T>> {
+        self.mixed.then(|| Mixed::new(self))
     }
 
     /// The constants of the neo-Hookean law with quadratic volumetric energy and no relaxation, if it is that.
@@ -106,7 +133,7 @@ fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) 
 /// About the square of the largest singular value: tr S^5 / tr S^4 with S = A^T A, exact where one value dominates or
 /// all are equal.
 #[inline(always)]
-fn largest_square<T: Number>(a: &Gradient<T>) -> T {
+pub(super) fn largest_square<T: Number>(a: &Gradient<T>) -> T {
     // symmetric: xx, yy, zz, xy, yz, zx
     let dot = |i: usize, j: usize| a[i] * a[j] + a[i + 3] * a[j + 3] + a[i + 6] * a[j + 6];
     let own = [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)];
@@ -136,10 +163,15 @@ fn largest_square<T: Number>(a: &Gradient<T>) -> T {
 /// Energy density and stress of a group of points.
 pub trait PointLaw<T: Real> {
     /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of the
-    /// points of one group of a block, from their deformation gradients and projected pressures.
-    fn at(&self, group: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>);
+    /// points of one group of a block, from their deformation gradients and what is projected.
+    fn at(
+        &self,
+        group: usize,
+        f: &Gradient<Lanes<T>>,
+        projected: Projected<Lanes<T>>,
+    ) -> (Lanes<T>, Gradient<Lanes<T>>);
     /// [`Constants::stiffness`] of the same points.
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> Lanes<T>;
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T>;
 }
 
 /// [`crate::material::neo_hookean`] in the kernel's own precision.
@@ -178,10 +210,10 @@ impl<T: Real> NeoHookean<T> {
 
 impl<T: Real> PointLaw<T> for NeoHookean<T> {
     #[inline(always)]
-    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
+    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> (Lanes<T>, Gradient<Lanes<T>>) {
         let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
         for lane in 0..LANES {
-            let (w, p) = self.lane(&std::array::from_fn(|i| f[i].0[lane]), projected.0[lane]);
+            let (w, p) = self.lane(&std::array::from_fn(|i| f[i].0[lane]), projected.pressure.0[lane]);
             density.0[lane] = w;
             for i in 0..9 {
                 stress[i].0[lane] = p[i];
@@ -192,7 +224,7 @@ impl<T: Real> PointLaw<T> for NeoHookean<T> {
 
     // the energy of volume being quadratic, the pressure does not change its curvature
     #[inline(always)]
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, _: Lanes<T>) -> Lanes<T> {
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, _: Projected<Lanes<T>>) -> Lanes<T> {
         let mut stiffness = Lanes::default();
         for lane in 0..LANES {
             stiffness.0[lane] = self.stiffness_of_lane(&std::array::from_fn(|i| f[i].0[lane]));
@@ -209,10 +241,16 @@ pub(super) struct Relaxing<'a> {
 
 impl<T: Real> PointLaw<T> for Relaxing<'_> {
     #[inline]
-    fn at(&self, group: usize, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> (Lanes<T>, Gradient<Lanes<T>>) {
+    fn at(
+        &self,
+        group: usize,
+        f: &Gradient<Lanes<T>>,
+        projected: Projected<Lanes<T>>,
+    ) -> (Lanes<T>, Gradient<Lanes<T>>) {
         let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
         for lane in 0..LANES {
-            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), projected.0[lane].get());
+            let pressure = Projected { pressure: projected.pressure.0[lane].get(), shrinkage: 0.0 };
+            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), pressure);
             density.0[lane] = T::of(w);
             for (out, p) in stress.iter_mut().zip(p) {
                 out.0[lane] = T::of(p);
@@ -222,11 +260,11 @@ impl<T: Real> PointLaw<T> for Relaxing<'_> {
     }
 
     #[inline]
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Lanes<T>) -> Lanes<T> {
+    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T> {
         let mut stiffness = Lanes::default();
         for lane in 0..LANES {
             let f = f.map(|x| x.0[lane].get());
-            stiffness.0[lane] = T::of(self.constants.stiffness(&f, projected.0[lane].get()));
+            stiffness.0[lane] = T::of(self.constants.stiffness(&f, projected.pressure.0[lane].get()));
         }
         stiffness
     }
@@ -234,7 +272,7 @@ impl<T: Real> PointLaw<T> for Relaxing<'_> {
 
 impl Relaxing<'_> {
     /// Energy density and stress of the point in one slot of the block.
-    pub fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: f64) -> (f64, Gradient<f64>) {
+    pub fn evaluate(&self, slot: usize, f: &Gradient<f64>, projected: Projected<f64>) -> (f64, Gradient<f64>) {
         let Constants { law, pointwise, resists_collapse, .. } = self.constants;
         let cof = cofactor(f);
         let j = determinant(f, &cof);
@@ -247,70 +285,20 @@ impl Relaxing<'_> {
             Some(held) => law.relaxing(f, &cof, j, self.memory.elastic, held),
             None => law.distortion(f, &cof, j),
         };
-        (energy + own, std::array::from_fn(|i| stress[i] + (projected + pressure) * cof[i]))
+        let stress = if self.constants.mixed {
+            mixed::stress(f, &cof, law.shear_modulus(), projected, pressure)
+        } else {
+            std::array::from_fn(|i| stress[i] + (projected.pressure + pressure) * cof[i])
+        };
+        (energy + own, stress)
     }
-}
-
-/// J_0: volume ratio below which the pointwise part of the projected energy stiffens.
-const CRUSHED: f64 = 0.4;
-
-/// Energy and pressure of the pointwise part that resists collapse:
-/// kappa_s/2 (J - 1)^2 (1 + q), kappa_s ((J - 1)(1 + q) - 2 (J - 1)^2 q / J), with q = (J_0/J)^4. Below J_m the pressure
-/// goes on as that polynomial in J - 1, with J_m for J in q and in q / J, and the energy as its integral.
-#[inline(always)]
-fn collapse<T: Number>(j: T, kappa: T) -> (T, T) {
-    let (one, two) = (T::of(1.0), T::of(2.0));
-    let (larger, lack) = clamped(j);
-    let inverse = one / larger;
-    let ratio = T::of(CRUSHED) * inverse;
-    let square = ratio * ratio;
-    let q = square * square;
-    let dilation = j - one;
-    let slope = kappa * dilation;
-    // the integral of -2 (J - 1)^2 q / J from J_m to J: (x^3 - y^3) = (x - y)(x^2 + x y + y^2), zero above J_m
-    let least = larger - one;
-    let beyond = T::of(2.0 / 3.0) * q * inverse * lack * (dilation * dilation + dilation * least + least * least);
-    (slope * dilation * (one + q) / two + kappa * beyond, slope * (one + q - two * dilation * q * inverse))
-}
-
-/// Second derivative of that energy, over kappa_s: 1 + q (1 - 8 (J - 1)/J + 10 (J - 1)^2 / J^2). Below J_m, with J_m for J,
-/// more than it is.
-#[inline(always)]
-fn collapse_curvature<T: Number>(j: T) -> T {
-    let one = T::of(1.0);
-    let inverse = one / j;
-    let (dilation, ratio) = ((j - one) * inverse, T::of(CRUSHED) * inverse);
-    let square = ratio * ratio;
-    one + square * square * (one - T::of(8.0) * dilation + T::of(10.0) * dilation * dilation)
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::material::neo_hookean::MIN_JACOBIAN;
     use crate::material::{MooneyRivlin, Ogden, VerondaWestmann, Yeoh};
-
-    #[test]
-    fn pressure_and_curvature_are_derivatives_of_the_energy() {
-        let h = 1e-6;
-        for j in [-0.5, 0.001_f64, 0.01, 0.019, 0.021, 0.03, 0.1, 0.25, 0.6, 1.0, 1.4, 5.0] {
-            let h = h * f64::min(1.0, 20.0 * j.abs());
-            let (kappa, energy, pressure) = (3.0, |j: f64| collapse(j, 3.0).0, |j: f64| collapse(j, 3.0).1);
-            let slope = (energy(j + h) - energy(j - h)) / (2.0 * h);
-            assert!((slope - pressure(j)).abs() < 1e-5 * (1.0 + slope.abs()), "{j}: {slope} {}", pressure(j));
-            if j < MIN_JACOBIAN {
-                assert!(
-                    collapse_curvature(MIN_JACOBIAN) > (pressure(j + h) - pressure(j - h)) / (2.0 * h * kappa),
-                    "{j}"
-                );
-                continue;
-            }
-            let curvature = (pressure(j + h) - pressure(j - h)) / (2.0 * h);
-            let stated = kappa * collapse_curvature(j);
-            assert!((curvature / stated - 1.0).abs() < 1e-5, "{j}: {curvature} {stated}");
-        }
-    }
 
     /// What the kernel adds up: every law with every sharing of the bulk modulus, and a projected pressure, whose energy
     /// is linear in the point's J.
@@ -330,16 +318,18 @@ mod tests {
         let unit = determinant(&shape, &cofactor::<f64>(&shape));
         for (law, memory) in laws.flat_map(|law| memories.iter().map(move |m| (law, m))) {
             for (projected, resists_collapse) in [(78_306.0, true), (83_340.0, false), (0.0, false)] {
-                let constants = Constants { law, projected, pointwise: 83_340.0 - projected, resists_collapse };
+                let constants =
+                    Constants { law, projected, pointwise: 83_340.0 - projected, resists_collapse, mixed: false };
                 let point = Relaxing { constants: &constants, memory };
                 for step in (0..200).step_by(if cfg!(miri) { 50 } else { 1 }) {
                     // from 0.001 to 5, past the kink in the second derivative at 0.02
                     let j = 0.001 * 5000.0_f64.powf((f64::from(step) + 0.5) / 200.0);
                     let f = shape.map(|x| x * (j / unit).cbrt());
                     let pressure = 0.3 * projected;
+                    let given = Projected { pressure, shrinkage: 0.0 };
                     let energy =
-                        |f: &Gradient<f64>| point.evaluate(0, f, pressure).0 + pressure * determinant(f, &cofactor(f));
-                    let stress = point.evaluate(0, &f, pressure).1;
+                        |f: &Gradient<f64>| point.evaluate(0, f, given).0 + pressure * determinant(f, &cofactor(f));
+                    let stress = point.evaluate(0, &f, given).1;
                     let scale = stress.iter().fold(83_340.0_f64, |a, p| a.max(p.abs())) + energy(&f).abs() / j.cbrt();
                     for i in 0..9 {
                         let moved = |h: f64| {
@@ -360,7 +350,7 @@ mod tests {
     fn the_stiffness_by_lanes_is_the_one_in_double_precision() {
         for resists_collapse in [true, false] {
             let law = Law::neo_hookean(1678.0, 83_000.0);
-            let constants = Constants { law, projected: 75_000.0, pointwise: 8000.0, resists_collapse };
+            let constants = Constants { law, projected: 75_000.0, pointwise: 8000.0, resists_collapse, mixed: false };
             let (single, double) = (constants.plain::<f32>().unwrap(), constants.plain::<f64>().unwrap());
             // from next to nothing to torn and crushed
             for size in [0.0, 0.01, 0.3, 0.8, 1.5] {
@@ -370,7 +360,7 @@ mod tests {
                 });
                 let narrow = f.map(|x| Lanes(x.0.map(|x| x as f32)));
                 let (single, double) =
-                    (single.stiffness(&narrow, Lanes::default()), double.stiffness(&f, Lanes::default()));
+                    (single.stiffness(&narrow, Projected::default()), double.stiffness(&f, Projected::default()));
                 for lane in 0..LANES {
                     let exact = constants.stiffness(&f.map(|x| x.0[lane]), 0.0);
                     assert!((double.0[lane] / exact - 1.0).abs() < 1e-12, "{size} {lane}");

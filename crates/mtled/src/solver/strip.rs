@@ -5,6 +5,9 @@ use std::ops::Range;
 use crate::number::{LANES, Lanes};
 use crate::number::{Number, Real};
 
+/// Fields that go through a strip together at most.
+pub const FIELDS: usize = 2;
+
 /// A run of nodes in groups of [`LANES`]; each group has the coarse nodes P that any of its nodes has.
 ///
 /// Both products read the same table in the same order. On the way to the coarse nodes each entry adds to its coarse
@@ -25,16 +28,17 @@ pub struct Strip<T> {
 /// A strip's scratch memory.
 #[derive(Debug)]
 pub struct StripScratch<T> {
-    /// Of each local coarse node: sums by lane, zero between products.
-    lanes: Vec<Lanes<T>>,
+    /// Of each local coarse node and field: sums by lane, zero between products.
+    lanes: Vec<[Lanes<T>; FIELDS]>,
     /// What the coarse nodes hand on.
-    handed: Vec<T>,
+    handed: Vec<[T; FIELDS]>,
 }
 
 impl<T: Real> StripScratch<T> {
     /// Memory for one strip.
     pub fn new(strip: &Strip<T>) -> Self {
-        Self { lanes: vec![Lanes::default(); strip.coarse.len()], handed: vec![T::default(); strip.coarse.len()] }
+        let coarse = strip.coarse.len();
+        Self { lanes: vec![[Lanes::default(); FIELDS]; coarse], handed: vec![[T::default(); FIELDS]; coarse] }
     }
 }
 
@@ -70,48 +74,60 @@ impl<T: Real> Strip<T> {
         &self.coarse
     }
 
-    /// Sums N_aP x_a over the run's nodes, for each of its coarse nodes.
+    /// Sums N_aP x_a over the run's nodes, for each of its coarse nodes; N fields at once.
     #[inline(always)]
-    pub fn sum_to_coarse(&self, scratch: &mut StripScratch<T>, x: impl Fn(usize) -> T, out: &mut [T]) {
+    pub fn sum_to_coarse<const N: usize>(
+        &self,
+        scratch: &mut StripScratch<T>,
+        x: impl Fn(usize) -> [T; N],
+        out: [&mut [T]; N],
+    ) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
-            let mut here = Lanes::default();
-            for (here, n) in here.0.iter_mut().zip(first..self.nodes.end) {
-                *here = x(n);
+            let mut here = [Lanes::default(); N];
+            for (lane, n) in (first..self.nodes.end).take(LANES).enumerate() {
+                let x = x(n);
+                (0..N).for_each(|k| here[k].0[lane] = x[k]);
             }
             let range = self.start[group] as usize..self.start[group + 1] as usize;
             for (&l, &value) in self.local[range.clone()].iter().zip(&self.value[range]) {
                 let sum = &mut scratch.lanes[usize::from(l)];
-                *sum = value.fma(here, *sum);
+                (0..N).for_each(|k| sum[k] = value.fma(here[k], sum[k]));
             }
         }
-        for (sum, lanes) in out.iter_mut().zip(&mut scratch.lanes) {
-            *sum = lanes.sum();
-            *lanes = Lanes::default();
+        for (k, out) in out.into_iter().enumerate() {
+            for (sum, lanes) in out.iter_mut().zip(&mut scratch.lanes) {
+                *sum = lanes[k].sum();
+                lanes[k] = Lanes::default();
+            }
         }
     }
 
-    /// Sums N_aP p_P over the coarse nodes, for each of the run's nodes.
+    /// Sums N_aP p_P over the coarse nodes, for each of the run's nodes; N fields at once.
     #[inline(always)]
-    pub fn hand_to_nodes(&self, scratch: &mut StripScratch<T>, p: &[T], out: &mut [T]) {
+    pub fn hand_to_nodes<const N: usize>(&self, scratch: &mut StripScratch<T>, p: [&[T]; N], out: [&mut [T]; N]) {
         let handed = &mut scratch.handed;
         for (handed, &coarse) in handed.iter_mut().zip(&self.coarse) {
-            *handed = p[coarse as usize];
+            (0..N).for_each(|k| handed[k] = p[k][coarse as usize]);
         }
-        let (out, _) = out.as_chunks_mut::<LANES>();
-        for (out, range) in out.iter_mut().zip(self.start.windows(2)) {
+        let mut out = out.map(|out| out.as_chunks_mut::<LANES>().0);
+        for (group, range) in self.start.windows(2).enumerate() {
             let range = range[0] as usize..range[1] as usize;
             // two sums hide the latency of the additions
-            let mut sums = [Lanes::default(); 2];
+            let mut sums = [[Lanes::default(); 2]; N];
             let (locals, last_local) = self.local[range.clone()].as_chunks::<2>();
             let (values, last_value) = self.value[range].as_chunks::<2>();
             for (l, v) in locals.iter().zip(values) {
-                sums[0] = v[0].fma(Lanes::splat(handed[usize::from(l[0])]), sums[0]);
-                sums[1] = v[1].fma(Lanes::splat(handed[usize::from(l[1])]), sums[1]);
+                let (a, b) = (handed[usize::from(l[0])], handed[usize::from(l[1])]);
+                for (k, sums) in sums.iter_mut().enumerate() {
+                    sums[0] = v[0].fma(Lanes::splat(a[k]), sums[0]);
+                    sums[1] = v[1].fma(Lanes::splat(b[k]), sums[1]);
+                }
             }
             for (&l, &v) in last_local.iter().zip(last_value) {
-                sums[0] = v.fma(Lanes::splat(handed[usize::from(l)]), sums[0]);
+                let last = handed[usize::from(l)];
+                (0..N).for_each(|k| sums[k][0] = v.fma(Lanes::splat(last[k]), sums[k][0]));
             }
-            *out = (sums[0] + sums[1]).0;
+            (0..N).for_each(|k| out[k][group] = (sums[k][0] + sums[k][1]).0);
         }
     }
 }
@@ -131,7 +147,7 @@ mod tests {
         let x = |a: usize| (a * a) as f64;
         let mut sums = [f64::NAN; 9];
         for again in 0..2 {
-            strip.sum_to_coarse(&mut scratch, x, &mut sums);
+            strip.sum_to_coarse(&mut scratch, |a| [x(a)], [&mut sums]);
             for p in 0..9 {
                 let all = (4..17).flat_map(|a| entries(a).filter(|e| e.0 == p).map(move |e| e.1 * x(a)));
                 let expected: f64 = all.sum();
@@ -140,7 +156,7 @@ mod tests {
         }
         let p: Vec<f64> = (0..9).map(|p| f64::from(p * p)).collect();
         let mut out = [f64::NAN; 16];
-        strip.hand_to_nodes(&mut scratch, &p, &mut out);
+        strip.hand_to_nodes(&mut scratch, [&p], [&mut out]);
         for a in 4..17 {
             let expected: f64 = entries(a).map(|(p, v)| v * f64::from(p * p)).sum();
             assert!((out[a - 4] - expected).abs() < 1e-9, "{a}");
