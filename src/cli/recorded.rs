@@ -154,8 +154,8 @@ pub(super) struct TableOptions {
     pub rate_hz: Option<f64>,
 
     /// Columns of the tip in the sample's frame, in place of a depth; the instrument points down
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3)]
-    pub pose_columns: Option<Vec<String>>,
+    #[arg(long, value_name = "X,Y,Z", value_parser = three_columns)]
+    pub pose_columns: Option<[String; 3]>,
 
     /// Columns of tracked points in the sample's frame, x, y and z of each, in the position's unit; an empty cell: not seen
     #[arg(long, value_name = "X,Y,Z,...", value_delimiter = ',')]
@@ -194,6 +194,12 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0).ok_or_else(|| "a positive number".to_owned())
 }
 
+fn three_columns(text: &str) -> Result<[String; 3], String> {
+    let names: Vec<String> = text.split(',').map(str::to_owned).collect();
+    let named = names.iter().all(|name| !name.is_empty());
+    <[String; 3]>::try_from(names).ok().filter(|_| named).ok_or_else(|| "three columns, `X,Y,Z`".to_owned())
+}
+
 fn separator(text: &str) -> Result<char, String> {
     match text {
         "tab" | "\\t" => return Ok('\t'),
@@ -222,7 +228,7 @@ impl SourceOptions {
             time: table.time.clone(),
             time_unit: table.time_unit.clone(),
             rate_hz: table.rate_hz,
-            pose: table.pose_columns.as_ref().and_then(|names| <[String; 3]>::try_from(names.clone()).ok()),
+            pose: table.pose_columns.clone(),
             markers: table.marker_columns.clone(),
             gauge_length_m: table.gauge_length_m,
             layout: TableLayout {

@@ -146,6 +146,33 @@ fn signs_units_strains_and_clocks() {
 }
 
 #[test]
+fn three_columns_are_the_tip_in_the_samples_frame() {
+    let folder = TempDir::new().unwrap();
+    let row = |i: i32| {
+        format!(
+            "{:.2},{:.3},0,{:.3},{:.4}\n",
+            0.01 * f64::from(i),
+            0.01 * f64::from(i),
+            17.0 - 0.1 * f64::from(i),
+            1e-3
+        )
+    };
+    let text = "t,px,py,pz,load\n".to_owned() + &(0..30).map(row).collect::<String>();
+    let table = file(folder.path(), "free.csv", text);
+    for columns in ["px,py,pz", "2,3,4"] {
+        let options = ["--time", "t", "--pose-columns", columns, "--time-unit", "s", "--position-unit", "mm"];
+        let read = bag(&table, &[&options[..], &["--force", "load", "--force-unit", "N"]].concat());
+        assert!(read.depths.is_empty() && read.poses.len() == 30 && read.forces.len() == 30, "{columns}");
+        let last = read.poses[29];
+        let wanted = [29e-5, 0.0, 17e-3 - 29e-4];
+        assert!(last.tip.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{columns}: {last:?}");
+        assert_eq!(last.axis, [0.0, 0.0, -1.0], "{columns}");
+    }
+    let (code, _, stderr) = import(&[word(&table), "--out", "never", "--pose-columns", "px,py"]);
+    assert!(code == 2 && stderr.contains("three columns"), "{code}: {stderr}");
+}
+
+#[test]
 fn what_is_not_there_is_asked_for() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("none");
