@@ -32,15 +32,15 @@ pub const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
 /// Internal-force kernel of one model: what never changes.
 #[derive(Debug)]
 pub struct Kernel<T: Real> {
-    tables: Arc<Tables<T>>,
+    pub(super) tables: Arc<Tables<T>>,
     /// Of the material of each region.
     pub(super) constants: Vec<Constants>,
 }
 
 /// What a shape table makes of a kernel, whatever the materials: the largest part of a model, shared by those of one cloud.
 #[derive(Debug)]
-struct Tables<T: Real> {
-    blocks: Vec<Block<T>>,
+pub(super) struct Tables<T: Real> {
+    pub blocks: Vec<Block<T>>,
     /// Block and slot of each integration point.
     slot: Vec<(u32, u32)>,
     /// Where each block's forces begin among those of all, and which of them are a node's.
@@ -48,8 +48,8 @@ struct Tables<T: Real> {
     force_shares: Shares,
     /// The same of the dilations.
     dilation_runs: Offsets,
-    dilation_shares: Shares,
-    projection: Projection<T>,
+    pub dilation_shares: Shares,
+    pub projection: Projection<T>,
     nodes: usize,
     volume_ratio: VolumeRatio,
 }
@@ -69,7 +69,7 @@ pub struct InternalForce {
 #[derive(Debug)]
 pub struct Points<T> {
     /// Share of each point that is tissue, by block and group: 1, or less where a needle fills its cell.
-    active: Vec<Vec<Lanes<T>>>,
+    pub(super) active: Vec<Vec<Lanes<T>>>,
 }
 
 impl<T: Clone> Clone for Points<T> {

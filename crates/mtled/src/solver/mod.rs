@@ -33,6 +33,7 @@ mod step;
 mod strip;
 mod surface;
 mod sync;
+mod team;
 mod vertices;
 mod work;
 
@@ -47,4 +48,5 @@ pub use slide::Rate;
 pub use state::{Role, State};
 pub use step::{Advance, Balance};
 pub use surface::{Inside, Shape};
+pub use team::{Members, Team};
 pub use work::StepWork;

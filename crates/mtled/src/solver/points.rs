@@ -143,6 +143,7 @@ pub trait PointLaw<T: Real> {
 }
 
 /// [`crate::material::neo_hookean`] in the kernel's own precision.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct NeoHookean<T> {
     mu: T,
     pointwise: T,
@@ -152,7 +153,7 @@ pub(super) struct NeoHookean<T> {
 
 impl<T: Real> NeoHookean<T> {
     #[inline(always)]
-    fn stiffness_of_lane(&self, f: &Gradient<T>) -> T {
+    pub(super) fn stiffness_of_lane(&self, f: &Gradient<T>) -> T {
         let cof = cofactor(f);
         let (j, lack) = clamped(determinant(f, &cof));
         let root = j.inverse_cube_root();
@@ -162,7 +163,7 @@ impl<T: Real> NeoHookean<T> {
     }
 
     #[inline(always)]
-    fn lane(&self, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
+    pub(super) fn lane(&self, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
         let cof = cofactor(f);
         let j = determinant(f, &cof);
         let (energy, own) = if self.resists_collapse {
