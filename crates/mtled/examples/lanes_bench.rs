@@ -15,9 +15,20 @@ fn main() {
     let domain = Domain::Cylinder { radius: 0.0175, height: 0.017 };
     let spacing = Spacing { far: 0.002, growth: 0.3, features: vec![feature.clone()] };
     let plane = cloud::meridian::meridian(&domain, &spacing).unwrap();
-    let settings = Settings { basis: Some(Basis::Quadratic { penalty: 1e-2 }), support_factor: 1.8, points_per_cell: 1, cells_per_point: 1 };
+    let settings = Settings {
+        basis: Some(Basis::Quadratic { penalty: 1e-2 }),
+        support_factor: 1.8,
+        points_per_cell: 1,
+        cells_per_point: 1,
+    };
     let held = |p: &[f64; 3], faces: u8, r: f64| {
-        if faces & BASE != 0 { Role::Base } else if p[0].hypot(p[1]) <= r && p[2] > 0.01 { Role::Instrument } else { Role::Free }
+        if faces & BASE != 0 {
+            Role::Base
+        } else if p[0].hypot(p[1]) <= r && p[2] > 0.01 {
+            Role::Instrument
+        } else {
+            Role::Free
+        }
     };
     let roles: Vec<Role> = plane.points.iter().zip(&plane.faces).map(|(p, f)| held(p, *f, 1e-9)).collect();
     let interp: Vec<bool> = roles.iter().map(|r| *r != Role::Free).collect();
@@ -35,10 +46,22 @@ fn main() {
 
 fn run(name: &str, table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], roles: Vec<Role>) {
     let law = |k: usize| Law::neo_hookean(1678.0 * (0.8 + 0.05 * k as f64), 83_340.0);
-    let settings = SolverSettings { law: law(0), volume_ratio: VolumeRatio::Projected, precision: Precision::F32, step_factor: 0.8, threads: 1 };
+    let settings = SolverSettings {
+        law: law(0),
+        volume_ratio: VolumeRatio::Projected,
+        precision: Precision::F32,
+        step_factor: 0.8,
+        threads: 1,
+    };
     let first = Solver::new(table, cells, points, roles.clone(), &settings);
     let work = first.work();
-    println!("{name}: {} nodes, {} points, {:.1} nodes a point, {:.0} flops", points.len(), table.volume.len(), work.support_nodes, work.flops);
+    println!(
+        "{name}: {} nodes, {} points, {:.1} nodes a point, {:.0} flops",
+        points.len(),
+        table.volume.len(),
+        work.support_nodes,
+        work.flops
+    );
     let new = |k: usize| Solver::of(Arc::new(first.model().with_laws(&[law(k)])), 1);
     let mut alone: Vec<Solver> = (0..8).map(new).collect();
     let mut together: Vec<Solver> = (0..8).map(new).collect();
@@ -70,10 +93,12 @@ fn run(name: &str, table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], 
             worst = worst.max((a - b).abs());
         }
     }
-    let mut all = together.iter_mut();
-    let mut members = std::array::from_fn(|_| all.next());
-    let t = team.bench(&mut members, poses);
-    println!("  gather {:.2} project {:.2} force {:.2} nodes {:.2}", 1e6*t[0]/f64::from(8*poses), 1e6*t[1]/f64::from(8*poses), 1e6*t[2]/f64::from(8*poses), 1e6*t[3]/f64::from(8*poses));
     let us = |t: f64| 1e6 * t / f64::from(8 * poses);
-    println!("  a member and step: alone {:.2} us, in a team {:.2} us, ratio {:.2}; off {:.2e} of the peak {peak:.3e}", us(one), us(eight), one / eight, worst / peak);
+    println!(
+        "  a member and step: alone {:.2} us, in a team {:.2} us, ratio {:.2}; off {:.2e} of the peak {peak:.3e}",
+        us(one),
+        us(eight),
+        one / eight,
+        worst / peak
+    );
 }

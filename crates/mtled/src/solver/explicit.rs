@@ -84,9 +84,8 @@ impl Solver {
         self.told = None;
     }
 
-    /// Evaluates the internal force of the present state once more if it was a [`super::Team`] that did it: deformation gradients and
-    /// stresses stand in this solver only afterwards.
-    pub fn leave_team(&mut self) {
+    /// What a step estimate begins from is what this solver's own memory holds.
+    fn leave_team(&mut self) {
         if self.told.is_some() {
             self.evaluate();
         }
@@ -309,21 +308,37 @@ impl Solver {
     /// Deformation gradient (row-major) of one integration point at the last evaluation.
     #[must_use]
     pub fn deformation(&self, point: usize) -> [f64; 9] {
-        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.deformation(scratch, point) })
+        let State { moving, points, .. } = &self.state;
+        with_kernel!((&self.model.kernel, &self.work.scratch, points) => (k, scratch, points) {
+            match self.told {
+                Some(_) => k.deformation_at(points, &moving.u, point),
+                None => k.deformation(scratch, point),
+            }
+        })
     }
 
     /// Strain energy that stands in one integration point at the last evaluation, without the projected volumetric part, J.
     #[must_use]
     pub fn energy_of(&self, point: usize) -> f64 {
-        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) {
-            k.energy_of(&self.state.moving.memory, scratch, point)
+        let State { moving: Moving { u, memory, .. }, points, .. } = &self.state;
+        with_kernel!((&self.model.kernel, &self.work.scratch, points) => (k, scratch, points) {
+            match self.told {
+                Some(_) => k.energy_at(points, u, memory, point),
+                None => k.energy_of(memory, scratch, point),
+            }
         })
     }
 
     /// Calls `visit(point, F, P, V)` for every integration point: F and first Piola-Kirchhoff stress (Pa) row-major,
-    /// volume in m^3.
+    /// volume in m^3. After a step of a team it evaluates all of them once more, in memory of its own.
     pub fn for_points(&self, visit: impl FnMut(usize, [f64; 9], [f64; 9], f64)) {
-        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) {
+        let evaluated = self.told.map(|_| {
+            let mut work = Workspace::new(&self.model, 1);
+            self.model.evaluate(&self.state, &mut work);
+            work
+        });
+        let work = evaluated.as_ref().unwrap_or(&self.work);
+        with_kernel!((&self.model.kernel, &work.scratch) => (k, scratch) {
             k.for_points(&self.state.moving.memory, scratch, visit);
         });
     }

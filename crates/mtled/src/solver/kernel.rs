@@ -42,7 +42,7 @@ pub struct Kernel<T: Real> {
 pub(super) struct Tables<T: Real> {
     pub blocks: Vec<Block<T>>,
     /// Block and slot of each integration point.
-    slot: Vec<(u32, u32)>,
+    pub slot: Vec<(u32, u32)>,
     /// Where each block's forces begin among those of all, and which of them are a node's.
     force_runs: Offsets,
     force_shares: Shares,

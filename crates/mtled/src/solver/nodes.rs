@@ -102,7 +102,14 @@ impl<'a> Nodes<'a> {
 
     /// All nodes of a state.
     pub fn all(state: &'a mut Moving) -> Self {
-        Self { first: 0, u: &mut state.u, q: &mut state.q, tangent: &mut state.tangent, f: &mut state.f, touch: &mut state.touch }
+        Self {
+            first: 0,
+            u: &mut state.u,
+            q: &mut state.q,
+            tangent: &mut state.tangent,
+            f: &mut state.f,
+            touch: &mut state.touch,
+        }
     }
 
     /// What these nodes contribute to the balance.

@@ -162,7 +162,7 @@ impl<T: Real> Lockstep<T> {
     }
 
     /// Pass 1 over all blocks.
-    pub fn gather(&mut self, u: &[&[[f64; 3]]; LANES]) {
+    fn gather(&mut self, u: &[&[[f64; 3]]; LANES]) {
         self.dilation.fill(Lanes::default());
         self.min_jacobian = Lanes::of(f64::MAX);
         for b in 0..self.common.points.len() {
@@ -171,7 +171,8 @@ impl<T: Real> Lockstep<T> {
             load(block, u, local_u);
             let here = &mut at_vertices[..block.vertices.len()];
             here.fill(Lanes::default());
-            let (table, active, u, deformation) = (&common.points[b], &active[b][..], &local_u[..], &mut deformation[b][..]);
+            let (table, active, u, deformation) =
+                (&common.points[b], &active[b][..], &local_u[..], &mut deformation[b][..]);
             match block_form(block) {
                 true => run(Deform::<_, true> { table, active, u, deformation, dilation: here, min: min_jacobian }),
                 false => run(Deform::<_, false> { table, active, u, deformation, dilation: here, min: min_jacobian }),
@@ -183,7 +184,7 @@ impl<T: Real> Lockstep<T> {
     }
 
     /// Pressures at the vertices.
-    pub fn project(&mut self, pool: &mut Pool) {
+    fn project(&mut self, pool: &mut Pool) {
         let Self { common, constants, dilation, pressure, projection, members, .. } = self;
         for k in 0..*members {
             if constants[k].iter().all(|c| c.projected <= 0.0) {

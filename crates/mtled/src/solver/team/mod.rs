@@ -6,6 +6,7 @@
 
 mod force;
 mod passes;
+mod point;
 mod table;
 
 use crate::number::LANES;
@@ -44,12 +45,14 @@ impl Team {
         let lanes = match models().next()?.kernel {
             Precise::F32(_) => {
                 let kernels: Vec<_> = models().map(single).collect::<Option<_>>()?;
-                let common = beside.and_then(|b| if let Precise::F32(l) = &b.lanes { Some(l.common().clone()) } else { None });
+                let common =
+                    beside.and_then(|b| if let Precise::F32(l) = &b.lanes { Some(l.common().clone()) } else { None });
                 Precise::F32(Lockstep::new(&kernels, common)?)
             }
             Precise::F64(_) => {
                 let kernels: Vec<_> = models().map(double).collect::<Option<_>>()?;
-                let common = beside.and_then(|b| if let Precise::F64(l) = &b.lanes { Some(l.common().clone()) } else { None });
+                let common =
+                    beside.and_then(|b| if let Precise::F64(l) = &b.lanes { Some(l.common().clone()) } else { None });
                 Precise::F64(Lockstep::new(&kernels, common)?)
             }
         };
@@ -93,29 +96,6 @@ impl Team {
     }
 
     /// Takes the steps from `first` to `last` of so many.
-    #[doc(hidden)]
-    pub fn bench(&mut self, members: &mut Members<'_>, n: u32) -> [f64; 4] {
-        let mut t = [0.0; 4];
-        for _ in 0..n {
-            let s = std::time::Instant::now();
-            let Some(any) = members.iter().flatten().next() else { return t };
-            let u = members.each_ref().map(|m| &m.as_deref().unwrap_or(any).state.moving.u[..]);
-            with_kernel!((&mut self.lanes) => (lanes) { lanes.gather(&u) });
-            t[0] += s.elapsed().as_secs_f64();
-            let s = std::time::Instant::now();
-            with_kernel!((&mut self.lanes) => (lanes) { lanes.project(&mut self.pool) });
-            t[1] += s.elapsed().as_secs_f64();
-            let s = std::time::Instant::now();
-            let mut f = members.each_mut().map(|m| m.as_mut().map(|m| &mut m.state.moving.f[..]));
-            with_kernel!((&mut self.lanes) => (lanes) { lanes.force(&mut f) });
-            t[2] += s.elapsed().as_secs_f64();
-            let s = std::time::Instant::now();
-            for (k, solver) in present(members) { let rule = solver.state.rule([1, 1, 1], [0.0, 0.0, 1e-6]); solver.model.integrate(&mut solver.state, 1, &rule); solver.model.sum_up(&mut solver.state, &rule); with_kernel!((&mut self.lanes, &solver.state.points) => (lanes, points) { lanes.set_active(k, points) }); }
-            t[3] += s.elapsed().as_secs_f64();
-        }
-        t
-    }
-
     fn march(&mut self, members: &mut Members<'_>, range: [u32; 3], travels: &[[f64; 3]; LANES]) {
         let [first, last, steps] = range;
         for (k, solver) in present(members) {

@@ -83,6 +83,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
                 }
             }
             deformation[point] = f;
+            let f = planar::<T, AXISYMMETRIC>(&f);
             let j = determinant(&f, &cofactor(&f));
             least = j.where_positive(active, least).min(least);
             let share = share_of_corner * active * Lanes::splat(table.volume[point]) * (j - one);
@@ -120,7 +121,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Stress<'_, T, AXISYMMETRIC> {
                 continue;
             }
             let pressure = projected_pressure::<T, AXISYMMETRIC>(pressure, &table.corners[point]);
-            let (density, stress) = laws.at(point, &deformation[point], pressure);
+            let (density, stress) = laws.at(point, &planar::<T, AXISYMMETRIC>(&deformation[point]), pressure);
             // what is no tissue to one member must not spoil it
             let here = volume * volume;
             sum += (volume * density).where_positive(here, zero);
@@ -160,6 +161,19 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Bound<'_, T, AXISYMMETRIC> {
             }
         }
     }
+}
+
+/// A deformation gradient with zeros that the compiler sees where a half plane has them.
+#[inline(always)]
+fn planar<T: Real, const AXISYMMETRIC: bool>(f: &Gradient<Lanes<T>>) -> Gradient<Lanes<T>> {
+    if !AXISYMMETRIC {
+        return *f;
+    }
+    let mut out = [Lanes::default(); 9];
+    for k in [0, 2, 4, 6, 8] {
+        out[k] = f[k];
+    }
+    out
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients, as in [`super::super::passes`].

@@ -1,0 +1,126 @@
+//! Siblings that take their poses together: the internal forces of up to eight are evaluated at once (`solver::team`).
+//!
+//! They have the number of steps in common: the most that one of them asks for. All else is each twin's own, so a twin that can't go
+//! with the others takes its pose alone: one that was lost, one with a jump to make in strides, or with friction along its needle. Trouble
+//! is a twin's own too: it goes back and tries again by itself, while the others' answers stand.
+
+use crate::instrument::{Contact, Tip};
+use mtled::solver::{self, Solver};
+
+use super::step::Move;
+use super::{Halt, Prediction, StampedPose, Twin};
+
+/// What siblings need to take their poses together.
+#[derive(Debug)]
+pub struct Team(solver::Team);
+
+/// Something of each place of a team; `None` where nobody takes part.
+pub type Places<T> = [Option<T>; Team::MOST];
+
+/// A twin on its way to a pose.
+type OnItsWay = Places<(Tip, Move)>;
+
+impl Team {
+    /// Most twins of a team.
+    pub const MOST: usize = solver::Team::MOST;
+
+    /// A team of up to eight siblings ([`Twin::sibling`]), who keep their places in it; `None` for twins that are none, for a needle with
+    /// friction, and for a law that relaxes or is not the neo-Hookean with quadratic volumetric energy. Of another team on the same
+    /// cloud it shares what it can.
+    #[must_use]
+    pub fn new(twins: &[&Twin], beside: Option<&Self>) -> Option<Self> {
+        if twins.iter().any(|twin| matches!(twin.contact, None | Some(Contact::Frictional(_)))) {
+            return None;
+        }
+        let mut solvers = twins.iter().map(|twin| &twin.solver);
+        // a vector of no more than eight
+        let solvers: Vec<&Solver> = solvers.by_ref().take(Self::MOST + 1).collect();
+        solver::Team::new(&solvers, beside.map(|team| &team.0)).map(Self)
+    }
+
+    /// [`Twin::follow`] of each twin, to a pose of its own.
+    ///
+    /// Allocates nothing, takes no lock, and stays on the caller's thread.
+    pub fn follow(
+        &mut self,
+        twins: &mut Places<&mut Twin>,
+        poses: &[StampedPose; Self::MOST],
+    ) -> Places<Result<Prediction, Halt>> {
+        self.walk(twins, poses, Twin::admit_next)
+    }
+
+    /// [`Twin::step`] of each twin.
+    pub fn step(
+        &mut self,
+        twins: &mut Places<&mut Twin>,
+        poses: &[StampedPose; Self::MOST],
+    ) -> Places<Result<Prediction, Halt>> {
+        self.walk(twins, poses, Twin::admit)
+    }
+
+    fn walk(
+        &mut self,
+        twins: &mut Places<&mut Twin>,
+        poses: &[StampedPose; Self::MOST],
+        admit: fn(&Twin, &StampedPose) -> Result<Tip, Halt>,
+    ) -> Places<Result<Prediction, Halt>> {
+        let (mut answers, mut ways) = ([const { None }; Self::MOST], [None; Self::MOST]);
+        for (k, twin) in twins.iter_mut().enumerate() {
+            let Some(twin) = twin else { continue };
+            match admit(twin, &poses[k]) {
+                Ok(tip) if twin.goes_at_once(&tip) => {
+                    twin.happened.begin();
+                    ways[k] = Some((tip, twin.set_out(poses[k].time_s, &tip)));
+                }
+                Ok(_) => answers[k] = Some(twin.step(poses[k])),
+                Err(halt) => answers[k] = Some(Err(halt)),
+            }
+        }
+        self.advance(twins, poses, &mut ways);
+        for (k, twin) in twins.iter_mut().enumerate() {
+            if let (Some(twin), Some((tip, way))) = (twin, &ways[k]) {
+                let outcome = twin.end(poses[k].time_s, tip, way);
+                answers[k] = Some(twin.close(poses[k].time_s, tip.depth, outcome));
+            }
+        }
+        answers
+    }
+
+    /// Takes the steps of all that are on their way, the most that one of them asks for.
+    fn advance(&mut self, twins: &mut Places<&mut Twin>, poses: &[StampedPose; Self::MOST], ways: &mut OnItsWay) {
+        let steps = ways.iter().flatten().map(|(_, way)| way.steps).max().unwrap_or(0);
+        if steps == 0 {
+            return;
+        }
+        let travel = ways.map(|way| way.map_or([0.0; 3], |(_, way)| way.travel));
+        ways.iter_mut().flatten().for_each(|(_, way)| way.steps = steps);
+        let mut places = poses.iter().zip(&*ways);
+        let mut members = twins.each_mut().map(|twin| {
+            let (pose, way) = places.next()?;
+            let twin = twin.as_deref_mut().filter(|_| way.is_some())?;
+            twin.solver.relax_until(pose.time_s);
+            Some(&mut twin.solver)
+        });
+        self.0.advance(&mut members, steps, &travel);
+    }
+}
+
+impl Twin {
+    /// Whether a pose is one move, and nothing is in the way of making it with others.
+    fn goes_at_once(&self, tip: &Tip) -> bool {
+        self.progress.lost.is_none() && self.way(tip).places().next().is_none()
+    }
+
+    /// The answer to a pose for which a team has taken the steps.
+    fn end(&mut self, time_s: f64, tip: &Tip, way: &Move) -> Result<Prediction, Halt> {
+        let mut answer = if way.steps == 0 {
+            self.stay(time_s, tip, way.phase)
+        } else {
+            let balance = self.make_safe(way.steps, tip, way.phase, time_s)?;
+            self.progress.pace.judge(&balance, way.moves);
+            self.arrive(time_s, tip, way.phase, &balance, way.steps)
+        };
+        answer.event = self.happened.first();
+        Ok(answer)
+    }
+}
