@@ -9,6 +9,12 @@ use super::table::PointTable;
 use crate::number::lanes::{LANES, Lanes, Loop};
 use crate::number::{Number, Real};
 
+/// Bytes of a line of the cache, and how far ahead gradients are asked for.
+#[cfg(all(target_arch = "x86_64", not(miri)))]
+const LINE: usize = 64;
+#[cfg(all(target_arch = "x86_64", not(miri)))]
+const AHEAD: usize = 2048;
+
 /// A number of each member at each of a vector's components.
 pub type Vectors<T> = [Lanes<T>; 3];
 
@@ -73,6 +79,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
         let mut least = *min;
         for point in 0..table.len() {
             let visits = table.visits(point);
+            prefetch(&table.gradient[visits.clone()]);
             let mut f = gather::<T, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], u);
             let (active, scale) = (active[point], Lanes::splat(table.scale[point]));
             for k in 0..9 {
@@ -83,7 +90,6 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
                 }
             }
             deformation[point] = f;
-            let f = planar::<T, AXISYMMETRIC>(&f);
             let j = determinant(&f, &cofactor(&f));
             least = j.where_positive(active, least).min(least);
             let share = share_of_corner * active * Lanes::splat(table.volume[point]) * (j - one);
@@ -121,7 +127,9 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Stress<'_, T, AXISYMMETRIC> {
                 continue;
             }
             let pressure = projected_pressure::<T, AXISYMMETRIC>(pressure, &table.corners[point]);
-            let (density, stress) = laws.at(point, &planar::<T, AXISYMMETRIC>(&deformation[point]), pressure);
+            let f = &deformation[point];
+            let (density, stress) =
+                if AXISYMMETRIC { laws.at(point, &planar(f), pressure) } else { laws.at(point, f, pressure) };
             // what is no tissue to one member must not spoil it
             let here = volume * volume;
             sum += (volume * density).where_positive(here, zero);
@@ -131,6 +139,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Stress<'_, T, AXISYMMETRIC> {
                 *spread = (factor * stress).where_positive(here, zero);
             }
             let visits = table.visits(point);
+            prefetch(&table.gradient[visits.clone()]);
             scatter::<T, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], &spread, force);
         }
         *energy = sum;
@@ -165,10 +174,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Bound<'_, T, AXISYMMETRIC> {
 
 /// A deformation gradient with zeros that the compiler sees where a half plane has them.
 #[inline(always)]
-fn planar<T: Real, const AXISYMMETRIC: bool>(f: &Gradient<Lanes<T>>) -> Gradient<Lanes<T>> {
-    if !AXISYMMETRIC {
-        return *f;
-    }
+fn planar<T: Real>(f: &Gradient<Lanes<T>>) -> Gradient<Lanes<T>> {
     let mut out = [Lanes::default(); 9];
     for k in [0, 2, 4, 6, 8] {
         out[k] = f[k];
@@ -224,4 +230,22 @@ fn scatter<T: Real, const AXISYMMETRIC: bool>(
             }
         }
     }
+}
+
+/// Asks for the gradients of a later point, as [`super::super::passes`] does for those of a later visit.
+#[inline(always)]
+#[allow(unsafe_code)] // an instruction of the processor
+fn prefetch<T>(gradient: &[[T; 3]]) {
+    #[cfg(all(target_arch = "x86_64", not(miri)))]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let bytes = size_of_val(gradient);
+        let first = gradient.as_ptr().cast::<i8>();
+        for line in (0..bytes).step_by(LINE) {
+            // SAFETY: a hint; the address need not be valid.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(AHEAD + line)) };
+        }
+    }
+    #[cfg(not(all(target_arch = "x86_64", not(miri))))]
+    let _ = gradient;
 }
