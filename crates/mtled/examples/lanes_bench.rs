@@ -41,7 +41,9 @@ fn main() {
     let roles: Vec<Role> = c.points.iter().zip(&c.faces).map(|(p, f)| held(p, *f, 1e-9)).collect();
     let interp: Vec<bool> = roles.iter().map(|r| *r != Role::Free).collect();
     let table = Approximation::new(&c.points, &c.cells, interp, settings).table().unwrap();
-    if std::env::args().nth(1).is_none() { run("space", &table, &c.cells, &c.points, roles); }
+    if std::env::args().nth(1).is_none() {
+        run("space", &table, &c.cells, &c.points, roles);
+    }
 }
 
 fn run(name: &str, table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], roles: Vec<Role>) {

@@ -70,15 +70,18 @@ pub struct InternalForce {
 pub struct Points<T> {
     /// Share of each point that is tissue, by block and group: 1, or less where a needle fills its cell.
     pub(super) active: Vec<Vec<Lanes<T>>>,
+    /// How often that has changed.
+    pub(super) changes: u64,
 }
 
 impl<T: Clone> Clone for Points<T> {
     fn clone(&self) -> Self {
-        Self { active: self.active.clone() }
+        Self { active: self.active.clone(), changes: self.changes }
     }
 
     fn clone_from(&mut self, other: &Self) {
         self.active.clone_from(&other.active);
+        self.changes += 1;
     }
 }
 
@@ -172,7 +175,7 @@ impl<T: Real> Kernel<T> {
 
     /// All points tissue.
     pub(super) fn points(&self) -> Points<T> {
-        Points { active: self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect() }
+        Points { active: self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect(), changes: 0 }
     }
 
     /// What a material that relaxes remembers at first, by block.
@@ -196,6 +199,7 @@ impl<T: Real> Kernel<T> {
     pub(super) fn set_active(&self, points: &mut Points<T>, point: usize, share: f64) {
         let (b, s) = self.tables.slot[point];
         points.active[b as usize][s as usize / LANES].0[s as usize % LANES] = T::of(share);
+        points.changes += 1;
     }
 
     /// Smallest volume ratio of any integration point at the last evaluation.

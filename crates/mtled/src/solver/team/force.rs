@@ -31,6 +31,8 @@ pub struct Lockstep<T: Real> {
     laws: Vec<Laws<T>>,
     /// Of each member by region.
     constants: Vec<Vec<Constants>>,
+    /// At which of its changes a member's shares of the points were taken over.
+    seen: [Option<u64>; LANES],
     /// Share of each point that is tissue, by block.
     active: Vec<Vec<Lanes<T>>>,
     deformation: Vec<Vec<Gradient<Lanes<T>>>>,
@@ -73,6 +75,7 @@ impl<T: Real> Lockstep<T> {
         let most = |size: fn(&Block<T>) -> usize| tables.blocks.iter().map(size).max().unwrap_or(0);
         Some(Self {
             members: kernels.len(),
+            seen: [None; LANES],
             laws,
             constants: kernels.iter().map(|k| k.constants.clone()).collect(),
             active: points.iter().map(|p| vec![Lanes::of(1.0); p.len()]).collect(),
@@ -96,6 +99,9 @@ impl<T: Real> Lockstep<T> {
 
     /// Takes over which share of each point is tissue to a member.
     pub fn set_active(&mut self, member: usize, points: &Points<T>) {
+        if self.seen[member].replace(points.changes) == Some(points.changes) {
+            return;
+        }
         for ((active, table), of_block) in self.active.iter_mut().zip(&self.common.points).zip(&points.active) {
             for (active, &slot) in active.iter_mut().zip(&table.slot) {
                 active.0[member] = of_block[slot as usize / LANES].0[slot as usize % LANES];

@@ -19,7 +19,7 @@ const AHEAD: usize = 2048;
 pub type Vectors<T> = [Lanes<T>; 3];
 
 /// The laws of eight members in one region.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Laws<T>(pub [NeoHookean<T>; LANES]);
 
 impl<T: Real> PointLaw<T> for Laws<T> {
@@ -79,7 +79,9 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
         let mut least = *min;
         for point in 0..table.len() {
             let visits = table.visits(point);
-            prefetch(&table.gradient[visits.clone()]);
+            if !AXISYMMETRIC {
+                prefetch(&table.gradient[visits.clone()]);
+            }
             let mut f = gather::<T, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], u);
             let (active, scale) = (active[point], Lanes::splat(table.scale[point]));
             for k in 0..9 {
@@ -120,6 +122,8 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Stress<'_, T, AXISYMMETRIC> {
     fn go(self) {
         let Self { table, laws, active, deformation, pressure, force, energy } = self;
         let zero = Lanes::default();
+        // a copy of the loop's own, which nothing that it writes can change
+        let laws = *laws;
         let mut sum = zero;
         for point in 0..table.len() {
             let volume = active[point] * Lanes::splat(table.volume[point]);
@@ -139,7 +143,9 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Stress<'_, T, AXISYMMETRIC> {
                 *spread = (factor * stress).where_positive(here, zero);
             }
             let visits = table.visits(point);
-            prefetch(&table.gradient[visits.clone()]);
+            if !AXISYMMETRIC {
+                prefetch(&table.gradient[visits.clone()]);
+            }
             scatter::<T, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], &spread, force);
         }
         *energy = sum;
@@ -232,7 +238,8 @@ fn scatter<T: Real, const AXISYMMETRIC: bool>(
     }
 }
 
-/// Asks for the gradients of a later point, as [`super::super::passes`] does for those of a later visit.
+/// Asks for the gradients of a later point, as [`super::super::passes`] does for those of a later visit; those of a half plane stay in the
+/// second cache.
 #[inline(always)]
 #[allow(unsafe_code)] // an instruction of the processor
 fn prefetch<T>(gradient: &[[T; 3]]) {
