@@ -124,3 +124,50 @@ impl Twin {
         Ok(answer)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::scene::{Override, Scene};
+    use mtled::solver::Advance;
+
+    fn depth(team: &mut Team, twins: &mut [Twin], pose: u32) -> Vec<Prediction> {
+        let depth_m = 1e-5 * f64::from(pose);
+        let at = |twin: &Twin| StampedPose { time_s: 1e-3 * f64::from(pose), pose: twin.pose_at_depth(depth_m) };
+        let poses = [at(&twins[0]); Team::MOST];
+        let mut all = twins.iter_mut();
+        let answers = team.step(&mut std::array::from_fn(|_| all.next()), &poses);
+        answers.into_iter().flatten().map(Result::unwrap).collect()
+    }
+
+    /// Numbers that are lost in one member come back from its saved state, and the others never see it.
+    #[test]
+    fn trouble_stays_with_the_member_that_has_it() {
+        let coarse = [Override::text("discretisation.spacing_m", "0.004", "test")];
+        let first = Twin::new(&Scene::preset("compression").unwrap().with(&coarse).unwrap()).unwrap();
+        let softer = Override::typed("material.shear_modulus_pa", 1500.0, "test");
+        let other = first.scene().with(&[softer]).unwrap();
+        let [mut twins, mut control] = [0, 1].map(|_| vec![first.double(), first.sibling(&other).unwrap()]);
+        let mut teams = [&twins, &control].map(|t| Team::new(&[&t[0], &t[1]], None).unwrap());
+        for pose in 1..100 {
+            depth(&mut teams[0], &mut twins, pose);
+            depth(&mut teams[1], &mut control, pose);
+        }
+        let lost = &mut twins[0].solver;
+        (0..lost.roles().len()).for_each(|n| lost.prescribe(n, [f64::NAN; 3]));
+        lost.advance(&Advance { steps: 1, travel: [0.0; 3] });
+        assert!(!lost.balance().strain.is_finite());
+        let (found, expected) = (depth(&mut teams[0], &mut twins, 100), depth(&mut teams[1], &mut control, 100));
+        assert_eq!((twins[0].recoveries(), twins[1].recoveries()), (1, 0));
+        assert_eq!(found[1], expected[1]);
+        let [a, b] = [&found, &expected].map(|answers| answers[0].force_n[2]);
+        assert!(b > 1e-3 && (a / b - 1.0).abs() < 0.05, "{a} N, {b} N without the loss");
+        // and go on together
+        for pose in 101..130 {
+            let [a, b] = [(0, &mut twins), (1, &mut control)].map(|(t, twins)| depth(&mut teams[t], twins, pose));
+            let close = |k: usize| (a[k].force_n[2] / b[k].force_n[2] - 1.0).abs() < 0.05;
+            assert!(close(0) && close(1), "{a:?} {b:?}");
+        }
+    }
+}
