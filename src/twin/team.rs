@@ -1,8 +1,8 @@
 //! Siblings that take their poses together: the internal forces of up to eight are evaluated at once (`solver::team`).
 //!
-//! They have the number of steps in common: the most that one of them asks for. All else is each twin's own, so a twin that can't go
-//! with the others takes its pose alone: one that was lost, one with a jump to make in strides, or with friction along its needle. Trouble
-//! is a twin's own too: it goes back and tries again by itself, while the others' answers stand.
+//! All else is each twin's own, the number of its steps as well, so a twin that can't go with the others takes its pose alone: one that
+//! was lost, or has a jump to make in strides. Trouble is a twin's own too: it goes back and tries again by itself, while the others'
+//! answers stand.
 
 use crate::instrument::{Contact, Tip};
 use mtled::solver::{self, Solver};
@@ -17,8 +17,8 @@ pub struct Team(solver::Team);
 /// Something of each place of a team; `None` where nobody takes part.
 pub type Places<T> = [Option<T>; Team::MOST];
 
-/// A twin on its way to a pose.
-type OnItsWay = Places<(Tip, Move)>;
+/// Those that are on their way to a pose, and how.
+type OnTheirWay = Places<(Tip, Move)>;
 
 impl Team {
     /// Most twins of a team.
@@ -32,9 +32,7 @@ impl Team {
         if twins.iter().any(|twin| matches!(twin.contact, None | Some(Contact::Frictional(_)))) {
             return None;
         }
-        let mut solvers = twins.iter().map(|twin| &twin.solver);
-        // a vector of no more than eight
-        let solvers: Vec<&Solver> = solvers.by_ref().take(Self::MOST + 1).collect();
+        let solvers: Vec<&Solver> = twins.iter().map(|twin| &twin.solver).collect();
         solver::Team::new(&solvers, beside.map(|team| &team.0)).map(Self)
     }
 
@@ -76,7 +74,7 @@ impl Team {
                 Err(halt) => answers[k] = Some(Err(halt)),
             }
         }
-        self.advance(twins, poses, &mut ways);
+        self.advance(twins, poses, &ways);
         for (k, twin) in twins.iter_mut().enumerate() {
             if let (Some(twin), Some((tip, way))) = (twin, &ways[k]) {
                 let outcome = twin.end(poses[k].time_s, tip, way);
@@ -86,22 +84,18 @@ impl Team {
         answers
     }
 
-    /// Takes the steps of all that are on their way, the most that one of them asks for.
-    fn advance(&mut self, twins: &mut Places<&mut Twin>, poses: &[StampedPose; Self::MOST], ways: &mut OnItsWay) {
-        let steps = ways.iter().flatten().map(|(_, way)| way.steps).max().unwrap_or(0);
-        if steps == 0 {
-            return;
-        }
+    /// Takes the steps of all that are on their way.
+    fn advance(&mut self, twins: &mut Places<&mut Twin>, poses: &[StampedPose; Self::MOST], ways: &OnTheirWay) {
+        let steps = ways.map(|way| way.map_or(0, |(_, way)| way.steps));
         let travel = ways.map(|way| way.map_or([0.0; 3], |(_, way)| way.travel));
-        ways.iter_mut().flatten().for_each(|(_, way)| way.steps = steps);
-        let mut places = poses.iter().zip(&*ways);
+        let mut places = poses.iter().zip(steps);
         let mut members = twins.each_mut().map(|twin| {
-            let (pose, way) = places.next()?;
-            let twin = twin.as_deref_mut().filter(|_| way.is_some())?;
+            let (pose, steps) = places.next()?;
+            let twin = twin.as_deref_mut().filter(|_| steps > 0)?;
             twin.solver.relax_until(pose.time_s);
             Some(&mut twin.solver)
         });
-        self.0.advance(&mut members, steps, &travel);
+        self.0.advance(&mut members, &steps, &travel);
     }
 }
 

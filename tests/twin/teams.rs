@@ -90,10 +90,6 @@ fn off(scene: &Scene, keys: &[&str], depth_m: f64, way_m: f64, rests: u32) -> f6
         let answers: Vec<Prediction> = answers.into_iter().map(Result::unwrap).collect();
         for (twin, answer) in own.iter_mut().zip(&answers) {
             let single = twin.step(at(twin, pose, depth)).unwrap();
-            assert!(
-                answer.steps == answers[0].steps && answer.steps >= single.steps.min(1),
-                "one number of steps for all"
-            );
             peak = peak.max(single.force_n[2].abs());
             off = off.max((single.force_n[2] - answer.force_n[2]).abs());
             apart = apart.max((answer.force_n[2] - answers[0].force_n[2]).abs());

@@ -93,7 +93,7 @@ fn measure(name: &str, table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3
         seconds[0] += start.elapsed().as_secs_f64();
         let start = Instant::now();
         let mut all = together.iter_mut();
-        team.advance(&mut std::array::from_fn(|_| all.next()), 1, &[travel; Team::MOST]);
+        team.advance(&mut std::array::from_fn(|_| all.next()), &[1; Team::MOST], &[travel; Team::MOST]);
         seconds[1] += start.elapsed().as_secs_f64();
     }
     let force = |s: &Solver| s.balance().instrument[2];

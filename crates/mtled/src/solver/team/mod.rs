@@ -1,8 +1,8 @@
 //! Several solvers of one cloud, stepped together: their internal forces are evaluated at once, with members in the lanes.
 //!
-//! All else is each member's own, as it is alone: what holds its nodes, its masses, its damping, its step. So a member that leaves the
-//! team for a while, to find out of trouble, needs nothing but its own solver. What they have in common is the number of steps and when
-//! masses are brought up to date.
+//! All else is each member's own, as it is alone: what holds its nodes, its masses, its damping, the number of its steps. So a member
+//! that leaves the team for a while, to find out of trouble, needs nothing but its own solver. What they have in common is when masses are
+//! brought up to date: as soon as those of one are due.
 
 mod force;
 mod passes;
@@ -59,28 +59,35 @@ impl Team {
         Some(Self { lanes, pool: Pool::new(1), holds: [false; LANES] })
     }
 
-    /// Takes every member's own advance, in so many steps each ([`Solver::refresh_if_due`] and [`Solver::advance`]). A member whose numbers are lost says so
-    /// in its balance.
-    pub fn advance(&mut self, members: &mut Members<'_>, steps: u32, travel: &[[f64; 3]; LANES]) {
-        let Some(first) = members.iter().flatten().next() else { return };
-        debug_assert!(members.iter().flatten().all(|m| m.model.is_like(&first.model)));
-        self.refresh_if_due(members);
+    /// Takes every member's own advance, each in its own number of steps ([`Solver::refresh_if_due`] and [`Solver::advance`]); one without
+    /// steps is to take no part. A member whose numbers are lost says so in its balance.
+    pub fn advance(&mut self, members: &mut Members<'_>, steps: &[u32; LANES], travel: &[[f64; 3]; LANES]) {
+        let Some(any) = members.iter().flatten().next() else { return };
+        debug_assert!(members.iter().flatten().all(|m| m.model.is_like(&any.model)));
+        let steps = std::array::from_fn(|k| if members[k].is_some() { steps[k] } else { 0 });
+        let most = steps.into_iter().max().unwrap_or(0);
+        self.refresh_if_due(members, &steps.map(|steps| steps > 0));
         let mut travels = [[0.0; 3]; LANES];
         for (k, solver) in present(members) {
-            travels[k] = solver.model.set_out(&mut solver.state, &Advance { steps, travel: travel[k] });
+            travels[k] = solver.model.set_out(&mut solver.state, &Advance { steps: steps[k], travel: travel[k] });
             with_kernel!((&mut self.lanes, &solver.state.points) => (lanes, points) { lanes.set_active(k, points) });
         }
         let mut first = 1;
-        while first <= steps {
+        while first <= most {
+            let going = steps.map(|steps| steps >= first);
             if first > 1 {
-                self.refresh_if_due(members);
+                self.refresh_if_due(members, &going);
             }
-            let due = members.iter().flatten().map(|m| REFRESH.saturating_sub(m.state.control.steps_since_refresh));
-            let last = steps.min(first - 1 + due.min().unwrap_or(1).max(1));
-            self.march(members, [first, last, steps], &travels);
+            let due = |(k, m): (usize, &mut Solver)| {
+                going[k].then(|| REFRESH.saturating_sub(m.state.control.steps_since_refresh))
+            };
+            let due = present(members).filter_map(due).min().unwrap_or(1).max(1);
+            let last = most.min(first - 1 + due);
+            self.march(members, [first, last], &steps, &travels);
             first = last + 1;
-            if first <= steps && members.iter().flatten().any(|m| m.work.is_stopped()) {
-                members.iter_mut().flatten().for_each(|m| m.state.control.sums.fill(Sums::LOST));
+            if first <= most && members.iter().flatten().any(|m| m.work.is_stopped()) {
+                let left = present(members).filter(|(k, _)| steps[*k] >= first);
+                left.for_each(|(_, m)| m.state.control.sums.fill(Sums::LOST));
                 break;
             }
         }
@@ -95,26 +102,32 @@ impl Team {
         with_kernel!((&self.lanes) => (lanes) { Told { energy: lanes.energy(k), min_jacobian: lanes.min_jacobian(k) } })
     }
 
-    /// Takes the steps from `first` to `last` of so many.
-    fn march(&mut self, members: &mut Members<'_>, range: [u32; 3], travels: &[[f64; 3]; LANES]) {
-        let [first, last, steps] = range;
-        for (k, solver) in present(members) {
-            let rule = solver.state.rule(range, travels[k]);
-            solver.model.integrate(&mut solver.state, first, &rule);
-        }
-        for step in first..=last {
-            self.evaluate(members);
-            for (k, solver) in present(members) {
-                let rule = solver.state.rule(range, travels[k]);
-                if step < last {
+    /// Takes the steps from `first` to `last` of those that each member has. One that has no more stays where it is.
+    fn march(
+        &mut self,
+        members: &mut Members<'_>,
+        [first, last]: [u32; 2],
+        steps: &[u32; LANES],
+        travels: &[[f64; 3]; LANES],
+    ) {
+        for step in first - 1..=last {
+            if step >= first {
+                self.evaluate(members);
+            }
+            for (k, solver) in present(members).filter(|(k, _)| steps[*k] >= step.max(first)) {
+                let own_last = last.min(steps[k]);
+                let rule = solver.state.rule([first, own_last, steps[k]], travels[k]);
+                if step < own_last {
                     solver.model.integrate(&mut solver.state, step + 1, &rule);
                 }
-                if step == steps {
+                if step == steps[k] {
                     solver.model.sum_up(&mut solver.state, &rule);
                 }
             }
         }
-        members.iter_mut().flatten().for_each(|m| m.state.control.steps_since_refresh += last + 1 - first);
+        for (k, solver) in present(members).filter(|(k, _)| steps[*k] >= first) {
+            solver.state.control.steps_since_refresh += last.min(steps[k]) + 1 - first;
+        }
     }
 
     /// Internal force of each member at its nodal parameters.
@@ -136,16 +149,16 @@ impl Team {
         self.holds = members.each_ref().map(Option::is_some);
     }
 
-    /// [`Model::refresh_step`] of all if one of them is due.
-    fn refresh_if_due(&mut self, members: &mut Members<'_>) {
-        if members.iter().flatten().all(|m| m.state.control.steps_since_refresh < REFRESH) {
+    /// [`Model::refresh_step`] of all that are going if one of them is due.
+    fn refresh_if_due(&mut self, members: &mut Members<'_>, going: &[bool; LANES]) {
+        if present(members).all(|(k, m)| !going[k] || m.state.control.steps_since_refresh < REFRESH) {
             return;
         }
         if members.iter().zip(self.holds).any(|(m, held)| m.as_ref().is_some_and(|m| !held || m.told.is_none())) {
             self.deform(members, |m| &m.state.moving.u);
         }
         with_kernel!((&mut self.lanes) => (lanes) { lanes.bound(&mut images(members)) });
-        for solver in members.iter_mut().flatten() {
+        for (_, solver) in present(members).filter(|(k, _)| going[*k]) {
             let (model, control) = (&solver.model, &mut solver.state.control);
             control.steps_since_refresh = 0;
             for (mass, bound) in control.mass.iter_mut().zip(&solver.work.image) {
@@ -154,15 +167,21 @@ impl Team {
             control.slowest = model.slowest(&control.mass);
             solver.state.mix_motion_into_probe();
         }
-        self.probe(members);
-        members.iter_mut().flatten().for_each(|m| m.model.follow_largest(&mut m.state));
+        self.probe(members, going);
+        let gone = present(members).filter(|(k, _)| going[*k]);
+        gone.for_each(|(_, m)| m.model.follow_largest(&mut m.state));
     }
 
-    /// One power iteration each.
-    fn probe(&mut self, members: &mut Members<'_>) {
+    /// One power iteration of each that is going.
+    fn probe(&mut self, members: &mut Members<'_>, going: &[bool; LANES]) {
         let mut aside = [false; LANES];
         for (k, solver) in present(members) {
-            aside[k] = solver.model.move_aside(&mut solver.state, &mut solver.work.image);
+            let Solver { model, state, work, .. } = solver;
+            if going[k] {
+                aside[k] = model.move_aside(state, &mut work.image);
+            } else {
+                work.image.copy_from_slice(&state.moving.u);
+            }
         }
         self.deform(members, |m| &m.work.image);
         with_kernel!((&mut self.lanes) => (lanes) { lanes.force(&mut images(members)) });
