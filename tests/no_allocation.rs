@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use coarse::scene;
 use needle_twin::scene::Scene;
-use needle_twin::twin::{Phase, StampedPose, Twin};
+use needle_twin::twin::{Phase, StampedPose, Team, Twin};
 
 /// The system's allocator, counting while told to. Freed memory counts too: a real-time loop must do neither.
 struct Counting;
@@ -138,7 +138,32 @@ fn main() {
         return;
     }
     a_step_allocates_nothing();
+    a_step_of_a_team_allocates_nothing();
     println!("test {NAME} ... ok");
+}
+
+/// Siblings that step together, one of which jumps now and then.
+fn a_step_of_a_team_allocates_nothing() {
+    let changes = [&HALF_PLANE[..], &[("instrument.deformation_coefficient", "0.3")]].concat();
+    let first = on_two_threads(&scene("needle_insertion", &HALF_PLANE));
+    let other = scene("needle_insertion", &changes);
+    let mut twins: Vec<Twin> = (0..Team::MOST).map(|_| first.sibling(&other).unwrap()).collect();
+    let mut team = Team::new(&twins.iter().collect::<Vec<_>>(), None).unwrap();
+    let mut steps = 0;
+    for pose in 1..=120 {
+        let depth = |k: usize| if k == 2 && pose % 30 == 0 { 1e-3 } else { 2e-5 * f64::from(pose) };
+        let at = |k: usize| StampedPose { time_s: 0.01 * f64::from(pose), pose: first.pose_at_depth(depth(k)) };
+        let poses = std::array::from_fn(at);
+        let mut all = twins.iter_mut();
+        let mut places = std::array::from_fn(|_| all.next());
+        let before = CALLS.load(Ordering::SeqCst);
+        COUNTS.store(true, Ordering::SeqCst);
+        let answers = team.step(&mut places, &poses);
+        COUNTS.store(false, Ordering::SeqCst);
+        assert_eq!(CALLS.load(Ordering::SeqCst) - before, 0, "pose {pose} of a team allocates");
+        steps += answers.iter().flatten().map(|answer| answer.as_ref().unwrap().steps).sum::<u32>();
+    }
+    assert!(steps > 1000, "{steps}");
 }
 
 fn a_step_allocates_nothing() {

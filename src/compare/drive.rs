@@ -107,7 +107,7 @@ pub fn drive(
                 watch.progress(done, Some(&answer));
             }
             Ok(prediction) => {
-                collector.diverged(format!("the force is not finite at depth {:.6} m", prediction.depth_m));
+                collector.diverged(not_finite(prediction.depth_m));
                 break;
             }
             Err(Halt::Pose { reason }) => {
@@ -127,7 +127,13 @@ pub fn drive(
     collector.finish(twin)
 }
 
-fn stamped(twin: &Twin, reading: Reading) -> StampedPose {
+/// What a run says that has lost its numbers.
+pub(super) fn not_finite(depth_m: f64) -> String {
+    format!("the force is not finite at depth {depth_m:.6} m")
+}
+
+/// The pose of a reading.
+pub(super) fn stamped(twin: &Twin, reading: Reading) -> StampedPose {
     let pose = match reading.at {
         At::Depth(depth_m) => twin.pose_at_depth(depth_m),
         At::Pose(pose) => pose,

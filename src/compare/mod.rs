@@ -21,6 +21,7 @@ pub mod verdict;
 
 pub use collector::{Collector, Keep};
 pub use drive::{At, Reading, Watch, build, build_beside, build_on, drive};
+use drive::{not_finite, stamped};
 pub use legs::Legs;
 pub use metrics::{ForceMetrics, Latency};
 pub use regions::Depths;

@@ -40,6 +40,11 @@ impl Twin {
         // after the estimate, which takes the force of the last step for that of the present state
         self.solver.relax_until(time_s);
         self.solver.advance(&Advance { steps, travel });
+        self.make_safe(steps, tip, phase, time_s)
+    }
+
+    /// What has to follow an advance of so many steps: on trouble the way back.
+    pub(super) fn make_safe(&mut self, steps: u32, tip: &Tip, phase: Phase, time_s: f64) -> Result<Balance, Halt> {
         self.progress.steps_since_save += steps;
         let mut balance = self.solver.balance();
         let mut finer = steps.max(SAVE);

@@ -18,6 +18,7 @@ mod recover;
 mod regions;
 mod sibling;
 mod step;
+mod team;
 #[cfg(test)]
 mod tests;
 mod tissue;
@@ -38,6 +39,7 @@ pub use body::{Body, PATH_SPACING};
 pub use happened::Happening;
 pub use health::Health;
 pub use look_ahead::Motion;
+pub use team::{Places, Team};
 pub use work::Work;
 
 use folds::Folds;

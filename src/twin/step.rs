@@ -22,6 +22,17 @@ const SYMMETRIC: f64 = 2e-3;
 /// Steps between two measurements of the constraint error and of what has folded.
 const LOOK: u64 = 64;
 
+/// What a place that the instrument goes to is worth.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Move {
+    /// Way that the tissue is taken along, m.
+    pub travel: [f64; 3],
+    /// Whether the instrument moves it.
+    pub moves: bool,
+    pub phase: Phase,
+    pub steps: u32,
+}
+
 impl Twin {
     /// Advances the tissue to a pose and predicts the force.
     ///
@@ -34,9 +45,19 @@ impl Twin {
         let tip = self.admit(&pose)?;
         self.try_again(&tip)?;
         let outcome = self.walk(pose, tip);
+        self.close(pose.time_s, tip.depth, outcome)
+    }
+
+    /// Ends a pose: what the next ones begin from.
+    pub(super) fn close(
+        &mut self,
+        time_s: f64,
+        depth_m: f64,
+        outcome: Result<Prediction, Halt>,
+    ) -> Result<Prediction, Halt> {
         match &outcome {
-            Ok(_) => (self.progress.lost, self.progress.seen_s) = (None, Some(pose.time_s)),
-            Err(halt) => self.fall_back(halt, tip.depth),
+            Ok(_) => (self.progress.lost, self.progress.seen_s) = (None, Some(time_s)),
+            Err(halt) => self.fall_back(halt, depth_m),
         }
         outcome
     }
@@ -48,11 +69,17 @@ impl Twin {
     /// # Errors
     /// As [`Twin::step`]; [`Halt::Pose`] for a jump.
     pub fn follow(&mut self, pose: StampedPose) -> Result<Prediction, Halt> {
-        let tip = self.admit(&pose)?;
-        if let Some(reason) = self.too_fast(&tip, pose.time_s) {
-            return Err(Halt::Pose { reason });
-        }
+        self.admit_next(&pose)?;
         self.step(pose)
+    }
+
+    /// Checks a pose of a stream.
+    pub(super) fn admit_next(&self, pose: &StampedPose) -> Result<Tip, Halt> {
+        let tip = self.admit(pose)?;
+        match self.too_fast(&tip, pose.time_s) {
+            Some(reason) => Err(Halt::Pose { reason }),
+            None => Ok(tip),
+        }
     }
 
     fn walk(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
@@ -71,41 +98,55 @@ impl Twin {
 
     /// Takes the tissue to a place at once.
     fn go(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
-        let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.progress.tip[k]);
-        let mut phase = Phase::Approach;
-        let mut taken = 0;
-        let mut advanced = None;
-        if let Some(contact) = &mut self.contact {
-            self.solver.begin_cut();
-            let (now, event) = contact.impose(&tip, &mut self.solver);
-            phase = now;
-            self.note(event, &tip, phase);
-            // a needle that tilts moves the tissue even if its tip stays
-            let shaft = tip.axis_at(0.0);
-            let swung = [0, 1].map(|k| shaft[k] - self.progress.shaft[k]);
-            let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt().max(swung[0].hypot(swung[1]));
-            // sideways the middle of what is in the tissue counts
-            let middle = [0.5 * (moved[0] + swung[0]), 0.5 * (moved[1] + swung[1]), -moved[2]];
-            // above the surface the instrument moves, but not the tissue
-            let apart = phase == Phase::Approach && self.progress.phase == Phase::Approach;
-            let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
-            let relaxed = self.solver.stress_relaxation(pose.time_s);
-            let steps = self.progress.pace.steps(distance, self.solver.slowest(), relaxed);
-            if steps > 0 {
-                let balance = self.advance_safely(steps, travel, &tip, phase, pose.time_s)?;
-                self.progress.pace.judge(&balance, distance > 0.0);
-                advanced = Some(balance);
-                taken = steps;
-                if let Some((balance, further)) = self.come_to_rest(&balance, &tip, phase, pose.time_s)? {
-                    self.progress.pace.note(&balance);
-                    advanced = Some(balance);
-                    taken += further;
-                }
-            } else {
-                self.solver.rest(pose.time_s);
-            }
+        let Move { travel, moves, phase, steps } = self.set_out(pose.time_s, &tip);
+        if steps == 0 {
+            return Ok(self.stay(pose.time_s, &tip, phase));
         }
-        let balance = advanced.unwrap_or_else(|| self.solver.balance());
+        let mut last = self.advance_safely(steps, travel, &tip, phase, pose.time_s)?;
+        self.progress.pace.judge(&last, moves);
+        let mut taken = steps;
+        if let Some((balance, further)) = self.come_to_rest(&last, &tip, phase, pose.time_s)? {
+            self.progress.pace.note(&balance);
+            last = balance;
+            taken += further;
+        }
+        Ok(self.arrive(pose.time_s, &tip, phase, &last, taken))
+    }
+
+    /// Lets the instrument hold the tissue at a place, and says how many steps that is worth.
+    pub(super) fn set_out(&mut self, time_s: f64, tip: &Tip) -> Move {
+        let Some(contact) = &mut self.contact else {
+            return Move { travel: [0.0; 3], moves: false, phase: Phase::Approach, steps: 0 };
+        };
+        let moved: [f64; 3] = std::array::from_fn(|k| tip.offset[k] - self.progress.tip[k]);
+        self.solver.begin_cut();
+        let (phase, event) = contact.impose(tip, &mut self.solver);
+        self.note(event, tip, phase);
+        // a needle that tilts moves the tissue even if its tip stays
+        let shaft = tip.axis_at(0.0);
+        let swung = [0, 1].map(|k| shaft[k] - self.progress.shaft[k]);
+        let distance = moved.iter().map(|x| x * x).sum::<f64>().sqrt().max(swung[0].hypot(swung[1]));
+        // sideways the middle of what is in the tissue counts
+        let middle = [0.5 * (moved[0] + swung[0]), 0.5 * (moved[1] + swung[1]), -moved[2]];
+        // above the surface the instrument moves, but not the tissue
+        let apart = phase == Phase::Approach && self.progress.phase == Phase::Approach;
+        let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
+        let relaxed = self.solver.stress_relaxation(time_s);
+        let steps = self.progress.pace.steps(distance, self.solver.slowest(), relaxed);
+        Move { travel, moves: distance > 0.0, phase, steps }
+    }
+
+    /// The answer at a place that needs no step.
+    pub(super) fn stay(&mut self, time_s: f64, tip: &Tip, phase: Phase) -> Prediction {
+        if self.contact.is_some() {
+            self.solver.rest(time_s);
+        }
+        let balance = self.solver.balance();
+        self.arrive(time_s, tip, phase, &balance, 0)
+    }
+
+    /// The answer after so many steps.
+    pub(super) fn arrive(&mut self, time_s: f64, tip: &Tip, phase: Phase, balance: &Balance, taken: u32) -> Prediction {
         self.happened.close(balance.instrument);
         self.progress.tip = tip.offset;
         self.progress.shaft = tip.axis_at(0.0);
@@ -116,17 +157,17 @@ impl Twin {
             self.progress.constraint_error_m = self.constraint_error();
             self.progress.folded_energy = self.folded_energy(balance.strain);
         }
-        Ok(Prediction {
-            time_s: pose.time_s,
+        Prediction {
+            time_s,
             depth_m: tip.depth,
             force_n: balance.instrument,
             base_force_n: balance.base,
-            torque_nm: self.torque(&balance, &tip),
+            torque_nm: self.torque(balance, tip),
             phase,
             event: None,
             steps: taken,
-            health: self.health(&balance),
-        })
+            health: self.health(balance),
+        }
     }
 
     /// Moment M of the forces on the instrument about the load cell's origin o, N m: M - o x F, with M about the frame's origin.
@@ -174,7 +215,7 @@ impl Twin {
     }
 
     /// Checks a pose and expresses its tip relative to the entry point.
-    fn admit(&self, pose: &StampedPose) -> Result<Tip, Halt> {
+    pub(super) fn admit(&self, pose: &StampedPose) -> Result<Tip, Halt> {
         let Pose { tip, axis } = pose.pose;
         let refuse = |reason: String| Err(Halt::Pose { reason });
         if !(pose.time_s.is_finite() && tip.iter().chain(&axis).all(|x| x.is_finite())) {

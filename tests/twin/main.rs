@@ -49,6 +49,7 @@ mod sweep;
 mod symmetry;
 #[path = "../synthetic_run/mod.rs"]
 mod synthetic_run;
+mod teams;
 mod torque;
 mod twin;
 mod vector_fit;

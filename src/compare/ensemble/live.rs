@@ -2,14 +2,21 @@
 
 use super::assimilate::{Assimilation, Observed, Tracked};
 use super::path::{between, distinct};
+use super::together::Together;
 use super::{Band, EnsembleError, Member, Spread};
 use crate::scene::Recorded;
-use crate::twin::{Halt, Motion, Pose, Prediction, StampedPose, Twin};
+use crate::twin::{Halt, Motion, Places, Pose, Prediction, StampedPose, Team, Twin};
+
+/// How a twin, or a team of them, takes a pose.
+type Way<T> = fn(&mut T, StampedPose) -> Result<Prediction, Halt>;
+type WayOfTeam = fn(&mut Team, &mut Places<&mut Twin>, &[StampedPose; Team::MOST]) -> Places<Result<Prediction, Halt>>;
 
 /// Twins of members, each on one thread, all in the thread that asks.
 pub struct Live {
     /// A twin for each run that members share, and how much less deep its instrument is, m; none where the scene can't be discretised.
     twins: Vec<(Option<Twin>, f64)>,
+    /// Those of the twins that are stepped together.
+    teams: Vec<Together>,
     /// Of the twins on one cloud a double of one, from the first look ahead on.
     doubles: Vec<Twin>,
     /// Which of them a member has, the member's force over its, and what the load cell reads without load, N.
@@ -80,6 +87,7 @@ impl Live {
             force_n: vec![f64::NAN; built.len()],
             positions: vec![Vec::new(); built.len()],
             doubles: Vec::new(),
+            teams: Together::all_of(&built),
             halt: None,
             last: None,
             learnt: None,
@@ -95,25 +103,52 @@ impl Live {
     /// Advances every member to a pose of an instrument that is followed. A twin that has no answer has none until it comes back by itself
     /// ([`Twin::follow`]).
     pub fn follow(&mut self, pose: &StampedPose) {
-        self.advance(pose, Twin::follow);
+        self.advance(pose, Twin::follow, Team::follow);
     }
 
     /// Advances every member to a pose, however far ([`Twin::step`]).
     pub fn step(&mut self, pose: &StampedPose) {
-        self.advance(pose, Twin::step);
+        self.advance(pose, Twin::step, Team::step);
     }
 
-    fn advance(&mut self, pose: &StampedPose, way: fn(&mut Twin, StampedPose) -> Result<Prediction, Halt>) {
+    fn advance(&mut self, pose: &StampedPose, alone: Way<Twin>, together: WayOfTeam) {
         (self.last, self.halt) = (Some(*pose), None);
-        for (k, (twin, shallower_m)) in self.twins.iter_mut().enumerate() {
-            let Some(twin) = twin else { continue };
-            let answer = way(twin, moved(pose, -*shallower_m));
-            self.force_n[k] = answer.as_ref().map_or(f64::NAN, |p| against(p, pose));
-            self.halt = self.halt.take().or(answer.err());
-            self.positions[k].clear();
-            if self.force_n[k].is_finite() {
-                twin.target_positions(&mut self.positions[k]);
+        for t in 0..self.teams.len() {
+            let of_team = &self.teams[t].places;
+            let mut poses = [*pose; Team::MOST];
+            of_team.iter().zip(&mut poses).for_each(|(k, pose)| *pose = moved(pose, -self.twins[*k].1));
+            let mut twins = [const { None }; Team::MOST];
+            for (k, (twin, _)) in self.twins.iter_mut().enumerate() {
+                if let Some(place) = of_team.iter().position(|own| *own == k) {
+                    twins[place] = twin.as_mut();
+                }
             }
+            let answers = together(&mut self.teams[t].team, &mut twins, &poses);
+            for (place, answer) in answers.into_iter().enumerate() {
+                if let Some(answer) = answer {
+                    self.answered(self.teams[t].places[place], pose, answer);
+                }
+            }
+        }
+        for k in 0..self.twins.len() {
+            if self.teams.iter().any(|team| team.places.contains(&k)) {
+                continue;
+            }
+            let (twin, shallower_m) = &mut self.twins[k];
+            if let Some(twin) = twin {
+                let answer = alone(twin, moved(pose, -*shallower_m));
+                self.answered(k, pose, answer);
+            }
+        }
+    }
+
+    /// Notes the answer of one twin.
+    fn answered(&mut self, k: usize, pose: &StampedPose, answer: Result<Prediction, Halt>) {
+        self.force_n[k] = answer.as_ref().map_or(f64::NAN, |p| against(p, pose));
+        self.halt = self.halt.take().or(answer.err());
+        self.positions[k].clear();
+        if let (Some(twin), true) = (&self.twins[k].0, self.force_n[k].is_finite()) {
+            twin.target_positions(&mut self.positions[k]);
         }
     }
 
@@ -285,6 +320,6 @@ fn moved(pose: &StampedPose, by_m: f64) -> StampedPose {
 }
 
 /// Force against the insertion, N.
-fn against(prediction: &Prediction, pose: &StampedPose) -> f64 {
+pub(super) fn against(prediction: &Prediction, pose: &StampedPose) -> f64 {
     0.0 - (0..3).map(|i| prediction.force_n[i] * pose.pose.axis[i]).sum::<f64>()
 }

@@ -16,6 +16,7 @@ mod live;
 mod member;
 mod path;
 pub mod points;
+mod together;
 
 pub use answered::Answered;
 pub use assimilate::{Assimilated, Assimilation};

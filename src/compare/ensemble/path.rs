@@ -12,9 +12,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::{Answered, Crew, EnsembleError, Member};
+use super::{Answered, Crew, EnsembleError, Member, together};
 use crate::compare::{self, Answer, At, Collector, Keep, Reading, TargetRow, Watch};
-use crate::twin::{Pose, Twin};
+use crate::twin::{Pose, Team, Twin};
+
+/// Why a run that somebody wanted to end has no path.
+pub(super) const INTERRUPTED: &str = "interrupted";
 
 /// What a member answers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,15 +39,16 @@ pub struct Paths {
     pub runs: usize,
 }
 
-/// Runs members over readings.
+/// Runs members over readings, each with a twin of its own: the bits of a member do not depend on the others.
 ///
 /// # Errors
 /// [`EnsembleError::Threads`].
 pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Paths, EnsembleError> {
-    tracked_paths(members, readings, &[], crew)
+    runs(members, readings, &[], crew, false)
 }
 
-/// The same, with the targets at some times (s, on the readings' clock).
+/// The same with the targets at some times (s, on the readings' clock). Members of one cloud are stepped in [teams](super::together) where
+/// there are enough of them: then a member is right to a thousandth of the peak force.
 ///
 /// # Errors
 /// [`EnsembleError::Threads`].
@@ -54,14 +58,60 @@ pub fn tracked_paths(
     times_s: &[f64],
     crew: &Crew,
 ) -> Result<Paths, EnsembleError> {
+    runs(members, readings, times_s, crew, true)
+}
+
+fn runs(
+    members: &[Member],
+    readings: &[Reading],
+    times_s: &[f64],
+    crew: &Crew,
+    in_teams: bool,
+) -> Result<Paths, EnsembleError> {
     let (first, run_of) = distinct(members);
     // members on one cloud share it; a first one that can't be built says so in its own run
     let cloud = if first.len() > 1 { Twin::new(&members[first[0]].scene).ok() } else { None };
-    let run = |k: usize| mechanics(&members[first[k]], cloud.as_ref(), readings, times_s, crew.stop.clone());
-    let runs = crew.each(first.len(), run)?;
+    let course = Course { readings, times_s, stop: crew.stop.clone() };
+    let groups = together::groups(first.len(), in_teams);
+    let beside = cloud.as_ref().filter(|_| groups.iter().any(|g| g.len() > 1)).and_then(|c| Team::new(&[c], None));
+    let of_group = |g: usize| {
+        let members: Vec<&Member> = groups[g].iter().map(|k| &members[first[*k]]).collect();
+        let found = together::run(&members, cloud.as_ref(), beside.as_ref(), &course);
+        let found = found.unwrap_or_else(|| members.iter().map(|m| mechanics(m, cloud.as_ref(), &course)).collect());
+        // the crew tells of one
+        (1..members.len()).for_each(|_| (crew.done)());
+        found
+    };
+    let runs: Vec<Result<MemberPath, String>> = crew.each(groups.len(), of_group)?.into_iter().flatten().collect();
     let of_member = members.iter().zip(run_of).map(|(member, k)| Ok(recorded(member, readings, runs[k].as_ref()?)));
     let of_member = of_member.map(|path: Result<_, &String>| path.map_err(Clone::clone)).collect();
     Ok(Paths { of_member, runs: runs.len() })
+}
+
+/// What members are run over.
+pub(super) struct Course<'a> {
+    pub readings: &'a [Reading],
+    /// When the targets are wanted, s.
+    pub times_s: &'a [f64],
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl Course<'_> {
+    /// Whether somebody wants the run to end.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+
+    /// The path of a run, from its forces, the readings that it has answered, and the targets at each answer.
+    pub fn path(&self, force_n: Vec<f64>, at: &[usize], targets: &[TargetRow]) -> MemberPath {
+        let deepest = targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
+        let begin_s = at.first().map_or(0.0, |i| self.readings[*i].time_s);
+        MemberPath {
+            force_n,
+            targets: deepest.map_or_else(Vec::new, |row| row.positions.clone()),
+            tracked: self.times_s.iter().map(|time_s| targets_at(targets, time_s - begin_s)).collect(),
+        }
+    }
 }
 
 /// The first member of each mechanics, and which of these each member has.
@@ -80,38 +130,25 @@ pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
 }
 
 /// The run of a member's scene, the same as any run of it; on a twin's cloud, if that is its own.
-fn mechanics(
-    member: &Member,
-    cloud: Option<&Twin>,
-    readings: &[Reading],
-    times_s: &[f64],
-    stop: Option<Arc<AtomicBool>>,
-) -> Result<MemberPath, String> {
-    let mut quiet = Quiet(stop);
+fn mechanics(member: &Member, cloud: Option<&Twin>, course: &Course) -> Result<MemberPath, String> {
+    let mut quiet = Quiet(course.stop.clone());
     if quiet.stop() {
-        return Err("interrupted".to_owned());
+        return Err(INTERRUPTED.to_owned());
     }
     let (mut twin, build_s) = compare::build_beside(&member.scene, cloud).map_err(|error| error.to_string())?;
     let collector = Collector::new(&twin, "ensemble", build_s, Keep::ANSWERS);
     let mut answered = Answered::new(&mut quiet);
-    let touched = readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));
+    let touched = course.readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));
     let run = compare::drive(&mut twin, touched, None, collector, &mut answered);
     let at = answered.at;
     if let Some(why) = run.diverged {
         return Err(why);
     }
-    let mut path = MemberPath { force_n: vec![f64::NAN; readings.len()], ..MemberPath::default() };
+    let mut force_n = vec![f64::NAN; course.readings.len()];
     for (i, answer) in at.iter().zip(&run.answers) {
-        path.force_n[*i] = answer.predicted_n;
+        force_n[*i] = answer.predicted_n;
     }
-    if quiet.stop() {
-        return Err("interrupted".to_owned());
-    }
-    let deepest = run.targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
-    path.targets = deepest.map_or_else(Vec::new, |row| row.positions.clone());
-    let begin_s = at.first().map_or(0.0, |i| readings[*i].time_s);
-    path.tracked = times_s.iter().map(|time_s| targets_at(&run.targets, time_s - begin_s)).collect();
-    Ok(path)
+    if quiet.stop() { Err(INTERRUPTED.to_owned()) } else { Ok(course.path(force_n, &at, &run.targets)) }
 }
 
 /// Positions of the targets at a time of the run, linear between rows; `None` outside.
@@ -132,7 +169,7 @@ pub(super) fn between(from: &[[f64; 3]], to: &[[f64; 3]], share: f64) -> Vec<[f6
 }
 
 /// A reading with the instrument further along its axis, m.
-fn deeper(reading: &Reading, by_m: f64) -> Reading {
+pub(super) fn deeper(reading: &Reading, by_m: f64) -> Reading {
     let at = match reading.at {
         At::Depth(depth_m) => At::Depth(depth_m + by_m),
         At::Pose(Pose { tip, axis }) => At::Pose(Pose { tip: std::array::from_fn(|k| tip[k] + by_m * axis[k]), axis }),

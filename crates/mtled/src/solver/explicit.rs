@@ -16,10 +16,20 @@ use super::work::StepWork;
 /// Explicit solver of one body: a shared [`Model`], a [`State`], a [`Workspace`], and a state to come back to.
 #[derive(Debug)]
 pub struct Solver {
-    model: Arc<Model>,
-    state: State,
-    work: Workspace,
+    pub(super) model: Arc<Model>,
+    pub(super) state: State,
+    pub(super) work: Workspace,
     saved: Moving,
+    /// What a [`super::Team`] found at the last evaluation, if it was that which evaluated.
+    pub(super) told: Option<Told>,
+}
+
+/// What is left in the solver of an evaluation by a team.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Told {
+    /// J
+    pub energy: f64,
+    pub min_jacobian: f64,
 }
 
 impl Solver {
@@ -41,7 +51,7 @@ impl Solver {
         let state = model.undeformed().clone();
         let mut work = Workspace::new(&model, threads);
         model.evaluate(&state, &mut work);
-        Self { saved: state.moving.clone(), state, work, model }
+        Self { saved: state.moving.clone(), state, work, model, told: None }
     }
 
     /// Another solver of the same model, with a copy of the state, on the caller's thread alone.
@@ -52,6 +62,7 @@ impl Solver {
             state: self.state.clone(),
             saved: self.saved.clone(),
             work: Workspace::new(&self.model, 1),
+            told: None,
         }
     }
 
@@ -64,8 +75,20 @@ impl Solver {
 
     /// Evaluates the internal force of the state that was taken over, and keeps it to come back to in trouble.
     pub fn settle(&mut self) {
-        self.model.evaluate(&self.state, &mut self.work);
+        self.evaluate();
         self.save();
+    }
+
+    fn evaluate(&mut self) {
+        self.model.evaluate(&self.state, &mut self.work);
+        self.told = None;
+    }
+
+    /// What a step estimate begins from is what this solver's own memory holds.
+    fn leave_team(&mut self) {
+        if self.told.is_some() {
+            self.evaluate();
+        }
     }
 
     /// What never changes.
@@ -178,6 +201,7 @@ impl Solver {
 
     /// [`Model::advance`].
     pub fn advance(&mut self, advance: &Advance) -> u32 {
+        self.told = None;
         self.model.advance(&mut self.state, &mut self.work, advance)
     }
 
@@ -195,21 +219,27 @@ impl Solver {
     /// [`Model::balance`].
     #[must_use]
     pub fn balance(&self) -> Balance {
-        self.model.balance(&self.state, &self.work)
+        match self.told {
+            Some(told) => self.model.balance_of(&self.state, told.energy),
+            None => self.model.balance(&self.state, &self.work),
+        }
     }
 
     /// [`Model::refresh_if_due`].
     pub fn refresh_if_due(&mut self) {
+        self.leave_team();
         self.model.refresh_if_due(&mut self.state, &mut self.work);
     }
 
     /// [`Model::refresh_step`].
     pub fn refresh_step(&mut self) {
+        self.leave_team();
         self.model.refresh_step(&mut self.state, &mut self.work);
     }
 
     /// [`Model::fastest`].
     pub fn fastest(&mut self, iterations: usize) -> f64 {
+        self.leave_team();
         self.model.fastest(&mut self.state, &mut self.work, iterations)
     }
 
@@ -256,6 +286,7 @@ impl Solver {
         let mass_factor = factor * self.state.moving.mass_factor;
         self.state.moving.clone_from(&self.saved);
         self.state.moving.mass_factor = mass_factor;
+        self.told = None;
         self.model.recover(&mut self.state, &mut self.work);
     }
 
@@ -268,27 +299,46 @@ impl Solver {
     /// Smallest volume ratio at the last evaluation.
     #[must_use]
     pub fn min_jacobian(&self) -> f64 {
-        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.min_jacobian(scratch) })
+        match self.told {
+            Some(told) => told.min_jacobian,
+            None => with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.min_jacobian(scratch) }),
+        }
     }
 
     /// Deformation gradient (row-major) of one integration point at the last evaluation.
     #[must_use]
     pub fn deformation(&self, point: usize) -> [f64; 9] {
-        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) { k.deformation(scratch, point) })
+        let State { moving, points, .. } = &self.state;
+        with_kernel!((&self.model.kernel, &self.work.scratch, points) => (k, scratch, points) {
+            match self.told {
+                Some(_) => k.deformation_at(points, &moving.u, point),
+                None => k.deformation(scratch, point),
+            }
+        })
     }
 
     /// Strain energy that stands in one integration point at the last evaluation, without the projected volumetric part, J.
     #[must_use]
     pub fn energy_of(&self, point: usize) -> f64 {
-        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) {
-            k.energy_of(&self.state.moving.memory, scratch, point)
+        let State { moving: Moving { u, memory, .. }, points, .. } = &self.state;
+        with_kernel!((&self.model.kernel, &self.work.scratch, points) => (k, scratch, points) {
+            match self.told {
+                Some(_) => k.energy_at(points, u, memory, point),
+                None => k.energy_of(memory, scratch, point),
+            }
         })
     }
 
     /// Calls `visit(point, F, P, V)` for every integration point: F and first Piola-Kirchhoff stress (Pa) row-major,
-    /// volume in m^3.
+    /// volume in m^3. After a step of a team it evaluates all of them once more, in memory of its own.
     pub fn for_points(&self, visit: impl FnMut(usize, [f64; 9], [f64; 9], f64)) {
-        with_kernel!((&self.model.kernel, &self.work.scratch) => (k, scratch) {
+        let evaluated = self.told.map(|_| {
+            let mut work = Workspace::new(&self.model, 1);
+            self.model.evaluate(&self.state, &mut work);
+            work
+        });
+        let work = evaluated.as_ref().unwrap_or(&self.work);
+        with_kernel!((&self.model.kernel, &work.scratch) => (k, scratch) {
             k.for_points(&self.state.moving.memory, scratch, visit);
         });
     }

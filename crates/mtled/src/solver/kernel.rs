@@ -33,24 +33,24 @@ pub const NODES_PER_CHUNK: usize = if cfg!(miri) { 8 } else { 256 };
 /// Internal-force kernel of one model: what never changes.
 #[derive(Debug)]
 pub struct Kernel<T: Real> {
-    tables: Arc<Tables<T>>,
+    pub(super) tables: Arc<Tables<T>>,
     /// Of the material of each region.
     pub(super) constants: Vec<Constants>,
 }
 
 /// What a shape table makes of a kernel, whatever the materials: the largest part of a model, shared by those of one cloud.
 #[derive(Debug)]
-struct Tables<T: Real> {
-    blocks: Vec<Block<T>>,
+pub(super) struct Tables<T: Real> {
+    pub blocks: Vec<Block<T>>,
     /// Block and slot of each integration point.
-    slot: Vec<(u32, u32)>,
+    pub slot: Vec<(u32, u32)>,
     /// Where each block's forces begin among those of all, and which of them are a node's.
     force_runs: Offsets,
     force_shares: Shares,
     /// The same of the dilations.
     dilation_runs: Offsets,
-    dilation_shares: Shares,
-    projection: Projection<T>,
+    pub dilation_shares: Shares,
+    pub projection: Projection<T>,
     nodes: usize,
     volume_ratio: VolumeRatio,
 }
@@ -70,16 +70,19 @@ pub struct InternalForce {
 #[derive(Debug)]
 pub struct Points<T> {
     /// Share of each point that is tissue, by block and group: 1, or less where a needle fills its cell.
-    active: Vec<Vec<Lanes<T>>>,
+    pub(super) active: Vec<Vec<Lanes<T>>>,
+    /// How often that has changed.
+    pub(super) changes: u64,
 }
 
 impl<T: Clone> Clone for Points<T> {
     fn clone(&self) -> Self {
-        Self { active: self.active.clone() }
+        Self { active: self.active.clone(), changes: self.changes }
     }
 
     fn clone_from(&mut self, other: &Self) {
         self.active.clone_from(&other.active);
+        self.changes += 1;
     }
 }
 
@@ -182,7 +185,7 @@ impl<T: Real> Kernel<T> {
 
     /// All points tissue.
     pub(super) fn points(&self) -> Points<T> {
-        Points { active: self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect() }
+        Points { active: self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect(), changes: 0 }
     }
 
     /// What a material that relaxes remembers at first, by block.
@@ -207,6 +210,7 @@ impl<T: Real> Kernel<T> {
     pub(super) fn set_active(&self, points: &mut Points<T>, point: usize, share: f64) {
         let (b, s) = self.tables.slot[point];
         points.active[b as usize][s as usize / LANES].0[s as usize % LANES] = T::of(share);
+        points.changes += 1;
     }
 
     /// Smallest volume ratio of any integration point at the last evaluation.

@@ -40,18 +40,24 @@ impl Model {
             let scratch = &*scratch;
             work.pool.each(mass, |i, mass| {
                 for (m, n) in mass.iter_mut().zip(i * NODES_PER_CHUNK..) {
-                    let needed = self.mass_scale * k.node_force(scratch, n)[0];
-                    if needed.is_finite() {
-                        *m = needed.max(FADE * *m);
-                    }
+                    self.follow_bound(m, k.node_force(scratch, n)[0]);
                 }
             });
         });
         control.slowest = self.slowest(&control.mass);
     }
 
+    /// Brings a mass up to date with the node's share of the bounds.
+    #[inline]
+    pub(super) fn follow_bound(&self, mass: &mut f64, bound: f64) {
+        let needed = self.mass_scale * bound;
+        if needed.is_finite() {
+            *mass = needed.max(FADE * *mass);
+        }
+    }
+
     /// Frequency of the slowest mode, rad per step: see [`OUTLIER`].
-    fn slowest(&self, mass: &[f64]) -> f64 {
+    pub(super) fn slowest(&self, mass: &[f64]) -> f64 {
         let counted = |(m, rest): (&f64, &f64)| if *rest > 0.0 { m.min(OUTLIER * rest) } else { *m };
         self.mode.frequency(mass.iter().zip(&self.rest.control.mass).map(counted))
     }

@@ -16,15 +16,17 @@
 //! theta, as the law's own does below J_m. Stored are r - 1 and q + mu, which vanish at rest.
 
 use crate::material::neo_hookean::{Gradient, clamped, cofactor, determinant};
-use crate::number::{LANES, Lanes, Number, Real};
+use crate::number::{Number, Real};
 
 use super::collapse::{collapse, collapse_curvature};
-use super::points::{Constants, PointLaw, Projected, largest_square};
+use super::lane_law::LaneLaw;
+use super::points::{Constants, Projected, largest_square};
 
 /// theta_m: projected volume ratio below which the energy goes on along its tangent: half of the least that any scene has shown.
 const LEAST_RATIO: f64 = 0.1;
 
 /// The law of a point.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Mixed<T> {
     mu: T,
     pointwise: T,
@@ -79,6 +81,15 @@ impl<T: Real> Mixed<T> {
             projected: T::of(constants.projected),
         }
     }
+}
+
+impl<T: Real> LaneLaw<T> for Mixed<T> {
+    #[inline(always)]
+    fn lane(&self, f: &Gradient<T>, projected: Projected<T>) -> (T, Gradient<T>) {
+        let cof = cofactor(f);
+        let (energy, own) = collapse(determinant(f, &cof), self.pointwise);
+        (energy, stress(f, &cof, self.mu, projected, own))
+    }
 
     /// Bound of a.A.a over unit vectors as [`Constants::stiffness`]: mu r + c^2 (kappa - kappa_s + kappa_s w'' + 5/9 mu theta^-8/3 I_P),
     /// the last term from q: 5/3 (kappa - kappa_s - (kappa - kappa_s + q) / theta).
@@ -93,34 +104,6 @@ impl<T: Real> Mixed<T> {
         let distortion = T::of(5.0 / 3.0) * (kappa - (kappa + projected.pressure - self.mu) * inverse);
         let bulk = kappa + self.pointwise * collapse_curvature(j) + distortion.max(T::of(5.0 / 3.0) * self.mu);
         self.mu * r + bulk * largest_square(&cof)
-    }
-}
-
-impl<T: Real> PointLaw<T> for Mixed<T> {
-    #[inline(always)]
-    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> (Lanes<T>, Gradient<Lanes<T>>) {
-        let (mut density, mut out) = (Lanes::default(), [Lanes::default(); 9]);
-        for lane in 0..LANES {
-            let f: Gradient<T> = std::array::from_fn(|i| f[i].0[lane]);
-            let cof = cofactor(&f);
-            let (energy, own) = collapse(determinant(&f, &cof), self.pointwise);
-            density.0[lane] = energy;
-            let p = stress(&f, &cof, self.mu, projected.of_lane(lane), own);
-            for i in 0..9 {
-                out[i].0[lane] = p[i];
-            }
-        }
-        (density, out)
-    }
-
-    #[inline(always)]
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T> {
-        let mut stiffness = Lanes::default();
-        for lane in 0..LANES {
-            let f = std::array::from_fn(|i| f[i].0[lane]);
-            stiffness.0[lane] = self.stiffness_of_lane(&f, projected.of_lane(lane));
-        }
-        stiffness
     }
 }
 

@@ -100,6 +100,18 @@ impl<'a> Nodes<'a> {
         Self { first: i * NODES_PER_CHUNK, u, q, tangent, f, touch }
     }
 
+    /// All nodes of a state.
+    pub fn all(state: &'a mut Moving) -> Self {
+        Self {
+            first: 0,
+            u: &mut state.u,
+            q: &mut state.q,
+            tangent: &mut state.tangent,
+            f: &mut state.f,
+            touch: &mut state.touch,
+        }
+    }
+
     /// What these nodes contribute to the balance.
     pub fn sums(&self, held: &Held<'_>, mass_factor: f64) -> Sums {
         let mut sums = Sums::default();

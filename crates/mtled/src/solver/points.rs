@@ -1,14 +1,13 @@
 //! The law at one integration point, as the loop of pass 2 sees it.
 
 use crate::material::invariants::{self, Slopes};
-use crate::material::neo_hookean::{
-    Gradient, clamped, cofactor, determinant, distortional_energy, excess, first_piola,
-};
+use crate::material::neo_hookean::{Gradient, clamped, cofactor, determinant, excess};
 use crate::material::{Distortional, Law, Volumetric};
 
 use super::VolumeRatio;
 use super::collapse::{collapse, collapse_curvature};
 use super::dilatation::POINTWISE_BULK;
+use super::lane_law::NeoHookean;
 use super::memory::Memory;
 use super::mixed::{self, Mixed};
 use crate::number::{LANES, Lanes};
@@ -122,7 +121,7 @@ impl Constants {
 /// bulk c^2 + mu (J^-2/3 + 5/9 J^-8/3 I1 c^2), from c^2 and J^-2/3. A bound below J_m as well, where `cube` is phi(J) and
 /// the last term, with J_m for J, has no cause any more.
 #[inline(always)]
-fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) -> T {
+pub(super) fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T, bulk: T) -> T {
     let mut i1 = T::default();
     for x in f {
         i1 += *x * *x;
@@ -172,65 +171,6 @@ pub trait PointLaw<T: Real> {
     ) -> (Lanes<T>, Gradient<Lanes<T>>);
     /// [`Constants::stiffness`] of the same points.
     fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T>;
-}
-
-/// [`crate::material::neo_hookean`] in the kernel's own precision.
-pub(super) struct NeoHookean<T> {
-    mu: T,
-    pointwise: T,
-    projected: T,
-    resists_collapse: bool,
-}
-
-impl<T: Real> NeoHookean<T> {
-    #[inline(always)]
-    fn stiffness_of_lane(&self, f: &Gradient<T>) -> T {
-        let cof = cofactor(f);
-        let (j, lack) = clamped(determinant(f, &cof));
-        let root = j.inverse_cube_root();
-        let curvature = if self.resists_collapse { collapse_curvature(j) } else { T::of(1.0) };
-        let bulk = self.projected + self.pointwise * curvature;
-        plane_wave(f, largest_square(&cof), j, root * root * excess(lack), self.mu, bulk)
-    }
-
-    #[inline(always)]
-    fn lane(&self, f: &Gradient<T>, projected: T) -> (T, Gradient<T>) {
-        let cof = cofactor(f);
-        let j = determinant(f, &cof);
-        let (energy, own) = if self.resists_collapse {
-            collapse(j, self.pointwise)
-        } else {
-            let dilation = j - T::of(1.0);
-            (T::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
-        };
-        let energy = distortional_energy(f, j, self.mu) + energy;
-        (energy, first_piola(f, &cof, j, self.mu, projected + own))
-    }
-}
-
-impl<T: Real> PointLaw<T> for NeoHookean<T> {
-    #[inline(always)]
-    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> (Lanes<T>, Gradient<Lanes<T>>) {
-        let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
-        for lane in 0..LANES {
-            let (w, p) = self.lane(&std::array::from_fn(|i| f[i].0[lane]), projected.pressure.0[lane]);
-            density.0[lane] = w;
-            for i in 0..9 {
-                stress[i].0[lane] = p[i];
-            }
-        }
-        (density, stress)
-    }
-
-    // the energy of volume being quadratic, the pressure does not change its curvature
-    #[inline(always)]
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, _: Projected<Lanes<T>>) -> Lanes<T> {
-        let mut stiffness = Lanes::default();
-        for lane in 0..LANES {
-            stiffness.0[lane] = self.stiffness_of_lane(&std::array::from_fn(|i| f[i].0[lane]));
-        }
-        stiffness
-    }
 }
 
 /// Any law, with memory if it relaxes. In double precision: logarithms and nearly equal stretches need the digits.

@@ -29,7 +29,7 @@ const FLOOR: f64 = 0.2;
 /// How fast the memory of the usual travel fades, per advance.
 const USUAL_DECAY: f64 = 0.995;
 /// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
-const REFRESH: u32 = 24;
+pub(super) const REFRESH: u32 = 24;
 /// Share of the present velocities in the probe.
 const MOTION_SHARE: f64 = 0.05;
 /// Amplitude of the probe over the height of the body: small against any spacing, large against round-off.
@@ -70,12 +70,7 @@ impl Model {
     /// How many steps were taken: fewer than asked for once there are no numbers left, or [`Workspace::stop_on`] ends it. Then the
     /// balance is not finite, and the state is good for nothing but a return to an earlier one.
     pub fn advance(&self, state: &mut State, work: &mut Workspace, advance: &Advance) -> u32 {
-        let travel = advance.travel.map(|d| d / f64::from(advance.steps));
-        self.note_motion(state, advance.travel);
-        let control = &mut state.control;
-        control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
-        let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
-        control.motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
+        let travel = self.set_out(state, advance);
         let mut first = 1;
         while first <= advance.steps {
             if first > 1 {
@@ -83,17 +78,7 @@ impl Model {
             }
             let due = REFRESH.saturating_sub(state.control.steps_since_refresh).max(1);
             let last = advance.steps.min(first - 1 + due);
-            let slowest = state.slowest();
-            let rule = Rule {
-                first,
-                last,
-                steps: advance.steps,
-                travel,
-                gain: state.control.motion.gain,
-                keep: (1.0 - DAMPING * slowest).max(0.0),
-                learn: LEARNING * slowest,
-                mass_factor: state.moving.mass_factor,
-            };
+            let rule = state.rule([first, last, advance.steps], travel);
             self.march(state, work, &rule);
             state.control.steps_since_refresh += last + 1 - first;
             first = last + 1;
@@ -104,34 +89,40 @@ impl Model {
                 break;
             }
         }
-        // further steps at the same pose must not travel the path again
-        let Constraints { role, path, way, drag, .. } = &mut state.constraints;
-        way.start = way.end;
-        drag.way[0] = drag.way[1];
-        state.moving.offset = way.end;
-        for (path, _) in path
-            .iter_mut()
-            .zip(role)
-            .filter(|(_, role)| matches!(role, Role::Instrument | Role::Guided | Role::Dragged))
-        {
-            path.start = path.end;
-        }
+        state.arrive();
         first - 1
+    }
+
+    /// Begins an advance; its travel per step, m.
+    pub(super) fn set_out(&self, state: &mut State, advance: &Advance) -> [f64; 3] {
+        let travel = advance.travel.map(|d| d / f64::from(advance.steps));
+        self.note_motion(state, advance.travel);
+        let control = &mut state.control;
+        control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
+        let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
+        control.motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
+        travel
+    }
+
+    /// What holds the nodes in a step of so many.
+    pub(super) fn held<'a>(&'a self, constraints: &'a Constraints, mass: &'a [f64], step: u32, steps: u32) -> Held<'a> {
+        Held {
+            mass,
+            role: &constraints.role,
+            path: &constraints.path,
+            rod: constraints.drag.axis,
+            points: &self.points,
+            revolved: self.form == Form::Axisymmetric,
+            surfaces: constraints.surfaces(step, steps),
+        }
     }
 
     /// Takes the steps from `rule.first` to `rule.last`.
     fn march(&self, state: &mut State, work: &mut Workspace, rule: &Rule) {
         let State { moving, constraints, control: Control { mass, sums, dragged, .. }, points: shares } = state;
-        let Constraints { role, path, drag, .. } = &*constraints;
-        let held = |step| Held {
-            mass,
-            role,
-            path,
-            rod: drag.axis,
-            points: &self.points,
-            revolved: self.form == Form::Axisymmetric,
-            surfaces: constraints.surfaces(step, rule.steps),
-        };
+        let (constraints, mass) = (&*constraints, &*mass);
+        let drag = &constraints.drag;
+        let held = |step| self.held(constraints, mass, step, rule.steps);
         let pool = &mut work.pool;
         pool.each(nodes(moving), |i, part| {
             let mut part = Nodes::new(i, part);
@@ -169,8 +160,12 @@ impl Model {
     /// Forces and energies after the last advance.
     #[must_use]
     pub fn balance(&self, state: &State, work: &Workspace) -> Balance {
+        self.balance_of(state, with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) }))
+    }
+
+    /// The same with the strain energy of the last step, J.
+    pub(super) fn balance_of(&self, state: &State, mut strain: f64) -> Balance {
         let mut sums = state.control.sums.iter().fold(state.control.dragged, |all, chunk| all + *chunk);
-        let mut strain = with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) });
         if let Some(half) = &self.half {
             (sums, strain) = (half.whole(&sums), 2.0 * strain);
         }
@@ -207,6 +202,11 @@ impl Model {
         self.refresh_masses(state, work);
         state.mix_motion_into_probe();
         self.probe(state, work);
+        self.follow_largest(state);
+    }
+
+    /// Brings the factor on all masses up to date with the largest eigenvalue.
+    pub(super) fn follow_largest(&self, state: &mut State) {
         let limit = 4.0 * self.step_factor * self.step_factor;
         let needed = (state.control.largest / limit).max(1.0);
         let factor = &mut state.moving.mass_factor;
@@ -252,23 +252,38 @@ impl Model {
 
     /// One power iteration: largest <- e.Ke / e.Me, e <- M^-1 K e, with K e = (f(u + h e) - f(u)) / h.
     pub(super) fn probe(&self, state: &mut State, work: &mut Workspace) {
-        let State { moving: Moving { u, f, memory, .. }, constraints, control, points } = state;
         let Workspace { pool, scratch, image, .. } = work;
-        let largest = control.probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
-        if !(largest > 0.0 && largest.is_finite()) {
+        if !self.move_aside(state, image) {
             return;
         }
+        with_kernel!((&self.kernel, &state.points, scratch) => (k, points, scratch) {
+            k.force(points, &state.moving.memory, scratch, pool, image);
+            k.node_forces(scratch, pool, image);
+        });
+        self.learn_largest(state, image);
+    }
+
+    /// Scales the probe to h e, and moves `image` to u + h e; false, and to u, where there is no probe.
+    pub(super) fn move_aside(&self, state: &mut State, image: &mut [[f64; 3]]) -> bool {
+        let (u, probe) = (&state.moving.u, &mut state.control.probe);
+        let largest = probe.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
+        if !(largest > 0.0 && largest.is_finite()) {
+            image.copy_from_slice(u);
+            return false;
+        }
         let h = PROBE_AMPLITUDE * self.mode.height() / largest;
-        for ((s, u), e) in image.iter_mut().zip(&*u).zip(&mut control.probe) {
+        for ((s, u), e) in image.iter_mut().zip(u).zip(probe) {
             for k in 0..3 {
                 e[k] *= h;
                 s[k] = u[k] + e[k];
             }
         }
-        with_kernel!((&self.kernel, &*points, scratch) => (k, points, scratch) {
-            k.force(points, memory, scratch, pool, image);
-            k.node_forces(scratch, pool, image);
-        });
+        true
+    }
+
+    /// Ends a power iteration with the forces at u + h e in `image`.
+    pub(super) fn learn_largest(&self, state: &mut State, image: &[[f64; 3]]) {
+        let State { moving: Moving { f, .. }, constraints, control, .. } = state;
         let (mut up, mut down) = (0.0, 0.0);
         for n in 0..image.len() {
             let there = self.of_node(n, image[n]);
@@ -287,9 +302,39 @@ impl Model {
 }
 
 impl State {
+    /// What the steps from `first` to `last` of so many have in common.
+    pub(super) fn rule(&self, [first, last, steps]: [u32; 3], travel: [f64; 3]) -> Rule {
+        let slowest = self.slowest();
+        Rule {
+            first,
+            last,
+            steps,
+            travel,
+            gain: self.control.motion.gain,
+            keep: (1.0 - DAMPING * slowest).max(0.0),
+            learn: LEARNING * slowest,
+            mass_factor: self.moving.mass_factor,
+        }
+    }
+
+    /// Ends an advance: further steps at the same pose must not travel the path again.
+    pub(super) fn arrive(&mut self) {
+        let Constraints { role, path, way, drag, .. } = &mut self.constraints;
+        way.start = way.end;
+        drag.way[0] = drag.way[1];
+        self.moving.offset = way.end;
+        for (path, _) in path
+            .iter_mut()
+            .zip(role)
+            .filter(|(_, role)| matches!(role, Role::Instrument | Role::Guided | Role::Dragged))
+        {
+            path.start = path.end;
+        }
+    }
+
     /// An oscillation that the step can't hold grows in the velocities first: a share of them in the probe leads the
     /// power iteration to it.
-    fn mix_motion_into_probe(&mut self) {
+    pub(super) fn mix_motion_into_probe(&mut self) {
         let Control { mass, probe, .. } = &mut self.control;
         let norm = |v: &[[f64; 3]]| -> f64 {
             v.iter().zip(&*mass).map(|(v, m)| m * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])).sum::<f64>().sqrt()

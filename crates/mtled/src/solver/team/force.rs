@@ -1,0 +1,346 @@
+//! Internal force of eight members at once: the [kernel](super::super::kernel)'s two passes with members in the lanes.
+
+use std::sync::Arc;
+
+use super::super::block::Block;
+use super::super::kernel::{Kernel, Points, Tables};
+use super::super::lane_law::{LaneLaw, NeoHookean};
+use super::super::mixed::Mixed;
+use super::super::points::Constants;
+use super::super::pool::Pool;
+use super::super::projection::ProjectionScratch;
+use super::super::strip::FIELDS;
+use super::passes::{Bound, Deform, Laws, Stress, Vectors};
+use super::table::PointTable;
+use crate::approximation::Form;
+use crate::material::neo_hookean::Gradient;
+use crate::mirror::Mirror;
+use crate::number::lanes::{LANES, Lanes, run};
+use crate::number::{Number, Real};
+
+/// What the members of a team have in common: the points of each block.
+#[derive(Debug)]
+pub struct Common<T: Real> {
+    tables: Arc<Tables<T>>,
+    points: Vec<PointTable<T>>,
+}
+
+/// Laws of the members, and the memory of an evaluation.
+#[derive(Debug)]
+pub struct Lockstep<T: Real> {
+    common: Arc<Common<T>>,
+    members: usize,
+    laws: OfRegions<T>,
+    /// Of each member by region.
+    constants: Vec<Vec<Constants>>,
+    /// At which of its changes a member's shares of the points were taken over.
+    seen: [Option<u64>; LANES],
+    /// Share of each point that is tissue, by block.
+    active: Vec<Vec<Lanes<T>>>,
+    deformation: Vec<Vec<Gradient<Lanes<T>>>>,
+    /// V (J - 1) at all vertices, m^3, and V (I1 - 3) where the law is [mixed](super::super::mixed).
+    sums: [Vec<Lanes<T>>; FIELDS],
+    /// Pressure at all vertices, Pa, and r - 1.
+    coarse: [Vec<Lanes<T>>; FIELDS],
+    projection: Vec<ProjectionScratch<T>>,
+    min_jacobian: Lanes<T>,
+    /// Of each block, J.
+    energy: Vec<Lanes<T>>,
+    /// Of one block at a time: displacements, what is at its vertices, and forces.
+    local_u: Vec<Vectors<T>>,
+    at_vertices: [Vec<Lanes<T>>; FIELDS],
+    local_force: Vec<Vectors<T>>,
+}
+
+/// Laws of each region: all mixed or none.
+#[derive(Debug)]
+enum OfRegions<T: Real> {
+    Plain(Vec<Laws<NeoHookean<T>>>),
+    Mixed(Vec<Laws<Mixed<T>>>),
+}
+
+impl<T: Real> OfRegions<T> {
+    /// `None` where a law of a kernel is neither.
+    fn new(kernels: &[&Kernel<T>]) -> Option<Self> {
+        let mixed = kernels.iter().flat_map(|k| &k.constants).all(|c| c.mixed);
+        if mixed {
+            return of_regions(kernels, Constants::of_mixed).map(Self::Mixed);
+        }
+        let none = kernels.iter().flat_map(|k| &k.constants).all(|c| !c.mixed);
+        of_regions(kernels, Constants::plain).filter(|_| none).map(Self::Plain)
+    }
+}
+
+/// One law of each kernel by region; a place without a kernel has the last one's.
+fn of_regions<T: Real, L>(kernels: &[&Kernel<T>], law: impl Fn(&Constants) -> Option<L>) -> Option<Vec<Laws<L>>> {
+    let last = kernels.len() - 1;
+    let region = |r: usize| {
+        let laws: Vec<L> = (0..LANES).map(|lane| law(&kernels[lane.min(last)].constants[r])).collect::<Option<_>>()?;
+        laws.try_into().ok().map(Laws)
+    };
+    (0..kernels.first()?.constants.len()).map(region).collect()
+}
+
+impl<T: Real> Common<T> {
+    /// The point tables of a kernel.
+    pub fn new(kernel: &Kernel<T>) -> Self {
+        Self { tables: Arc::clone(&kernel.tables), points: kernel.blocks().iter().map(PointTable::new).collect() }
+    }
+}
+
+impl<T: Real> Lockstep<T> {
+    /// Of up to eight kernels on one set of tables; `None` where they aren't, or where a law is not the plain one.
+    pub fn new(kernels: &[&Kernel<T>], common: Option<Arc<Common<T>>>) -> Option<Self> {
+        let first = kernels.first()?;
+        let common = common.filter(|c| Arc::ptr_eq(&c.tables, &first.tables));
+        let alike = kernels.len() <= LANES && kernels.iter().all(|k| Arc::ptr_eq(&k.tables, &first.tables));
+        let laws = OfRegions::new(kernels).filter(|_| alike)?;
+        let mixed = matches!(laws, OfRegions::Mixed(_));
+        let fields = |of: usize| [true, mixed].map(|there| vec![Lanes::default(); if there { of } else { 0 }]);
+        let common = common.unwrap_or_else(|| Arc::new(Common::new(first)));
+        let (tables, points) = (&common.tables, &common.points);
+        let zero = Lanes::default();
+        let vertices = tables.dilation_shares.start.len() - 1;
+        let most = |size: fn(&Block<T>) -> usize| tables.blocks.iter().map(size).max().unwrap_or(0);
+        Some(Self {
+            members: kernels.len(),
+            seen: [None; LANES],
+            laws,
+            constants: kernels.iter().map(|k| k.constants.clone()).collect(),
+            active: points.iter().map(|p| vec![Lanes::of(1.0); p.len()]).collect(),
+            deformation: points.iter().map(|p| vec![[zero; 9]; p.len()]).collect(),
+            sums: fields(vertices),
+            coarse: fields(vertices),
+            projection: kernels.iter().map(|_| tables.projection.scratch(mixed)).collect(),
+            min_jacobian: Lanes::of(1.0),
+            energy: vec![zero; points.len()],
+            local_u: vec![[zero; 3]; most(|b| b.nodes.len())],
+            local_force: vec![[zero; 3]; most(|b| b.nodes.len())],
+            at_vertices: fields(most(|b| b.vertices.len())),
+            common,
+        })
+    }
+
+    /// What further teams of the same cloud can share.
+    pub fn common(&self) -> &Arc<Common<T>> {
+        &self.common
+    }
+
+    /// Takes over which share of each point is tissue to a member.
+    pub fn set_active(&mut self, member: usize, points: &Points<T>) {
+        if self.seen[member].replace(points.changes) == Some(points.changes) {
+            return;
+        }
+        for ((active, table), of_block) in self.active.iter_mut().zip(&self.common.points).zip(&points.active) {
+            for (active, &slot) in active.iter_mut().zip(&table.slot) {
+                active.0[member] = of_block[slot as usize / LANES].0[slot as usize % LANES];
+            }
+        }
+    }
+
+    /// Smallest volume ratio of a member's points at the last evaluation.
+    pub fn min_jacobian(&self, member: usize) -> f64 {
+        self.min_jacobian.0[member].get()
+    }
+
+    /// Strain energy of a member at the last evaluation, J.
+    pub fn energy(&self, member: usize) -> f64 {
+        let constants = &self.constants[member];
+        let projected = if constants.iter().any(|c| c.projected > 0.0) {
+            self.common.tables.projection.energy(&self.projection[member], constants)
+        } else {
+            0.0
+        };
+        self.energy.iter().map(|e| e.0[member].get()).sum::<f64>() + projected
+    }
+
+    /// First half of an evaluation, for each member's nodal parameters, m: deformation gradients, and pressures.
+    pub fn deform(&mut self, pool: &mut Pool, u: &[&[[f64; 3]]; LANES]) {
+        self.gather(u);
+        self.project(pool);
+    }
+
+    /// Second half: internal force of each member, N.
+    pub fn force(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+        self.clear(f);
+        for b in 0..self.common.points.len() {
+            let nodes = self.common.tables.blocks[b].nodes.len();
+            self.local_force[..nodes].fill([Lanes::default(); 3]);
+            self.load_coarse(b);
+            self.stress(b);
+            mirror_back(&self.common.tables.blocks[b], &mut self.local_force[..nodes]);
+            self.hand_out(b, f);
+        }
+    }
+
+    /// Shares of the masses, over s, at the last evaluation, in the first component of `f`.
+    pub fn bound(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+        self.clear(f);
+        for b in 0..self.common.points.len() {
+            let block = &self.common.tables.blocks[b];
+            let (nodes, region) = (block.nodes.len(), usize::from(block.region));
+            self.local_force[..nodes].fill([Lanes::default(); 3]);
+            self.load_coarse(b);
+            let Self { common, laws, deformation, at_vertices, local_force, .. } = self;
+            let coarse = at_vertices.each_ref().map(Vec::as_slice);
+            let (table, deformation, force) = (&common.points[b], &deformation[b][..], &mut local_force[..nodes]);
+            let planar = block_form(&common.tables.blocks[b]);
+            match laws {
+                OfRegions::Plain(l) => bound(planar, table, &l[region], deformation, coarse, force),
+                OfRegions::Mixed(l) => bound(planar, table, &l[region], deformation, coarse, force),
+            }
+            self.hand_out(b, f);
+        }
+    }
+
+    fn clear(&self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+        f.iter_mut().flatten().for_each(|f| f.fill([0.0; 3]));
+    }
+
+    /// Pass 1 over all blocks.
+    fn gather(&mut self, u: &[&[[f64; 3]]; LANES]) {
+        self.sums.iter_mut().for_each(|sums| sums.fill(Lanes::default()));
+        self.min_jacobian = Lanes::of(f64::MAX);
+        for b in 0..self.common.points.len() {
+            let Self { common, active, deformation, sums, min_jacobian, local_u, at_vertices, .. } = self;
+            let block = &common.tables.blocks[b];
+            load(block, u, local_u);
+            at_vertices.iter_mut().for_each(|here| here.fill(Lanes::default()));
+            let here = at_vertices.each_mut().map(Vec::as_mut_slice);
+            let (table, active, u, deformation) =
+                (&common.points[b], &active[b][..], &local_u[..], &mut deformation[b][..]);
+            match block_form(block) {
+                true => run(Deform::<_, true> { table, active, u, deformation, sums: here, min: min_jacobian }),
+                false => run(Deform::<_, false> { table, active, u, deformation, sums: here, min: min_jacobian }),
+            }
+            for (sums, here) in sums.iter_mut().zip(&*at_vertices).filter(|(sums, _)| !sums.is_empty()) {
+                for (&n, here) in block.vertices.iter().zip(here) {
+                    sums[n as usize] += *here;
+                }
+            }
+        }
+    }
+
+    /// What the coarse nodes hand on, at the vertices.
+    fn project(&mut self, pool: &mut Pool) {
+        let Self { common, constants, sums: [j, i1], coarse, projection, members, laws, .. } = self;
+        let of_all = &common.tables.projection;
+        for k in 0..*members {
+            let (scratch, constants) = (&mut projection[k], &constants[k][..]);
+            if constants.iter().all(|c| c.projected <= 0.0 && !c.mixed) {
+                continue;
+            }
+            let nodal = match laws {
+                OfRegions::Plain(_) => of_all.project(scratch, pool, constants, |n| j[n].0[k]),
+                OfRegions::Mixed(_) => of_all.project_mixed(scratch, pool, constants, |n| [j[n].0[k], i1[n].0[k]]),
+            };
+            for (coarse, nodal) in coarse.iter_mut().zip(nodal) {
+                coarse.iter_mut().zip(nodal).for_each(|(coarse, nodal)| coarse.0[k] = *nodal);
+            }
+        }
+    }
+
+    fn load_coarse(&mut self, b: usize) {
+        let vertices = &self.common.tables.blocks[b].vertices;
+        for (here, coarse) in self.at_vertices.iter_mut().zip(&self.coarse) {
+            here.iter_mut().zip(vertices).for_each(|(here, &n)| *here = coarse[n as usize]);
+        }
+    }
+
+    /// Pass 2 over one block.
+    fn stress(&mut self, b: usize) {
+        let region = usize::from(self.common.tables.blocks[b].region);
+        // taken out for as long as they are read
+        let laws = std::mem::replace(&mut self.laws, OfRegions::Plain(Vec::new()));
+        match &laws {
+            OfRegions::Plain(l) => self.stress_by(b, &l[region]),
+            OfRegions::Mixed(l) => self.stress_by(b, &l[region]),
+        }
+        self.laws = laws;
+    }
+
+    fn stress_by<L: LaneLaw<T>>(&mut self, b: usize, laws: &Laws<L>) {
+        let Self { common, active, deformation, at_vertices, local_force, energy, .. } = self;
+        let block = &common.tables.blocks[b];
+        let (table, active, coarse) = (&common.points[b], &active[b][..], at_vertices.each_ref().map(Vec::as_slice));
+        let (deformation, force, energy) = (&deformation[b][..], &mut local_force[..], &mut energy[b]);
+        match block_form(block) {
+            true => run(Stress::<_, _, true> { table, laws, active, deformation, coarse, force, energy }),
+            false => run(Stress::<_, _, false> { table, laws, active, deformation, coarse, force, energy }),
+        }
+    }
+
+    /// Adds a block's forces to those of the members.
+    fn hand_out(&self, b: usize, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+        let nodes = &self.common.tables.blocks[b].nodes;
+        for (k, f) in f.iter_mut().enumerate() {
+            let Some(f) = f else { continue };
+            for (&n, force) in nodes.iter().zip(&self.local_force) {
+                let sum = &mut f[n as usize];
+                (0..3).for_each(|c| sum[c] += force[c].0[k].get());
+            }
+        }
+    }
+}
+
+/// Shares of the masses of a block's points.
+fn bound<T: Real, L: LaneLaw<T>>(
+    planar: bool,
+    table: &PointTable<T>,
+    laws: &Laws<L>,
+    deformation: &[Gradient<Lanes<T>>],
+    coarse: [&[Lanes<T>]; FIELDS],
+    force: &mut [Vectors<T>],
+) {
+    if planar {
+        run(Bound::<_, _, true> { table, laws, deformation, coarse, force });
+    } else {
+        run(Bound::<_, _, false> { table, laws, deformation, coarse, force });
+    }
+}
+
+/// Whether a block is of a half plane.
+fn block_form<T: Real>(block: &Block<T>) -> bool {
+    matches!(block.form, Form::Axisymmetric)
+}
+
+/// Displacements of a block's nodes and images, relative to its first node as in [`Block::deform`].
+fn load<T: Real>(block: &Block<T>, u: &[&[[f64; 3]]; LANES], local: &mut [Vectors<T>]) {
+    for (k, u) in u.iter().enumerate() {
+        let origin = u[block.nodes[0] as usize];
+        for (l, (local, &n)) in local.iter_mut().zip(&block.nodes).enumerate() {
+            let image = l >= block.originals;
+            let v = match block.form {
+                Form::Full => relative(&u[n as usize], &origin),
+                Form::Mirrored(mirror) if image => relative(&mirror.image(&u[n as usize]), &origin),
+                Form::Mirrored(_) => relative(&u[n as usize], &origin),
+                Form::Axisymmetric => {
+                    let [radial, _, axial] = u[n as usize];
+                    [if image { -radial } else { radial }, 0.0, axial - origin[2]]
+                }
+            };
+            (0..3).for_each(|c| local[c].0[k] = T::of(v[c]));
+        }
+    }
+}
+
+fn relative(u: &[f64; 3], origin: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| u[k] - origin[k])
+}
+
+/// What pulls an image pulls its node the mirrored way.
+fn mirror_back<T: Real>(block: &Block<T>, force: &mut [Vectors<T>]) {
+    for force in &mut force[block.originals..] {
+        match block.form {
+            Form::Mirrored(mirror) => mirrored(&mirror, force),
+            Form::Full | Form::Axisymmetric => force[0] = -force[0],
+        }
+    }
+}
+
+fn mirrored<T: Real>(mirror: &Mirror, force: &mut Vectors<T>) {
+    for k in 0..LANES {
+        let image = mirror.image(&[0, 1, 2].map(|c| force[c].0[k].get()));
+        (0..3).for_each(|c| force[c].0[k] = T::of(image[c]));
+    }
+}
