@@ -25,7 +25,7 @@ const REFRESH: usize = 6;
 
 /// What the fill needs to know.
 pub(crate) struct Packing<'a> {
-    pub(crate) domain: &'a Domain,
+    pub(crate) domain: &'a Domain<'a>,
     pub(crate) spacing: &'a Spacing,
 }
 
@@ -36,13 +36,21 @@ impl Packing<'_> {
     }
 
     /// Distance from p to a candidate in direction `way` (unit): the mean of the spacings at both ends.
-    fn stride(&self, p: Point, h: f64, way: Point) -> f64 {
+    pub(crate) fn stride(&self, p: Point, h: f64, way: Point) -> f64 {
         let once = 0.5 * (h + self.h(add(p, scale(way, h))));
         0.5 * (h + self.h(add(p, scale(way, once))))
     }
 
     /// Is any node nearer to the candidate than `gap` times the mean of their spacings?
-    fn crowded(&self, nodes: &Nodes, spacings: &[f64], grid: &Grid, candidate: Point, h: f64, gap: f64) -> bool {
+    pub(crate) fn crowded(
+        &self,
+        nodes: &Nodes,
+        spacings: &[f64],
+        grid: &Grid,
+        candidate: Point,
+        h: f64,
+        gap: f64,
+    ) -> bool {
         let reach = gap * h / (1.0 - 0.5 * gap * self.spacing.growth);
         grid.any(&nodes.points, candidate, reach, |j, squared| {
             let least = 0.5 * gap * (h + spacings[j as usize]);
@@ -79,6 +87,9 @@ impl Packing<'_> {
         let mut spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
         for &face in self.domain.faces() {
             self.fill_face(nodes, &mut grid, &mut spacings, face);
+        }
+        if let Some(outline) = self.domain.outline() {
+            self.fill_skin(outline, nodes, &mut grid, &mut spacings);
         }
         self.relax(nodes, &mut grid, FACE_RELAXATIONS, |faces| faces.count_ones() == 1);
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();

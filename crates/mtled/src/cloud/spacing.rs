@@ -149,6 +149,7 @@ impl Feature {
                 let length = match *domain {
                     Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => 2.0 * PI * radius,
                     Domain::Box { size } | Domain::HalfBox { size } => 2.0 * (size[0] + size[1]),
+                    Domain::Outline(_) => 0.0,
                 };
                 length * 0.5 * PI * s
             }
