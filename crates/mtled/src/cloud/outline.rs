@@ -6,7 +6,7 @@ use super::error::CloudError;
 use super::path::Axis;
 use super::quality::six_volumes;
 use super::tree::Tree;
-use super::vector::{Point, add, cross, distance, dot, norm, scale, sub};
+use super::vector::{Point, add, cross, dot, norm, scale, sub};
 use std::collections::BTreeMap;
 
 /// Cosine of the angle between the normals of two triangles from which their edge is a crease: 40 degrees.
@@ -38,16 +38,24 @@ pub struct Outline {
     points: Vec<Point>,
     cells: Vec<[u32; 4]>,
     group: Vec<u32>,
-    /// Of the surface first, then of interfaces.
     walls: Vec<Wall>,
     pub(crate) creases: Vec<Crease>,
     bounds: (Point, Point),
     top: f64,
     volume: f64,
     within: Tree,
-    skin: Tree,
-    /// Of all walls.
-    all: Tree,
+    /// Walls of each face, [`BETWEEN`] last.
+    trees: Vec<(u8, Tree)>,
+    /// What each group asks for at its boundary within the body.
+    inclusions: Vec<Inclusion>,
+}
+
+/// A group of cells that is enclosed by others, in part at least.
+#[derive(Clone, Debug, PartialEq)]
+struct Inclusion {
+    walls: Tree,
+    /// Largest spacing of nodes there, m.
+    spacing: f64,
 }
 
 impl Outline {
@@ -58,16 +66,15 @@ impl Outline {
         let surface = mesh.surface.iter().zip(&mesh.surface_faces);
         let mut walls: Vec<Wall> = surface.map(|(t, &face)| Wall { corners: t.map(at), face }).collect();
         let outer = walls.len();
-        let between = interfaces(&mesh.cells, &group);
+        let (between, sides) = interfaces(&mesh.cells, &group);
         walls.extend(between.iter().map(|t| Wall { corners: t.map(at), face: BETWEEN }));
-        let of_walls: Vec<[Point; 2]> = walls.iter().map(|w| bounds(&w.corners)).collect();
         let of_cells: Vec<[Point; 2]> = mesh.cells.iter().map(|c| bounds(&c.map(at))).collect();
         let [low, high] = bounds(&mesh.points);
         Self {
             creases: creases(mesh, &between),
             volume: mesh.volumes().iter().sum(),
-            skin: Tree::new(&of_walls[..outer]),
-            all: Tree::new(&of_walls),
+            trees: trees(&walls),
+            inclusions: inclusions(&walls[outer..], &sides, outer, &mesh.volumes(), &group),
             within: Tree::new(&of_cells),
             points: mesh.points.clone(),
             cells: mesh.cells.clone(),
@@ -114,24 +121,44 @@ impl Outline {
 
     /// Distance to the surface, negative outside.
     pub(crate) fn depth(&self, p: Point) -> f64 {
-        let d = self.nearest(&self.skin, p).map_or(f64::INFINITY, |(_, d)| d);
-        if self.cell_at(p).is_some() { d } else { -d }
+        self.signed(p, self.to_skin(p))
     }
 
     /// Distance to surface or interface, whichever is nearer; negative outside.
     pub(crate) fn room(&self, p: Point) -> f64 {
-        let d = self.nearest(&self.all, p).map_or(f64::INFINITY, |(_, d)| d);
+        self.signed(p, self.to_skin(p).min(self.interface_distance(p)))
+    }
+
+    fn signed(&self, p: Point, d: f64) -> f64 {
         if self.cell_at(p).is_some() { d } else { -d }
+    }
+
+    fn to_skin(&self, p: Point) -> f64 {
+        let skin = self.trees.iter().filter(|(face, _)| *face != BETWEEN);
+        skin.filter_map(|(_, tree)| self.nearest(tree, p)).map(|(_, d)| d).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Largest spacing that the groups' boundaries allow at a point, with this growth of it per metre.
+    pub(crate) fn spacing(&self, p: Point, growth: f64) -> f64 {
+        let of = |inclusion: &Inclusion| {
+            let d = self.nearest(&inclusion.walls, p).map_or(f64::INFINITY, |(_, d)| d);
+            inclusion.spacing + growth * d
+        };
+        self.inclusions.iter().map(of).fold(f64::INFINITY, f64::min)
     }
 
     /// Distance to the nearest interface; infinite without any.
     pub(crate) fn interface_distance(&self, p: Point) -> f64 {
-        self.on(BETWEEN, p).map_or(f64::INFINITY, |(q, _)| distance(p, q))
+        self.tree(BETWEEN).and_then(|tree| self.nearest(tree, p)).map_or(f64::INFINITY, |(_, d)| d)
     }
 
     /// Whether groups meet in it.
     pub(crate) fn has_interfaces(&self) -> bool {
-        self.walls.iter().any(|w| w.face == BETWEEN)
+        self.tree(BETWEEN).is_some()
+    }
+
+    fn tree(&self, face: u8) -> Option<&Tree> {
+        self.trees.iter().find(|(f, _)| *f == face).map(|(_, tree)| tree)
     }
 
     fn nearest(&self, tree: &Tree, p: Point) -> Option<(u32, f64)> {
@@ -140,26 +167,21 @@ impl Outline {
 
     /// The nearest point of a face, and the unit normal there.
     pub(crate) fn on(&self, face: u8, p: Point) -> Option<(Point, Point)> {
-        let of_face = |i: u32| {
-            let wall = &self.walls[i as usize];
-            if wall.face == face { squared(p, wall.closest(p)) } else { f64::INFINITY }
-        };
-        let (i, _) = self.all.nearest(p, of_face)?;
+        let (i, _) = self.nearest(self.tree(face)?, p)?;
         let wall = &self.walls[i as usize];
         Some((wall.closest(p), wall.normal()))
     }
 
     /// Face of the surface that is nearest to a point.
     pub(crate) fn face_at(&self, p: Point) -> u8 {
-        self.nearest(&self.skin, p).map_or(super::SIDE, |(i, _)| self.walls[i as usize].face)
+        let skin = self.trees.iter().filter(|(face, _)| *face != BETWEEN);
+        let near = skin.filter_map(|(face, tree)| self.nearest(tree, p).map(|(_, d)| (*face, d)));
+        near.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(super::SIDE, |(face, _)| face)
     }
 
     /// Faces that there are, interfaces last.
     pub(crate) fn faces(&self) -> Vec<u8> {
-        let mut faces: Vec<u8> = self.walls.iter().map(|w| w.face).collect();
-        faces.sort_unstable();
-        faces.dedup();
-        faces
+        self.trees.iter().map(|(face, _)| *face).collect()
     }
 
     /// Corners of a face's triangles.
@@ -238,6 +260,11 @@ impl Wall {
         add(a, add(scale(ab, vb / whole), scale(ac, vc / whole)))
     }
 
+    fn area(&self) -> f64 {
+        let [a, b, c] = self.corners;
+        0.5 * norm(cross(sub(b, a), sub(c, a)))
+    }
+
     fn normal(&self) -> Point {
         let [a, b, c] = self.corners;
         let n = cross(sub(b, a), sub(c, a));
@@ -266,16 +293,53 @@ fn bounds(points: &[Point]) -> [Point; 2] {
     [[0, 1, 2].map(|k| all(k, f64::min, f64::INFINITY)), [0, 1, 2].map(|k| all(k, f64::max, f64::NEG_INFINITY))]
 }
 
-/// Triangles between cells of different groups.
-fn interfaces(cells: &[[u32; 4]], group: &[u32]) -> Vec<[u32; 3]> {
+/// A tree of the walls of each face.
+fn trees(walls: &[Wall]) -> Vec<(u8, Tree)> {
+    let mut faces: Vec<u8> = walls.iter().map(|w| w.face).collect();
+    faces.sort_unstable();
+    faces.dedup();
+    let tree = |face: u8| tree_of(walls, (0..walls.len() as u32).filter(|&i| walls[i as usize].face == face));
+    faces.into_iter().map(|face| (face, tree(face))).collect()
+}
+
+fn tree_of(walls: &[Wall], items: impl Iterator<Item = u32>) -> Tree {
+    let items: Vec<u32> = items.collect();
+    let boxes: Vec<[Point; 2]> = items.iter().map(|&i| bounds(&walls[i as usize].corners)).collect();
+    Tree::new(&boxes).renamed(&items)
+}
+
+/// Spacing at the boundary of a group over 3 V/A, its volume over its area there: the radius of a ball, three quarters of the thickness of
+/// a tube, three halves of a plate's.
+const ACROSS: f64 = 1.0;
+
+/// What each group but the largest asks for, by the triangles between groups and the groups on both sides of each.
+fn inclusions(walls: &[Wall], sides: &[[u32; 2]], outer: usize, volumes: &[f64], group: &[u32]) -> Vec<Inclusion> {
+    let mut volume: BTreeMap<u32, f64> = BTreeMap::new();
+    volumes.iter().zip(group).for_each(|(v, g)| *volume.entry(*g).or_default() += v);
+    let largest = volume.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(g, _)| *g);
+    let of = |(&g, v): (&u32, &f64)| {
+        let own: Vec<u32> = (0..walls.len() as u32).filter(|&i| sides[i as usize].contains(&g)).collect();
+        let area: f64 = own.iter().map(|&i| walls[i as usize].area()).sum();
+        let boxes: Vec<[Point; 2]> = own.iter().map(|&i| bounds(&walls[i as usize].corners)).collect();
+        let named: Vec<u32> = own.iter().map(|i| i + outer as u32).collect();
+        Inclusion { walls: Tree::new(&boxes).renamed(&named), spacing: ACROSS * 3.0 * v / area }
+    };
+    volume.iter().filter(|(g, _)| Some(**g) != largest).map(of).collect()
+}
+
+/// Triangles between cells of different groups, and those groups.
+fn interfaces(cells: &[[u32; 4]], group: &[u32]) -> (Vec<[u32; 3]>, Vec<[u32; 2]>) {
     let mut seen: BTreeMap<[u32; 3], u32> = BTreeMap::new();
-    let mut between = Vec::new();
+    let (mut between, mut sides) = (Vec::new(), Vec::new());
     for (c, &group) in cells.iter().zip(group) {
         for k in 0..4 {
             let mut t = [c[(k + 1) % 4], c[(k + 2) % 4], c[(k + 3) % 4]];
             t.sort_unstable();
             match seen.remove(&t) {
-                Some(other) if other != group => between.push(t),
+                Some(other) if other != group => {
+                    between.push(t);
+                    sides.push([other, group]);
+                }
                 Some(_) => {}
                 None => {
                     seen.insert(t, group);
@@ -283,7 +347,7 @@ fn interfaces(cells: &[[u32; 4]], group: &[u32]) -> Vec<[u32; 3]> {
             }
         }
     }
-    between
+    (between, sides)
 }
 
 /// Edges of the surface that are sharp, part two faces, or border an interface.

@@ -6,7 +6,7 @@ use super::edges::{Nodes, equidistribute};
 use super::outline::{BETWEEN, Outline};
 use super::packing::Packing;
 use super::spacing::Spacing;
-use super::vector::{Point, add, distance, hash01, scale, sub};
+use super::vector::{Point, add, distance, dot, hash01, scale, sub};
 use crate::grid::Grid;
 use std::f64::consts::PI;
 
@@ -14,6 +14,8 @@ use std::f64::consts::PI;
 const APART: f64 = 0.6;
 const GAP: f64 = 0.86;
 const TRIES: usize = 10;
+/// Largest way of a node off a curved interface, over the spacing.
+const MOST_OFF: f64 = 0.2;
 /// Distance of interfaces' nodes from the surface, over the spacing.
 const CLEARANCE: f64 = 0.55;
 
@@ -99,6 +101,7 @@ impl Packing<'_> {
     /// Fills surface and interfaces.
     pub(crate) fn fill_skin(&self, outline: &Outline, nodes: &mut Nodes, grid: &mut Grid, spacings: &mut Vec<f64>) {
         for face in outline.faces() {
+            let first = nodes.points.len();
             let mut front: Vec<u32> =
                 (0..nodes.points.len() as u32).filter(|&i| nodes.faces[i as usize] & face != 0).collect();
             self.advance(outline, face, &mut front, nodes, grid, spacings);
@@ -111,6 +114,30 @@ impl Packing<'_> {
                     self.advance(outline, face, &mut front, nodes, grid, spacings);
                 }
             }
+            if face == BETWEEN {
+                self.keep_volume(outline, nodes, first);
+                grid.clear();
+                nodes.points.iter().for_each(|&p| grid.push(p));
+            }
+        }
+    }
+
+    /// Moves nodes off a curved interface so that the facets between them enclose what it encloses: on a sphere of radius R triangles of
+    /// edge e lie e^2/(8 R) within on average, a quarter of how far the sphere is below its tangent plane at the distance e.
+    fn keep_volume(&self, outline: &Outline, nodes: &mut Nodes, first: usize) {
+        for i in first..nodes.points.len() {
+            let p = nodes.points[i];
+            let Some((_, normal)) = outline.on(BETWEEN, p) else { continue };
+            let edge = self.spacing.at(self.domain, p);
+            let [t1, t2] = super::interfaces::tangents(normal);
+            let below = |k: usize| {
+                let (sin, cos) = (2.0 * PI * k as f64 / TRIES as f64).sin_cos();
+                let beside = add(p, scale(add(scale(t1, cos), scale(t2, sin)), edge));
+                outline.on(BETWEEN, beside).map_or(0.0, |(q, _)| dot(sub(p, q), normal))
+            };
+            let mean = (0..TRIES).map(below).sum::<f64>() / TRIES as f64;
+            let off = (0.25 * mean).clamp(-MOST_OFF * edge, MOST_OFF * edge);
+            nodes.points[i] = add(p, scale(normal, off));
         }
     }
 

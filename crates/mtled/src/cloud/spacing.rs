@@ -182,6 +182,9 @@ impl Spacing {
     /// Wanted spacing at a point of the domain, in metres.
     pub fn at(&self, domain: &Domain, p: Point) -> f64 {
         let mut h = self.far;
+        if let Some(outline) = domain.outline() {
+            h = h.min(outline.spacing(p, self.growth));
+        }
         for f in &self.features {
             h = h.min(match *f {
                 Feature::Entry { .. } => self.at_entry(f, domain, p),

@@ -35,6 +35,12 @@ impl Tree {
         tree
     }
 
+    /// The same with other numbers for its items.
+    pub(crate) fn renamed(mut self, names: &[u32]) -> Self {
+        self.items.iter_mut().for_each(|i| *i = names[*i as usize]);
+        self
+    }
+
     fn branch(&mut self, boxes: &[[Point; 2]], first: usize, last: usize) {
         let items = &mut self.items[first..last];
         let all = |k: usize, end: usize, pick: fn(f64, f64) -> f64, start: f64| {
