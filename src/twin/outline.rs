@@ -2,7 +2,7 @@
 
 use crate::mesh::Volumes;
 use crate::scene::{Grading, MeshFile, RegionShape, Scene};
-use mtled::cloud::{self, CELLS_PER_NODE, Cloud, Domain, Outline};
+use mtled::cloud::{self, Cloud, Domain, Outline};
 
 use super::body::Layout;
 use super::{Body, BuildError, mesh};
@@ -17,9 +17,9 @@ pub(super) fn body(scene: &Scene, file: &MeshFile, grading: &Grading) -> Result<
     let outline = Outline::new(&mesh, groups(scene, &volumes), top - lowest);
     let domain = Domain::Outline(&outline);
     let layout = Layout::new(&lowered(scene, lowest), &domain, grading);
-    let nodes = layout.spacing.predicted_nodes(&domain);
-    mesh::fits(scene, [nodes, CELLS_PER_NODE * nodes], "discretisation.spacing_m", "use a larger spacing")?;
     let mut cloud = cloud::generate(&domain, &layout.spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
+    let size = [cloud.points.len(), cloud.cells.len()].map(|n| n as f64);
+    mesh::fits(scene, size, "discretisation.spacing_m", "use a larger spacing")?;
     let volumes = Volumes { of_cell: of_cells(&cloud, &outline, &volumes), names: volumes.names };
     cloud.points.iter_mut().for_each(|p| p[2] += lowest);
     let mut body = Body {

@@ -80,10 +80,13 @@ fn the_needle_s_layers_lie_on_its_capture_radius_and_no_other_node_within() {
         let [x, y, _] = body.cloud.points[**n as usize];
         (x.hypot(y) - 0.001).abs() < 1e-9
     };
-    let share = body.held.iter().filter(on).count() as f64 / body.held.len() as f64;
-    println!("{} nodes held, {share:.3} of them on the capture radius; layers {} m apart", body.held.len(), body.layer);
+    // below the path's end there are other nodes
+    let on_path: Vec<&u32> =
+        body.held.iter().filter(|n| body.cloud.points[**n as usize][2] > body.top - 0.0205).collect();
+    let share = on_path.iter().filter(|n| on(n)).count() as f64 / on_path.len() as f64;
+    println!("{} nodes, {share:.4} of them on the capture radius; layers {} m apart", on_path.len(), body.layer);
     // rings of 6 and 12 nodes about one on the axis
-    assert!((share - 12.0 / 19.0).abs() < 0.01);
+    assert!((share - 12.0 / 19.0).abs() < 1e-9);
     assert!((body.layer - 0.0005).abs() < 2e-5);
 }
 
@@ -103,7 +106,7 @@ fn a_cylinder_filled_so_has_the_preset_s_force() {
     let folder = TempDir::new().unwrap();
     let tight = ("stepping.tolerance", "0.003");
     let full = ("discretisation.dimension", "full");
-    for (preset, most) in [("needle_insertion", 0.02), ("indentation", 0.03)] {
+    for (preset, most) in [("needle_insertion", 0.03), ("indentation", 0.03)] {
         let changes =
             [tight, full, ("discretisation.spacing_m", "0.003"), ("discretisation.edge_refinement", "0.0833")];
         let own = forces(&with(&Scene::preset(preset).unwrap(), &changes));
@@ -141,21 +144,26 @@ fn a_mesh_may_stand_anywhere() {
     let folder = TempDir::new().unwrap();
     let short = ("motion.depth_m", "0.003");
     let changes = [short, ("discretisation.spacing_m", "0.004"), ("discretisation.edge_refinement", "0.0625")];
-    let path = mesh_of_cylinder(&folder, 30, 6, 0.0);
+    let path = mesh_of_cylinder(&folder, 30, 6, &|p| p);
     let force = |scene: &Scene| forces(scene)[2];
     let here = force(&of_mesh("needle_insertion", &path, &changes));
     // all of it below z = 0
-    let below = mesh_of_cylinder(&folder, 30, 6, -40.0);
-    let there = force(&of_mesh("needle_insertion", &below, &changes));
+    let below = mesh_of_cylinder(&folder, 30, 6, &|[x, y, z]| [x, y, z - 40.0]);
+    let targets = [
+        ("targets.0.position_m", "[0, 0, -0.035]"),
+        ("targets.1.position_m", "[0.003, 0, -0.03]"),
+        ("targets.2.position_m", "[0, 0.008, -0.032]"),
+    ];
+    let there = force(&of_mesh("needle_insertion", &below, &[&changes[..], &targets].concat()));
     println!("{here} N, {there} N");
-    assert!((there / here - 1.0).abs() < 2e-3);
+    // round-off makes another cloud of it
+    assert!((there / here - 1.0).abs() < 0.02);
     // a mesh's own nodes, too: its slowest mode is that of a body on its own base
-    let own = |path: &PathBuf| {
-        let of_mesh = [("sample.shape", "mesh"), ("instrument.capture_radius_m", "0.002")];
-        let scene = of_mesh_with("needle_insertion", path, &[&of_mesh[..], &[short]].concat());
-        Twin::new(&scene).unwrap().slowest()
+    let own = |path: &PathBuf, targets: &[(&str, &str)]| {
+        let of_mesh = [("sample.shape", "mesh"), ("instrument.capture_radius_m", "0.004"), short];
+        Twin::new(&of_mesh_with("needle_insertion", path, &[&of_mesh[..], targets].concat())).unwrap().slowest()
     };
-    let (a, b) = (own(&path), own(&below));
+    let (a, b) = (own(&path, &[]), own(&below, &targets));
     assert!(a.is_finite() && (a / b - 1.0).abs() < 1e-6, "{a} {b}");
 }
 
@@ -168,18 +176,23 @@ fn what_can_t_be_filled_is_refused_with_the_place() {
     };
     let beside = refused(&lesion(&[("instrument.entry_x_m", "0.034")]));
     println!("{beside}");
-    assert!(beside.contains("leaves the mesh"), "{beside}");
+    assert!(beside.contains("leaves the mesh") && beside.contains("move the entry"), "{beside}");
     let deep = refused(&lesion(&[("motion.depth_m", "0.0319")]));
     println!("{deep}");
     assert!(deep.contains("motion.depth_m"), "{deep}");
-    let coarse = refused(&lesion(&[("discretisation.spacing_m", "0.5")]));
-    println!("{coarse}");
-    assert!(coarse.contains("spacing") || coarse.contains("edge"), "{coarse}");
+    // a stalk of 0.6 mm under the sample's upper half
+    let folder = TempDir::new().unwrap();
+    let stalk = |[x, y, z]: [f64; 3]| if z > 1.0 && z < 8.0 { [0.02 * x, 0.02 * y, z] } else { [x, y, z] };
+    let mesh = mesh_of_cylinder(&folder, 20, 17, &stalk);
+    let changes = [("discretisation.spacing_m", "0.004"), ("discretisation.dimension", "full")];
+    let thin = refused(&of_mesh("compression", &mesh, &changes));
+    println!("{thin}");
+    assert!(thin.contains("thinner") && thin.contains("smaller spacing"), "{thin}");
 }
 
 /// A preset in the outline of a mesh of its cylinder.
 fn cylinder(folder: &TempDir, preset: &str, across: usize, up: usize, changes: &[(&str, &str)]) -> Scene {
-    of_mesh(preset, &mesh_of_cylinder(folder, across, up, 0.0), changes)
+    of_mesh(preset, &mesh_of_cylinder(folder, across, up, &|p| p), changes)
 }
 
 fn of_mesh(preset: &str, mesh: &PathBuf, changes: &[(&str, &str)]) -> Scene {
@@ -193,7 +206,7 @@ fn of_mesh_with(preset: &str, mesh: &PathBuf, changes: &[(&str, &str)]) -> Scene
 }
 
 /// A mesh of the presets' cylinder (diameter 30, height 17, in mm) from bricks of six tetrahedra: a square grid drawn to a disc.
-fn mesh_of_cylinder(folder: &TempDir, across: usize, up: usize, lowest: f64) -> PathBuf {
+fn mesh_of_cylinder(folder: &TempDir, across: usize, up: usize, bent: &dyn Fn([f64; 3]) -> [f64; 3]) -> PathBuf {
     let disc = |i: usize, j: usize| {
         let [u, v] = [i, j].map(|k| 2.0 * k as f64 / across as f64 - 1.0);
         // concentric squares to circles
@@ -216,7 +229,8 @@ fn mesh_of_cylinder(folder: &TempDir, across: usize, up: usize, lowest: f64) -> 
         for j in 0..=across {
             for i in 0..=across {
                 let [x, y] = disc(i, j);
-                writeln!(text, "{x} {y} {}", lowest + 17.0 * k as f64 / up as f64).unwrap();
+                let [x, y, z] = bent([x, y, 17.0 * k as f64 / up as f64]);
+                writeln!(text, "{x} {y} {z}").unwrap();
             }
         }
     }
@@ -247,7 +261,8 @@ fn mesh_of_cylinder(folder: &TempDir, across: usize, up: usize, lowest: f64) -> 
         writeln!(text, "{name} {a} {b} {c} {d}").unwrap();
     }
     text += "$EndElements\n";
-    let path = folder.path().join(format!("cylinder_{across}_{up}_{lowest}.msh"));
+    let [_, _, z] = bent([0.0; 3]);
+    let path = folder.path().join(format!("cylinder_{across}_{up}_{z}.msh"));
     fs::write(&path, text).unwrap();
     path
 }

@@ -1,16 +1,21 @@
 //! Which tetrahedra of a triangulation fill a body that a mesh outlines: the triangulation fills the hull of its nodes.
 
 use super::check;
+use super::domain::Domain;
 use super::error::CloudError;
 use super::outline::{BETWEEN, Outline};
 use super::quality::volume_length;
+use super::spacing::Spacing;
 use super::vector::{Point, add, distance, scale};
+use crate::grid::Grid;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Depth of the middle of a cell of surface nodes over its longest edge, below which it lies between the surface and the triangles under it.
 const THIN: f64 = 0.06;
 /// Quality below which a cell of surface nodes is left out where it can be.
 const FLAT: f64 = 0.02;
+/// Largest distance of the surface from the nearest node over the spacing.
+const REACH: f64 = 1.5;
 /// Rounds of the repair of the surface.
 const REPAIRS: usize = 12;
 
@@ -76,6 +81,30 @@ fn faulty(points: usize, cells: &[[u32; 4]]) -> Result<Vec<Vec<u32>>, CloudError
         }
     }
     Ok(bad.into_iter().collect())
+}
+
+/// Whether what is left of a body reaches all of its surface.
+///
+/// # Errors
+/// [`CloudError::NotMeshable`]: a corner of the mesh's surface is further from every node than cells are long.
+pub(crate) fn covers(outline: &Outline, spacing: &Spacing, points: &[Point]) -> Result<(), CloudError> {
+    let (low, high) = outline.bounds();
+    let mut grid = Grid::new(low, high, points.len());
+    points.iter().for_each(|&p| grid.push(p));
+    let lost = |p: &Point| !grid.any(points, *p, REACH * spacing.at(&Domain::Outline(outline), *p), |_, _| true);
+    match outline.faces().into_iter().filter(|face| *face != BETWEEN).flat_map(|face| outline.corners(face)).find(lost)
+    {
+        Some(p) => Err(thin(p)),
+        None => Ok(()),
+    }
+}
+
+/// What to say of a place that the spacing doesn't resolve.
+pub(crate) fn thin(p: Point) -> CloudError {
+    let reason = format!(
+        "at {p:?} m (z from the lowest point) the mesh is thinner, or its surface more curved, than the spacing"
+    );
+    CloudError::NotMeshable { reason }
 }
 
 /// Renumbers the nodes so that none is without a cell: which those are that stay.

@@ -159,6 +159,14 @@ impl<'a> Domain<'a> {
         self.rim_distance([p[0], p[1]]).min(z).min(self.mirror_distance(p))
     }
 
+    /// Whether a point lies in the body or on its surface.
+    pub(crate) fn holds(&self, p: Point) -> bool {
+        match self {
+            Domain::Outline(outline) => outline.cell_at(p).is_some(),
+            _ => self.depth(p) >= -1e-9 * self.height(),
+        }
+    }
+
     /// Bits of all faces that the body has.
     pub(crate) fn faces(&self) -> &'static [u8] {
         match self {

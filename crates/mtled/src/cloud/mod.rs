@@ -104,10 +104,10 @@ impl Cloud {
 /// too close to each other for the spacing.
 pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
     domain.validate()?;
-    spacing.validate(domain)?;
+    let expected = spacing.validate(domain)?;
     let mut nodes = edges::place(domain, spacing)?;
     let packing = Packing { domain, spacing };
-    packing.fill(&mut nodes);
+    packing.fill(&mut nodes, expected);
     let order = hilbert_order(&nodes.points);
     let mut points: Vec<Point> = order.iter().map(|&i| nodes.points[i as usize]).collect();
     let faces: Vec<u8> = order.iter().map(|&i| nodes.faces[i as usize]).collect();
@@ -131,8 +131,9 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
             return spacing.onto_interface(domain, p).filter(slid);
         }
         let q = if face == 0 { p } else { domain.project(face, p) };
-        let clear = spacing.interface_distance(domain.height(), q) > INTERFACE_CLEARANCE * packing.h(q);
-        (clear && domain.depth(q) >= -1e-9 * domain.height() && !packing.reserved(q)).then_some(q)
+        let gap = spacing.interface_distance(domain.height(), q);
+        let clear = || gap == f64::INFINITY || gap > INTERFACE_CLEARANCE * packing.h(q);
+        (clear() && domain.holds(q) && !packing.reserved(q)).then_some(q)
     };
     let regions: Vec<u64> =
         if spacing.solids().next().is_some() || domain.outline().is_some_and(Outline::has_interfaces) {
@@ -148,7 +149,16 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     let (points, mut cells) = mesh.finish();
     let faces: Vec<u8> = faces.iter().map(|f| f & !INTERFACE).collect();
     sort_cells(&mut cells);
-    let surface = check::check(&points, &cells)?;
+    let surface = match (domain.outline(), check::check(&points, &cells)) {
+        (_, Ok(surface)) => surface,
+        (Some(_), Err(fault)) => {
+            return Err(fault.nodes().first().map_or(CloudError::Invalid(fault), |&n| carve::thin(points[n])));
+        }
+        (None, Err(fault)) => return Err(fault.into()),
+    };
+    if let Some(outline) = domain.outline() {
+        carve::covers(outline, spacing, &points)?;
+    }
     conform::conforms(domain, spacing, &points, &faces, &surface)?;
     let shared = |t: &[u32; 3]| match domain.outline() {
         None => t.iter().fold(u8::MAX, |bits, &v| bits & faces[v as usize]),

@@ -43,7 +43,7 @@ pub struct Outline {
     bounds: (Point, Point),
     top: f64,
     volume: f64,
-    within: Tree,
+    volumes: Tree,
     /// Walls of each face, [`BETWEEN`] last.
     trees: Vec<(u8, Tree)>,
     /// What each group asks for at its boundary within the body.
@@ -75,7 +75,7 @@ impl Outline {
             volume: mesh.volumes().iter().sum(),
             trees: trees(&walls),
             inclusions: inclusions(&walls[outer..], &sides, outer, &mesh.volumes(), &group),
-            within: Tree::new(&of_cells),
+            volumes: Tree::new(&of_cells),
             points: mesh.points.clone(),
             cells: mesh.cells.clone(),
             bounds: (low, high),
@@ -110,7 +110,7 @@ impl Outline {
                 six_volumes(&part) >= INSIDE * whole
             })
         };
-        self.within.find(p, 1e-9 * self.top, holds)
+        self.volumes.find(p, 1e-9 * self.top, holds)
     }
 
     /// Group at a point; `None` outside.
@@ -138,13 +138,13 @@ impl Outline {
         skin.filter_map(|(_, tree)| self.nearest(tree, p)).map(|(_, d)| d).fold(f64::INFINITY, f64::min)
     }
 
-    /// Largest spacing that the groups' boundaries allow at a point, with this growth of it per metre.
-    pub(crate) fn spacing(&self, p: Point, growth: f64) -> f64 {
-        let of = |inclusion: &Inclusion| {
-            let d = self.nearest(&inclusion.walls, p).map_or(f64::INFINITY, |(_, d)| d);
-            inclusion.spacing + growth * d
-        };
-        self.inclusions.iter().map(of).fold(f64::INFINITY, f64::min)
+    /// Largest spacing up to `most` that the groups' boundaries allow at a point, with this growth of it per metre.
+    pub(crate) fn spacing(&self, p: Point, growth: f64, most: f64) -> f64 {
+        self.inclusions.iter().fold(most, |least, inclusion| {
+            let reach = (least - inclusion.spacing) / growth;
+            let near = if reach > 0.0 { self.within(&inclusion.walls, p, reach) } else { None };
+            near.map_or(least, |(_, d)| least.min(inclusion.spacing + growth * d))
+        })
     }
 
     /// Distance to the nearest interface; infinite without any.
@@ -162,7 +162,12 @@ impl Outline {
     }
 
     fn nearest(&self, tree: &Tree, p: Point) -> Option<(u32, f64)> {
-        tree.nearest(p, |i| squared(p, self.walls[i as usize].closest(p))).map(|(i, d)| (i, d.sqrt()))
+        self.within(tree, p, f64::INFINITY)
+    }
+
+    /// The nearest wall of a tree that is no further than this, and how far.
+    fn within(&self, tree: &Tree, p: Point, reach: f64) -> Option<(u32, f64)> {
+        tree.nearest(p, reach, |i| squared(p, self.walls[i as usize].closest(p))).map(|(i, d)| (i, d.sqrt()))
     }
 
     /// The nearest point of a face, and the unit normal there.
@@ -214,10 +219,11 @@ impl Outline {
             for turn in 0..8 {
                 let p = axis.section(self.top, depth, radius, f64::from(turn) / 8.0);
                 if self.cell_at(p).is_none() {
-                    let reason = format!(
-                        "the needle's path, with what it captures, leaves the mesh {depth:.6} m below the surface, at {p:?} m"
+                    let rule = format!(
+                        "the path, with what the needle captures, leaves the mesh {depth:.6} m below the surface, at {p:?} m (z from the \
+                         lowest point): move the entry, or end the motion before"
                     );
-                    return Err(CloudError::NotMeshable { reason });
+                    return Err(CloudError::OutOfRange { key: "path length", value: length, rule });
                 }
             }
         }

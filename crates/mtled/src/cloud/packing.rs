@@ -71,19 +71,18 @@ impl Packing<'_> {
         })
     }
 
-    fn grid(&self, nodes: &Nodes) -> Grid {
+    fn grid(&self, nodes: &Nodes, expected: f64) -> Grid {
         let (low, high) = self.domain.bounds();
-        let mut grid =
-            Grid::new(low, high, (self.spacing.predicted_nodes(self.domain) as usize).max(nodes.points.len()));
+        let mut grid = Grid::new(low, high, (expected as usize).max(nodes.points.len()));
         for &p in &nodes.points {
             grid.push(p);
         }
         grid
     }
 
-    /// Fills every face, then the interior; relaxes each.
-    pub(crate) fn fill(&self, nodes: &mut Nodes) {
-        let mut grid = self.grid(nodes);
+    /// Fills every face, then the interior, with about so many nodes in all; relaxes each.
+    pub(crate) fn fill(&self, nodes: &mut Nodes, expected: f64) {
+        let mut grid = self.grid(nodes, expected);
         let mut spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
         for &face in self.domain.faces() {
             self.fill_face(nodes, &mut grid, &mut spacings, face);

@@ -182,16 +182,13 @@ impl Spacing {
     /// Wanted spacing at a point of the domain, in metres.
     pub fn at(&self, domain: &Domain, p: Point) -> f64 {
         let mut h = self.far;
-        if let Some(outline) = domain.outline() {
-            h = h.min(outline.spacing(p, self.growth));
-        }
         for f in &self.features {
             h = h.min(match *f {
                 Feature::Entry { .. } => self.at_entry(f, domain, p),
                 _ => f.spacing() + self.growth * f.distance(domain, p),
             });
         }
-        h
+        domain.outline().map_or(h, |outline| outline.spacing(p, self.growth, h))
     }
 
     /// Spacing of the nodes of a needle's path at a depth below the top face, in metres: `spacing`, or less where the path enters.
@@ -273,9 +270,11 @@ impl Spacing {
         SQRT_2 * bulk + skin
     }
 
+    /// Number of nodes that it will take.
+    ///
     /// # Errors
     /// A spacing, growth or feature out of its range, or more than [`MAX_NODES`] nodes.
-    pub(crate) fn validate(&self, domain: &Domain) -> Result<(), CloudError> {
+    pub(crate) fn validate(&self, domain: &Domain) -> Result<f64, CloudError> {
         self.validate_features(domain)?;
         let nodes = self.predicted_nodes(domain);
         if !nodes.is_finite() || nodes > MAX_NODES as f64 {
@@ -288,7 +287,7 @@ impl Spacing {
                 limit: MAX_NODES,
             });
         }
-        Ok(())
+        Ok(nodes)
     }
 
     /// # Errors

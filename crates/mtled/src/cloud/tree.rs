@@ -63,21 +63,22 @@ impl Tree {
         self.branch(boxes, half, last);
     }
 
-    /// The item of least squared distance, which `squared` measures for one; `None` where all are infinitely far.
-    pub(crate) fn nearest(&self, p: Point, squared: impl Fn(u32) -> f64) -> Option<(u32, f64)> {
+    /// The item of least squared distance, which `squared` measures for one; `None` where all are further than `reach`.
+    pub(crate) fn nearest(&self, p: Point, reach: f64, squared: impl Fn(u32) -> f64) -> Option<(u32, f64)> {
         let mut best: Option<(u32, f64)> = None;
+        let most = reach * reach;
         let mut open = [(0_u32, 0.0); DEPTH];
         let mut left = usize::from(!self.nodes.is_empty());
         while left > 0 {
             left -= 1;
             let (at, lower) = open[left];
-            if best.is_some_and(|(_, d)| lower >= d) {
+            if lower > most || best.is_some_and(|(_, d)| lower >= d) {
                 continue;
             }
             let node = &self.nodes[at as usize];
             for &item in &self.items[node.at as usize..][..node.count as usize] {
                 let d = squared(item);
-                if best.map_or(d.is_finite(), |(i, least)| d < least || (d == least && item < i)) {
+                if best.map_or(d <= most, |(i, least)| d < least || (d == least && item < i)) {
                     best = Some((item, d));
                 }
             }
