@@ -152,11 +152,24 @@ impl<'a> Domain<'a> {
 
     /// Depth of a point under the nearest face (negative outside); of an outline under the nearest interface, too.
     pub(crate) fn depth(&self, p: Point) -> f64 {
+        self.depth_to(p, f64::INFINITY)
+    }
+
+    /// The same where it is less than `reach`, which is all that most ask for: of an outline it is dear.
+    pub(crate) fn depth_to(&self, p: Point, reach: f64) -> f64 {
         if let Domain::Outline(outline) = self {
-            return outline.room(p);
+            return outline.room(p, reach);
         }
         let z = p[2].min(self.height() - p[2]);
         self.rim_distance([p[0], p[1]]).min(z).min(self.mirror_distance(p))
+    }
+
+    /// Whether a point lies inside.
+    pub(crate) fn is_inside(&self, p: Point) -> bool {
+        match self {
+            Domain::Outline(outline) => outline.cell_at(p).is_some(),
+            _ => self.depth(p) > 0.0,
+        }
     }
 
     /// Whether a point lies in the body or on its surface.

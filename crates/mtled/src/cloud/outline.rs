@@ -124,9 +124,10 @@ impl Outline {
         self.signed(p, self.to_skin(p))
     }
 
-    /// Distance to surface or interface, whichever is nearer; negative outside.
-    pub(crate) fn room(&self, p: Point) -> f64 {
-        self.signed(p, self.to_skin(p).min(self.interface_distance(p)))
+    /// Distance to surface or interface, whichever is nearer, or `reach` if both are further; negative outside.
+    pub(crate) fn room(&self, p: Point, reach: f64) -> f64 {
+        let nearer = |least: f64, (_, tree): &(u8, Tree)| self.within(tree, p, least).map_or(least, |(_, d)| d);
+        self.signed(p, self.trees.iter().fold(reach, nearer))
     }
 
     fn signed(&self, p: Point, d: f64) -> f64 {

@@ -143,11 +143,14 @@ impl Packing<'_> {
             for d in directions {
                 let turned = add(add(scale(frame[0], d[0]), scale(frame[1], d[1])), scale(frame[2], d[2]));
                 let candidate = add(p, scale(turned, self.stride(p, h, turned)));
-                if self.domain.depth(candidate) <= 0.0 {
+                if !self.domain.is_inside(candidate) {
                     continue;
                 }
                 let gap = self.h(candidate);
-                if self.domain.depth(candidate).min(self.spacing.interface_distance(self.domain.height(), candidate))
+                if self
+                    .domain
+                    .depth_to(candidate, gap)
+                    .min(self.spacing.interface_distance(self.domain.height(), candidate))
                     < CLEARANCE * gap
                     || self.reserved(candidate)
                     || self.crowded(nodes, spacings, grid, candidate, gap, BODY_GAP)
@@ -221,7 +224,7 @@ impl Packing<'_> {
         let step = super::vector::norm(force).max(1.0);
         let mut q = add(p, scale(force, 0.2 * h / step));
         let room = if face == 0 {
-            self.domain.depth(q)
+            self.domain.depth_to(q, h)
         } else {
             q = self.domain.project(face, q);
             self.domain.edge_distance(face, q)

@@ -245,11 +245,11 @@ impl Spacing {
             let mid = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])];
             let size = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
             let diagonal = super::vector::norm(size);
-            let depth = domain.depth(mid);
+            let h = self.at(domain, mid);
+            let depth = domain.depth_to(mid, diagonal.max(h));
             if depth < -0.5 * diagonal {
                 continue;
             }
-            let h = self.at(domain, mid);
             let rough = self.growth * diagonal > 0.6 * h && h < self.far + 0.5 * self.growth * diagonal;
             if level < 3 * 3 || (level < 45 && (rough || depth.abs() < 0.5 * diagonal && diagonal > h)) {
                 let axis = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
