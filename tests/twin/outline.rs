@@ -8,7 +8,7 @@ use needle_twin::twin::{Body, BuildError, Twin};
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 const LESION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/meshes/lesion.toml");
@@ -159,7 +159,7 @@ fn a_mesh_may_stand_anywhere() {
     // round-off makes another cloud of it
     assert!((there / here - 1.0).abs() < 0.02);
     // a mesh's own nodes, too: its slowest mode is that of a body on its own base
-    let own = |path: &PathBuf, targets: &[(&str, &str)]| {
+    let own = |path: &Path, targets: &[(&str, &str)]| {
         let of_mesh = [("sample.shape", "mesh"), ("instrument.capture_radius_m", "0.004"), short];
         Twin::new(&of_mesh_with("needle_insertion", path, &[&of_mesh[..], targets].concat())).unwrap().slowest()
     };
@@ -196,11 +196,11 @@ fn cylinder(folder: &TempDir, preset: &str, across: usize, up: usize, changes: &
     of_mesh(preset, &mesh_of_cylinder(folder, across, up, &|p| p), changes)
 }
 
-fn of_mesh(preset: &str, mesh: &PathBuf, changes: &[(&str, &str)]) -> Scene {
+fn of_mesh(preset: &str, mesh: &Path, changes: &[(&str, &str)]) -> Scene {
     of_mesh_with(preset, mesh, &[&[("sample.shape", "outline")], changes].concat())
 }
 
-fn of_mesh_with(preset: &str, mesh: &PathBuf, changes: &[(&str, &str)]) -> Scene {
+fn of_mesh_with(preset: &str, mesh: &Path, changes: &[(&str, &str)]) -> Scene {
     let file = [("sample.mesh", mesh.to_str().unwrap()), ("sample.mesh_unit_m", "0.001")];
     let scene = Scene::preset(preset).unwrap();
     with(&scene, &[&changes[..1], &file[..], &changes[1..]].concat())
