@@ -43,7 +43,7 @@ impl Check<'_> {
 
     /// What can be checked of a mesh without reading it; the twin checks the rest.
     fn mesh(&self) -> Result<(), SceneError> {
-        let Shape::Mesh(mesh) = &self.scene.sample.shape else { return Ok(()) };
+        let Some(mesh) = self.scene.sample.shape.mesh() else { return Ok(()) };
         for (key, text) in [
             ("sample.mesh", &mesh.path),
             ("sample.base_group", &mesh.base_group),
@@ -154,7 +154,7 @@ impl Check<'_> {
                 x + radius <= 0.5 * size_x.get() * (1.0 + 1e-12) && y + radius <= 0.5 * size_y.get() * (1.0 + 1e-12),
                 format!("of {} m by {} m (sample.size_x_m, sample.size_y_m)", size_x.get(), size_y.get()),
             ),
-            Shape::Mesh(_) => (true, String::new()), // the twin looks at the contact group
+            Shape::Mesh(_) | Shape::Outline(_) => (true, String::new()), // the twin looks at the contact group
         }
     }
 
@@ -261,7 +261,7 @@ fn smallest_size(shape: &Shape) -> f64 {
     match shape {
         Shape::Cylinder { diameter, height } => diameter.get().min(height.get()),
         Shape::Box { size_x, size_y, height } => size_x.get().min(size_y.get()).min(height.get()),
-        Shape::Mesh(_) => f64::INFINITY,
+        Shape::Mesh(_) | Shape::Outline(_) => f64::INFINITY,
     }
 }
 
@@ -271,7 +271,7 @@ fn is_inside(shape: &Shape, [x, y, z]: [f64; 3]) -> bool {
         Shape::Box { size_x, size_y, height } => {
             (x.abs() <= 0.5 * size_x.get() && y.abs() <= 0.5 * size_y.get(), height)
         }
-        Shape::Mesh(_) => return true, // the twin looks for the cell
+        Shape::Mesh(_) | Shape::Outline(_) => return true, // the twin looks for the cell
     };
     within && (0.0..=height.get()).contains(&z)
 }
@@ -284,6 +284,6 @@ fn extent(shape: &Shape) -> String {
         Shape::Box { size_x, size_y, height } => {
             format!("|x| <= {} m, |y| <= {} m and z in [0, {}] m", 0.5 * size_x.get(), 0.5 * size_y.get(), height.get())
         }
-        Shape::Mesh(mesh) => format!("the mesh {}", mesh.path),
+        Shape::Mesh(mesh) | Shape::Outline(mesh) => format!("the mesh {}", mesh.path),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::check::{Check, LARGEST_POISSON_RATIO};
 use super::values::listed;
-use super::{Material, MaterialModel, Region, RegionShape, SceneError, Shape};
+use super::{Material, MaterialModel, Region, RegionShape, SceneError};
 
 /// Smallest size of an Ogden exponent: below it, differences of the powers are lost in round-off.
 const LEAST_EXPONENT: f64 = 0.01;
@@ -137,9 +137,9 @@ impl Check<'_> {
             RegionShape::Box { size, .. } if size.iter().any(|s| *s <= 0.0) => {
                 self.refuse(&key("size_m"), "three lengths above 0 are needed".to_owned())
             }
-            RegionShape::Group { .. } if !matches!(self.scene.sample.shape, Shape::Mesh(_)) => self.refuse(
+            RegionShape::Group { .. } if self.scene.sample.shape.mesh().is_none() => self.refuse(
                 &key("shape"),
-                "a volume group is a part of a mesh, and sample.shape is not \"mesh\"; use layer, sphere, cylinder or box"
+                "a volume group is a part of a mesh, and sample.shape is not \"mesh\" or \"outline\"; use layer, sphere, cylinder or box"
                     .to_owned(),
             ),
             _ => Ok(()),

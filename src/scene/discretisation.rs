@@ -6,7 +6,7 @@ use super::section::section;
 use super::{Key, Metres, Range, Word};
 
 /// The shapes whose nodes the twin places itself.
-const GENERATED: [&str; 2] = ["cylinder", "box"];
+const GENERATED: [&str; 3] = ["cylinder", "box", "outline"];
 
 section! {
     /// How the field is approximated and integrated.

@@ -24,7 +24,7 @@ pub fn load(name_or_path: &str) -> Result<Scene, SceneError> {
 /// [`SceneError`] if it is wrong.
 pub fn from_text(text: &str, origin: &str) -> Result<Scene, SceneError> {
     let mut scene = Scene::from_toml(text, origin)?;
-    if let Shape::Mesh(mesh) = &mut scene.sample.shape {
+    if let Shape::Mesh(mesh) | Shape::Outline(mesh) = &mut scene.sample.shape {
         let path = Path::new(origin).with_file_name("").join(&mesh.path);
         mesh.path = std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned();
     }

@@ -22,7 +22,7 @@ choice! {
     /// Shape and size of the sample (`sample.shape`).
     #[derive(Clone, Debug, PartialEq)]
     pub enum Shape = Key::word("sample.shape", Shape::WORDS)
-        .described("Shape of the sample: upright on its base, or a mesh from a file.")
+        .described("Shape of the sample: upright on its base, a mesh from a file, or what a mesh outlines with nodes of the twin's own.")
         .or("cylinder")
     => {
         /// Upright cylinder.
@@ -43,6 +43,8 @@ choice! {
         },
         /// A tetrahedral mesh from a file, in the file's own frame, z up.
         "mesh" => Mesh(mesh: MeshFile),
+        /// What such a mesh encloses, filled with nodes of the twin's own.
+        "outline" => Outline(mesh: MeshFile),
     }
 }
 
@@ -82,12 +84,21 @@ section! {
 }
 
 impl Shape {
+    /// The mesh that gives the shape, if one does.
+    #[must_use]
+    pub const fn mesh(&self) -> Option<&MeshFile> {
+        match self {
+            Self::Mesh(mesh) | Self::Outline(mesh) => Some(mesh),
+            Self::Cylinder { .. } | Self::Box { .. } => None,
+        }
+    }
+
     /// Height of a cylinder or box; a mesh has to be read for it.
     #[must_use]
     pub const fn height(&self) -> Option<Metres> {
         match self {
             Self::Cylinder { height, .. } | Self::Box { height, .. } => Some(*height),
-            Self::Mesh(_) => None,
+            Self::Mesh(_) | Self::Outline(_) => None,
         }
     }
 }

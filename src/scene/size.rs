@@ -41,7 +41,8 @@ impl Scene {
     /// Estimates nodes of the model and memory; `None` for a mesh, whose file has to be read first ([`Scene::estimate_of`]).
     #[must_use]
     pub fn estimate(&self) -> Option<Estimate> {
-        self.discretisation.grading.map(|grading| self.estimate_with(&grading))
+        let of_mesh = self.sample.shape.mesh().is_some();
+        self.discretisation.grading.filter(|_| !of_mesh).map(|grading| self.estimate_with(&grading))
     }
 
     /// The same with another grading.
@@ -114,7 +115,7 @@ impl Scene {
         match &self.sample.shape {
             Shape::Cylinder { diameter, height } => PI / 4.0 * diameter.get().powi(2) * height.get(),
             Shape::Box { size_x, size_y, height } => size_x.get() * size_y.get() * height.get(),
-            Shape::Mesh(_) => 0.0,
+            Shape::Mesh(_) | Shape::Outline(_) => 0.0,
         }
     }
 
@@ -130,7 +131,7 @@ impl Scene {
         let perimeter = match &self.sample.shape {
             Shape::Cylinder { diameter, .. } => PI * diameter.get(),
             Shape::Box { size_x, size_y, .. } => 2.0 * (size_x.get() + size_y.get()),
-            Shape::Mesh(_) => 0.0,
+            Shape::Mesh(_) | Shape::Outline(_) => 0.0,
         };
         let length_times_angle = match self.instrument.map(|i| i.kind) {
             None => 0.0,

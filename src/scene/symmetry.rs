@@ -25,7 +25,8 @@ impl Scene {
     pub fn asymmetry(&self) -> Option<String> {
         let shape = &self.sample.shape;
         if !matches!(shape, Shape::Cylinder { .. }) {
-            return Some(format!("a {} is not a body of revolution", shape.as_str()));
+            let article = if matches!(shape, Shape::Outline(_)) { "an" } else { "a" };
+            return Some(format!("{article} {} is not a body of revolution", shape.as_str()));
         }
         if self.instrument.is_some_and(|i| i.entry.iter().any(|e| e.get() != 0.0)) {
             return Some(
@@ -43,7 +44,7 @@ impl Scene {
     /// # Errors
     /// Why there is none, in one clause.
     pub fn plane_of_symmetry(&self) -> Result<Mirror, String> {
-        if matches!(self.sample.shape, Shape::Mesh(_)) {
+        if self.sample.shape.mesh().is_some() {
             return Err("a mesh has no plane of symmetry that is known".to_owned());
         }
         if self.instrument.is_some_and(|i| i.is_frictional()) {

@@ -6,7 +6,7 @@ use crate::scene::{Grading, IndenterTip, Instrument, InstrumentKind, Metres, Sce
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
-use super::{BuildError, mesh, regions};
+use super::{BuildError, mesh, outline, regions};
 
 /// The needle's path in the cloud ends this far below the deepest pose, in capture radii.
 const PATH_MARGIN: f64 = 1.0;
@@ -79,10 +79,11 @@ impl Body {
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
         let (domain, grading) = match (&scene.sample.shape, &scene.discretisation.grading) {
             (Shape::Mesh(file), _) => return mesh::body(scene, file),
+            (Shape::Outline(file), Some(grading)) => return outline::body(scene, file, grading),
             (_, None) => {
                 return Err(BuildError::Unsupported {
                     key: "discretisation.spacing_m",
-                    reason: "a cylinder or box needs a spacing",
+                    reason: "a cylinder, box or outline needs a spacing",
                 });
             }
             (Shape::Cylinder { diameter, height }, Some(grading)) => {
@@ -203,13 +204,14 @@ impl Layout {
     fn refined(scene: &Scene, domain: &Domain, grading: &Grading, point: f64) -> Self {
         let far = grading.spacing.get().min(domain.half_thickness());
         let edge = far * grading.edge_refinement;
-        let height = domain.height();
-        let mut reach = height;
+        let mut reach = domain.height();
         let mut features = Vec::new();
         if let Some(instrument) = &scene.instrument {
             let centre = instrument.entry.map(|m| m.get());
             let axis = Axis { entry: centre, slope: instrument.slope() };
             match &instrument.kind {
+                // the edge of what a mesh outlines is not known
+                InstrumentKind::Plate if matches!(domain, Domain::Outline(_)) => {}
                 InstrumentKind::Plate => {
                     features.extend([true, false].map(|top| Feature::Rim { top, spacing: point * edge }));
                 }
@@ -230,7 +232,7 @@ impl Layout {
                 InstrumentKind::Needle(needle) => {
                     let capture_radius = needle.capture_radius.get();
                     let spacing = edge.min(PATH_SPACING * capture_radius);
-                    let floor = height * axis.secant() - 2.0 * spacing;
+                    let floor = domain.length_along(&axis) - 2.0 * spacing;
                     let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
                     let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
                     reach = length;

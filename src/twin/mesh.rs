@@ -25,28 +25,10 @@ const LAYERS_BELOW: f64 = 2.0;
 
 /// Reads the mesh and looks for the contact.
 pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
-    let contact = scene.instrument.is_some().then_some(file.contact_group.as_str());
-    let wanted = crate::mesh::Wanted { unit_m: file.unit_m, base: &file.base_group, contact };
-    let (cloud, volumes, warnings) = crate::mesh::load_with_volumes(Path::new(&file.path), &wanted)
-        .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
-    let size = scene.estimate_of(cloud.points.len() as f64, cloud.cells.len() as f64);
-    if size.bytes > MEMORY_LIMIT {
-        return refuse(
-            "sample.mesh",
-            format!(
-                "{} nodes and {} cells take about {:.1} GB, more than the {} GB allowed: use a coarser mesh",
-                cloud.points.len(),
-                cloud.cells.len(),
-                size.bytes / 1e9,
-                MEMORY_LIMIT / 1e9
-            ),
-        );
-    }
-    groups(scene, &volumes)?;
+    let (cloud, volumes, warnings) = read(scene, file)?;
+    fits(scene, [cloud.points.len(), cloud.cells.len()].map(|n| n as f64), "sample.mesh", "use a coarser mesh")?;
     targets(scene, &cloud)?;
-    let z = || cloud.points.iter().map(|p| p[2]);
-    let (lowest, highest) = (z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max));
-    base(scene, &cloud, [lowest, highest])?;
+    let [lowest, highest] = heights(&cloud);
     let mut body = Body {
         top: highest,
         height: highest - lowest,
@@ -62,15 +44,58 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
         body.top = top(&body.cloud, instrument)?;
         body.height = body.top - lowest;
         body.reach = body.height;
-        body.held = Contact::nodes(&body.cloud.points, &body.cloud.faces, body.top, instrument);
-        match &instrument.kind {
-            InstrumentKind::Needle(needle) => {
-                path(&mut body, needle.capture_radius.get())?;
-                body.reach *= Axis { entry: [0.0; 2], slope: instrument.slope() }.secant();
-            }
-            _ => bond(&body, instrument)?,
+        hold(&mut body, instrument)?;
+        if let InstrumentKind::Needle(needle) = &instrument.kind {
+            path(&mut body, needle.capture_radius.get())?;
+            body.reach *= Axis { entry: [0.0; 2], slope: instrument.slope() }.secant();
         }
     }
+    deep_enough(scene, body)
+}
+
+/// Finds what the instrument can hold.
+pub(super) fn hold(body: &mut Body, instrument: &Instrument) -> Result<(), BuildError> {
+    body.held = Contact::nodes(&body.cloud.points, &body.cloud.faces, body.top, instrument);
+    match instrument.kind {
+        InstrumentKind::Needle(_) => Ok(()),
+        _ => bond(body, instrument),
+    }
+}
+
+/// z of the lowest and the highest node, m.
+pub(super) fn heights(cloud: &Cloud) -> [f64; 2] {
+    let z = || cloud.points.iter().map(|p| p[2]);
+    [z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// Does a model of so many nodes and cells fit into memory?
+pub(super) fn fits(scene: &Scene, [nodes, cells]: [f64; 2], key: &str, remedy: &str) -> Result<(), BuildError> {
+    let size = scene.estimate_of(nodes, cells);
+    if size.bytes <= MEMORY_LIMIT {
+        return Ok(());
+    }
+    let (bytes, most) = (size.bytes / 1e9, MEMORY_LIMIT / 1e9);
+    refuse(
+        key,
+        format!(
+            "{nodes:.0} nodes and {cells:.0} cells take about {bytes:.1} GB, more than the {most} GB allowed: {remedy}"
+        ),
+    )
+}
+
+/// Reads a mesh, and looks whether it has what the scene needs.
+pub(super) fn read(scene: &Scene, file: &MeshFile) -> Result<(Cloud, Volumes, Vec<String>), BuildError> {
+    let contact = scene.instrument.is_some().then_some(file.contact_group.as_str());
+    let wanted = crate::mesh::Wanted { unit_m: file.unit_m, base: &file.base_group, contact };
+    let (cloud, volumes, warnings) = crate::mesh::load_with_volumes(Path::new(&file.path), &wanted)
+        .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
+    groups(scene, &volumes)?;
+    base(scene, &cloud, heights(&cloud))?;
+    Ok((cloud, volumes, warnings))
+}
+
+/// Is the motion no deeper than the body takes?
+pub(super) fn deep_enough(scene: &Scene, body: Body) -> Result<Body, BuildError> {
     match &scene.motion {
         Some(motion) if motion.depth.get() >= body.reach => refuse(
             "motion.depth_m",
@@ -109,7 +134,7 @@ fn groups(scene: &Scene, volumes: &Volumes) -> Result<(), BuildError> {
     )
 }
 
-fn refuse<T>(key: &str, reason: String) -> Result<T, BuildError> {
+pub(super) fn refuse<T>(key: &str, reason: String) -> Result<T, BuildError> {
     Err(BuildError::Mesh { key: key.to_owned(), reason })
 }
 
@@ -142,7 +167,7 @@ fn seen_from_above(p: &[[f64; 3]; 3]) -> f64 {
 }
 
 /// z of the contact surface where the instrument's axis meets it first; its highest point for a plate.
-fn top(cloud: &Cloud, instrument: &Instrument) -> Result<f64, BuildError> {
+pub(super) fn top(cloud: &Cloud, instrument: &Instrument) -> Result<f64, BuildError> {
     let [x, y] = instrument.entry.map(|m| m.get());
     let at_axis = |p: &[[f64; 3]; 3]| {
         let whole = seen_from_above(p);
@@ -252,7 +277,7 @@ fn path(body: &mut Body, capture_radius: f64) -> Result<(), BuildError> {
 }
 
 /// Every target lies in a cell.
-fn targets(scene: &Scene, cloud: &Cloud) -> Result<(), BuildError> {
+pub(super) fn targets(scene: &Scene, cloud: &Cloud) -> Result<(), BuildError> {
     for (i, target) in scene.targets.iter().enumerate() {
         let holds = |c: &[u32; 4]| {
             let p = c.map(|n| cloud.points[n as usize]);

@@ -12,6 +12,7 @@ mod look_ahead;
 mod mesh;
 mod moved;
 mod observe;
+mod outline;
 mod pace;
 mod pierce;
 mod recover;

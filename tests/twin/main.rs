@@ -37,6 +37,7 @@ mod needle_oblique;
 mod needle_resistance;
 mod needle_sideways;
 mod needle_wall;
+mod outline;
 mod regions;
 mod relaxation;
 mod scene_properties;

@@ -40,8 +40,11 @@ fn law(k: usize) -> Law {
 
 /// Solvers of so many laws on one cloud.
 fn solvers(plane: &Plane, precision: Precision, laws: &[Law]) -> Vec<Solver> {
-    let settings =
-        SolverSettings { law: laws[0], volume_ratio: VolumeRatio::Projected, precision, step_factor: 0.8, threads: 1 };
+    with(VolumeRatio::Projected, plane, precision, laws)
+}
+
+fn with(volume_ratio: VolumeRatio, plane: &Plane, precision: Precision, laws: &[Law]) -> Vec<Solver> {
+    let settings = SolverSettings { law: laws[0], volume_ratio, precision, step_factor: 0.8, threads: 1 };
     let first = Solver::new(&plane.table, &plane.cells, &plane.points, plane.roles.clone(), &settings);
     laws.iter().map(|law| Solver::of(Arc::new(first.model().with_laws(&[*law])), 1)).collect()
 }
@@ -64,9 +67,11 @@ fn step_together(team: &mut Team, solvers: &mut [Solver], steps: u32, travel: f6
 fn members_step_as_solvers_alone() {
     let plane = plane();
     let laws = [law(0), law(1), law(2)];
-    for (precision, close) in [(Precision::F32, 2e-4), (Precision::F64, 1e-9)] {
-        let mut alone = solvers(&plane, precision, &laws);
-        let mut together = solvers(&plane, precision, &laws);
+    let (projected, mixed) = (VolumeRatio::Projected, VolumeRatio::Mixed);
+    let (single, double) = ((Precision::F32, 2e-4), (Precision::F64, 1e-9));
+    for (ratio, (precision, close)) in [(projected, single), (projected, double), (mixed, single), (mixed, double)] {
+        let mut alone = with(ratio, &plane, precision, &laws);
+        let mut together = with(ratio, &plane, precision, &laws);
         let mut team = Team::new(&together.iter().collect::<Vec<_>>(), None).unwrap();
         let travel = 2e-5;
         // masses are brought up to date on the way

@@ -1,6 +1,8 @@
 //! The body: an upright cylinder or box on the plane z = 0, centred on the z axis, or the half of one with y >= 0.
 
 use super::error::CloudError;
+use super::outline::Outline;
+use super::path::Axis;
 use super::vector::{Point, length2};
 
 /// Node lies on the base, z = 0.
@@ -14,7 +16,7 @@ pub const MIRROR: u8 = 0b1000_0000;
 
 /// Shape of the body, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Domain {
+pub enum Domain<'a> {
     /// Upright cylinder round the z axis, from z = 0 to z = height.
     Cylinder {
         /// Radius.
@@ -39,9 +41,11 @@ pub enum Domain {
         /// Edge lengths of the whole box along x, y, z.
         size: [f64; 3],
     },
+    /// What a mesh outlines, standing on z = 0.
+    Outline(&'a Outline),
 }
 
-impl Domain {
+impl<'a> Domain<'a> {
     /// The half of this body with y >= 0.
     #[must_use]
     pub const fn half(self) -> Self {
@@ -68,11 +72,28 @@ impl Domain {
         }
     }
 
-    /// Height in metres.
+    /// The outline, if a mesh gives it.
+    pub(crate) const fn outline(&self) -> Option<&'a Outline> {
+        match self {
+            Self::Outline(outline) => Some(*outline),
+            _ => None,
+        }
+    }
+
+    /// Length of an axis from the top face to the base, m.
+    pub fn length_along(&self, axis: &Axis) -> f64 {
+        match self {
+            Self::Outline(outline) => outline.length_along(axis),
+            _ => self.height() * axis.secant(),
+        }
+    }
+
+    /// Height in metres; of what a mesh outlines that of the place where an instrument meets it.
     pub fn height(&self) -> f64 {
         match *self {
             Domain::Cylinder { height, .. } | Domain::HalfCylinder { height, .. } => height,
             Domain::Box { size } | Domain::HalfBox { size } => size[2],
+            Domain::Outline(outline) => outline.top(),
         }
     }
 
@@ -81,6 +102,7 @@ impl Domain {
         match *self {
             Domain::Cylinder { radius, height } => std::f64::consts::PI * radius * radius * height,
             Domain::Box { size } => size[0] * size[1] * size[2],
+            Domain::Outline(outline) => outline.volume(),
             half => 0.5 * half.whole().volume(),
         }
     }
@@ -90,10 +112,14 @@ impl Domain {
         match *self {
             Domain::Cylinder { radius, height } | Domain::HalfCylinder { radius, height } => radius.min(0.5 * height),
             Domain::Box { size } | Domain::HalfBox { size } => 0.5 * size[0].min(size[1]).min(size[2]),
+            Domain::Outline(outline) => {
+                let (low, high) = outline.bounds();
+                0.5 * [0, 1, 2].map(|k| high[k] - low[k]).into_iter().fold(f64::INFINITY, f64::min)
+            }
         }
     }
 
-    /// Distance from a point of the top face to the whole body's rim (negative outside).
+    /// Distance from a point of the top face to the whole body's rim (negative outside); infinite for an outline, which has none.
     pub(crate) fn rim_distance(&self, centre: [f64; 2]) -> f64 {
         match *self {
             Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => {
@@ -102,6 +128,7 @@ impl Domain {
             Domain::Box { size } | Domain::HalfBox { size } => {
                 (0.5 * size[0] - centre[0].abs()).min(0.5 * size[1] - centre[1].abs())
             }
+            Domain::Outline(_) => f64::INFINITY,
         }
     }
 
@@ -115,6 +142,7 @@ impl Domain {
         match *self {
             Domain::Cylinder { radius, height } => ([-radius, -radius, 0.0], [radius, radius, height]),
             Domain::Box { size } => ([-0.5 * size[0], -0.5 * size[1], 0.0], [0.5 * size[0], 0.5 * size[1], size[2]]),
+            Domain::Outline(outline) => outline.bounds(),
             half => {
                 let ([x, _, z], high) = half.whole().bounds();
                 ([x, 0.0, z], high)
@@ -122,10 +150,34 @@ impl Domain {
         }
     }
 
-    /// Depth of a point under the nearest face (negative outside).
+    /// Depth of a point under the nearest face (negative outside); of an outline under the nearest interface, too.
     pub(crate) fn depth(&self, p: Point) -> f64 {
+        self.depth_to(p, f64::INFINITY)
+    }
+
+    /// The same where it is less than `reach`, which is all that most ask for: of an outline it is dear.
+    pub(crate) fn depth_to(&self, p: Point, reach: f64) -> f64 {
+        if let Domain::Outline(outline) = self {
+            return outline.room(p, reach);
+        }
         let z = p[2].min(self.height() - p[2]);
         self.rim_distance([p[0], p[1]]).min(z).min(self.mirror_distance(p))
+    }
+
+    /// Whether a point lies inside.
+    pub(crate) fn is_inside(&self, p: Point) -> bool {
+        match self {
+            Domain::Outline(outline) => outline.cell_at(p).is_some(),
+            _ => self.depth(p) > 0.0,
+        }
+    }
+
+    /// Whether a point lies in the body or on its surface.
+    pub(crate) fn holds(&self, p: Point) -> bool {
+        match self {
+            Domain::Outline(outline) => outline.cell_at(p).is_some(),
+            _ => self.depth(p) >= -1e-9 * self.height(),
+        }
     }
 
     /// Bits of all faces that the body has.
@@ -135,16 +187,26 @@ impl Domain {
             Domain::Box { .. } => &[1, 2, 4, 8, 16, 32],
             Domain::HalfCylinder { .. } => &[1, 2, 4, MIRROR],
             Domain::HalfBox { .. } => &[1, 2, 4, 8, 32, MIRROR],
+            // these are filled by themselves
+            Domain::Outline(_) => &[],
         }
     }
 
     /// Are all faces plane whose bits are set?
     pub(crate) fn is_plane(&self, face: u8) -> bool {
-        matches!(self, Domain::Box { .. } | Domain::HalfBox { .. }) || face & SIDE == 0
+        match self {
+            Domain::Box { .. } | Domain::HalfBox { .. } => true,
+            Domain::Cylinder { .. } | Domain::HalfCylinder { .. } => face & SIDE == 0,
+            // its cells are carved
+            Domain::Outline(_) => true,
+        }
     }
 
     /// Puts a point onto the face with this bit.
     pub(crate) fn project(&self, face: u8, mut p: Point) -> Point {
+        if let Domain::Outline(outline) = self {
+            return outline.on(face, p).map_or(p, |(q, _)| q);
+        }
         match (self.whole(), face) {
             (_, MIRROR) => p[1] = 0.0,
             (_, BASE) => p[2] = 0.0,
@@ -159,13 +221,17 @@ impl Domain {
             (Domain::Box { size }, 16) => p[1] = -0.5 * size[1],
             (Domain::Box { size }, _) => p[1] = 0.5 * size[1],
             // the whole of a body is no half
-            (Domain::HalfCylinder { .. } | Domain::HalfBox { .. }, _) => {}
+            (Domain::HalfCylinder { .. } | Domain::HalfBox { .. } | Domain::Outline(_), _) => {}
         }
         p
     }
 
     /// Distance, within the face, from a point of the face to the face's edge (negative outside).
     pub(crate) fn edge_distance(&self, face: u8, p: Point) -> f64 {
+        if matches!(self, Domain::Outline(_)) {
+            // nodes on creases keep others away
+            return f64::INFINITY;
+        }
         let z = p[2].min(self.height() - p[2]);
         let beside = match (*self, face) {
             (_, MIRROR) => return z.min(self.rim_distance([p[0], 0.0])),
@@ -173,6 +239,7 @@ impl Domain {
             (Domain::Cylinder { .. } | Domain::HalfCylinder { .. }, _) => z,
             (Domain::Box { size } | Domain::HalfBox { size }, 4 | 8) => z.min(0.5 * size[1] - p[1].abs()),
             (Domain::Box { size } | Domain::HalfBox { size }, _) => z.min(0.5 * size[0] - p[0].abs()),
+            (Domain::Outline(_), _) => return f64::INFINITY,
         };
         if face == 32 { beside } else { beside.min(self.mirror_distance(p)) }
     }
@@ -180,6 +247,9 @@ impl Domain {
     /// Two orthonormal tangents of a face at a point of it.
     pub(crate) fn tangents(&self, face: u8, p: Point) -> [Point; 2] {
         match (*self, face) {
+            (Domain::Outline(outline), _) => {
+                outline.on(face, p).map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], |(_, n)| super::interfaces::tangents(n))
+            }
             (_, BASE | TOP) => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             (_, MIRROR) => [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
             (Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. }, _) => {
@@ -200,6 +270,7 @@ impl Domain {
             Domain::Box { size } | Domain::HalfBox { size } => {
                 vec![("sample size along x", size[0]), ("sample size along y", size[1]), ("sample height", size[2])]
             }
+            Domain::Outline(outline) => vec![("sample height", outline.top()), ("sample volume", outline.volume())],
         };
         for (key, value) in lengths {
             if !(value.is_finite() && value > 0.0) {

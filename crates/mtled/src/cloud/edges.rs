@@ -3,7 +3,10 @@
 use super::domain::{BASE, Domain, MIRROR, SIDE, TOP};
 use super::error::CloudError;
 use super::interfaces;
+use super::outline::Outline;
 use super::path::Axis;
+use super::skin;
+use super::solid::changes;
 use super::spacing::{Feature, Spacing};
 use super::vector::{Point, add, distance, dot, norm, scale, sub};
 use std::f64::consts::PI;
@@ -119,18 +122,26 @@ pub(crate) fn place(domain: &Domain, spacing: &Spacing) -> Result<Nodes, CloudEr
             Feature::ContactRing { centre, radius, .. } => {
                 let curve = circle(centre, radius, height);
                 for t in equidistribute(domain, spacing, &curve, true, 8) {
-                    nodes.push(curve(t), TOP, true);
+                    nodes.push(on_top(domain, curve(t))?, TOP, true);
                 }
             }
             Feature::Path { axis, capture_radius, length, spacing: fine } => {
                 let layers = spacing.layers(domain, &axis, length, fine);
                 let rings = |depth| path_shape(capture_radius, length, spacing.along(domain, &axis, fine, depth)).1;
+                let first = nodes.points.len();
                 path(&mut nodes, domain, &axis, capture_radius, &rings, &layers);
+                if let Some(outline) = domain.outline() {
+                    outline.holds_path(&axis, capture_radius, length)?;
+                    fit_to_top(domain, outline, fine, &mut nodes, first)?;
+                }
             }
             Feature::Rim { .. } | Feature::Region { .. } | Feature::Patch { .. } | Feature::Entry { .. } => {}
         }
     }
     interfaces::place_edges(domain, spacing, &mut nodes);
+    if let Some(outline) = domain.outline() {
+        skin::place_creases(outline, spacing, &mut nodes);
+    }
     if domain.is_half() {
         mirror_lines(domain, spacing, &mut nodes);
     }
@@ -155,8 +166,45 @@ fn rims(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes) {
             }
         }
         Domain::Box { .. } | Domain::HalfBox { .. } => box_edges(domain, spacing, nodes),
+        // after the features, which meet its surface where they do
+        Domain::Outline(_) => {}
     }
 }
+
+/// A point of the top face: of an outline's above or below a place.
+fn on_top(domain: &Domain, p: Point) -> Result<Point, CloudError> {
+    let Some(outline) = domain.outline() else { return Ok(p) };
+    match outline.height_of(TOP, [p[0], p[1]]) {
+        Some(z) => Ok([p[0], p[1], z]),
+        None => Err(CloudError::NotMeshable {
+            reason: format!("the instrument reaches beyond the contact surface at {p:?} m"),
+        }),
+    }
+}
+
+/// Moves a path's first layer onto a surface that is no plane, and leaves out what lies above it or next to it.
+fn fit_to_top(
+    domain: &Domain,
+    outline: &Outline,
+    spacing: f64,
+    nodes: &mut Nodes,
+    first: usize,
+) -> Result<(), CloudError> {
+    let path = nodes.points.split_off(first);
+    let faces = nodes.faces.split_off(first);
+    nodes.fixed.truncate(first);
+    for (p, faces) in path.into_iter().zip(faces) {
+        if faces & TOP != 0 {
+            nodes.push(on_top(domain, p)?, faces, true);
+        } else if outline.depth(p) > UNDER * spacing {
+            nodes.push(p, faces, true);
+        }
+    }
+    Ok(())
+}
+
+/// Least depth of a path's nodes below a surface that is no plane, over the spacing.
+const UNDER: f64 = 0.5;
 
 /// The half of a circle with y >= 0: the bits of its nodes' faces, and those of the ends at +x and -x.
 fn half_circle(
@@ -228,7 +276,12 @@ impl Spacing {
     pub(crate) fn layers(&self, domain: &Domain, axis: &Axis, length: f64, spacing: f64) -> Vec<f64> {
         let height = domain.height();
         let depth = length / axis.secant();
-        let crossings = self.crossings(&|t| axis.section(height, t * depth, 0.0, 0.0));
+        let curve = |t: f64| axis.section(height, t * depth, 0.0, 0.0);
+        let mut crossings = self.crossings(&curve);
+        if let Some(outline) = domain.outline() {
+            crossings.extend(changes(&|t| outline.group_at(curve(t))).into_iter().map(|[a, b]| 0.5 * (a + b)));
+            crossings.sort_by(f64::total_cmp);
+        }
         let mut ends = vec![0.0];
         for t in crossings {
             let apart = |other: f64| length * (t - other).abs() > CLOSEST_LAYER * spacing;

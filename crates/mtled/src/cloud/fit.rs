@@ -82,7 +82,7 @@ pub(crate) fn validate_feature(f: &Feature, domain: &Domain) -> Result<(), Cloud
             for end in [axis.entry, axis.at(length / secant)] {
                 fits("capture radius", end, capture_radius * secant, 1.5 * spacing)?;
             }
-            let deepest = domain.height() * secant - spacing;
+            let deepest = domain.length_along(&axis) - spacing;
             if length > deepest {
                 let rule = format!("the path may reach {deepest} m into this sample");
                 return Err(CloudError::OutOfRange { key: "path length", value: length, rule });

@@ -20,6 +20,8 @@ const GAP: f64 = 0.86;
 const CLEARANCE: f64 = 0.55;
 const TRIES: usize = 10;
 const RELAXATIONS: usize = 18;
+/// "On the interface of two groups of a mesh", over the spacing.
+const AT: f64 = 0.3;
 /// "On the surface", over the height of the body.
 const ON: f64 = 1e-7;
 
@@ -133,7 +135,7 @@ impl Solid {
                     }
                 }
             }
-            (Self::Sphere { .. }, _) => {}
+            (Self::Sphere { .. }, _) | (Self::Layer { .. }, Domain::Outline(_)) => {}
         }
         edges
     }
@@ -144,6 +146,14 @@ impl Spacing {
     pub(crate) fn touching(&self, domain: &Domain, p: Point) -> u64 {
         let near = ON * domain.height();
         let mut bits = 1 << self.region(p);
+        if let Some(outline) = domain.outline() {
+            if outline.interface_distance(p) < AT * self.at(domain, p) {
+                return u64::MAX;
+            }
+            // a region of the scene comes before a group of the mesh
+            let group = outline.group_at(p).map_or(0, |g| 32 + g % 32);
+            bits = if bits == 1 { 1 << group } else { bits };
+        }
         if self.interface_distance(domain.height(), p) < near {
             for k in 0..27 {
                 let way = [k % 3, k / 3 % 3, k / 9].map(|i| 4.0 * near * (f64::from(i) - 1.0));
@@ -309,7 +319,7 @@ impl Packing<'_> {
 }
 
 /// Two unit vectors across a unit vector.
-fn tangents(n: Point) -> [Point; 2] {
+pub(crate) fn tangents(n: Point) -> [Point; 2] {
     let least = (0..3).fold(0, |best, k| if n[k].abs() < n[best].abs() { k } else { best });
     let mut axis = [0.0; 3];
     axis[least] = 1.0;

@@ -104,7 +104,7 @@ struct Nodes {
 }
 
 struct Plane<'a> {
-    domain: &'a Domain,
+    domain: &'a Domain<'a>,
     spacing: &'a Spacing,
     radius: f64,
     height: f64,

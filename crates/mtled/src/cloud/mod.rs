@@ -16,6 +16,7 @@
 //! Plain numbers in metres, no scene types. Deterministic: the same input gives the same bits, whatever the number of
 //! threads (there is one) and from run to run.
 
+mod carve;
 pub mod check;
 mod conform;
 mod delaunay;
@@ -27,6 +28,7 @@ mod improve;
 mod interfaces;
 pub mod meridian;
 mod order;
+mod outline;
 mod packing;
 mod path;
 pub mod quality;
@@ -34,9 +36,11 @@ mod reconnect;
 pub mod reflect;
 pub mod revolve;
 mod shift;
+mod skin;
 mod smooth;
 pub mod solid;
 mod spacing;
+mod tree;
 mod triangulate;
 mod vector;
 
@@ -44,6 +48,7 @@ pub use domain::{BASE, Domain, MIRROR, SIDE, TOP};
 pub use error::CloudError;
 pub use meridian::Meridian;
 pub use order::{hilbert_order, sort_cells};
+pub use outline::Outline;
 pub use path::Axis;
 pub use quality::Summary;
 pub use reflect::Reflected;
@@ -99,10 +104,10 @@ impl Cloud {
 /// too close to each other for the spacing.
 pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
     domain.validate()?;
-    spacing.validate(domain)?;
+    let expected = spacing.validate(domain)?;
     let mut nodes = edges::place(domain, spacing)?;
     let packing = Packing { domain, spacing };
-    packing.fill(&mut nodes);
+    packing.fill(&mut nodes, expected);
     let order = hilbert_order(&nodes.points);
     let mut points: Vec<Point> = order.iter().map(|&i| nodes.points[i as usize]).collect();
     let faces: Vec<u8> = order.iter().map(|&i| nodes.faces[i as usize]).collect();
@@ -112,20 +117,30 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
         smooth::smooth(&packing, &mut points, &faces, &fixed, &cells);
     }
     cells = delaunay::triangulate(&points)?;
+    let (mut points, mut faces, mut fixed) = (points, faces, fixed);
+    if let Some(outline) = domain.outline() {
+        cells = carve::carve(outline, &points, &faces, cells)?;
+        let kept = carve::used(points.len(), &mut cells);
+        points = kept.iter().map(|&n| points[n as usize]).collect();
+        faces = kept.iter().map(|&n| faces[n as usize]).collect();
+        fixed = kept.iter().map(|&n| fixed[n as usize]).collect();
+    }
     let place = |face: u8, p: Point| {
         if face == INTERFACE {
             let slid = |q: &Point| domain.depth(*q) > INTERFACE_CLEARANCE * packing.h(*q) && !packing.reserved(*q);
             return spacing.onto_interface(domain, p).filter(slid);
         }
         let q = if face == 0 { p } else { domain.project(face, p) };
-        let clear = spacing.interface_distance(domain.height(), q) > INTERFACE_CLEARANCE * packing.h(q);
-        (clear && domain.depth(q) >= -1e-9 * domain.height() && !packing.reserved(q)).then_some(q)
+        let gap = spacing.interface_distance(domain.height(), q);
+        let clear = || gap == f64::INFINITY || gap > INTERFACE_CLEARANCE * packing.h(q);
+        (clear() && domain.holds(q) && !packing.reserved(q)).then_some(q)
     };
-    let regions: Vec<u64> = if spacing.solids().next().is_some() {
-        points.iter().map(|&p| spacing.touching(domain, p)).collect()
-    } else {
-        Vec::new()
-    };
+    let regions: Vec<u64> =
+        if spacing.solids().next().is_some() || domain.outline().is_some_and(Outline::has_interfaces) {
+            points.iter().map(|&p| spacing.touching(domain, p)).collect()
+        } else {
+            Vec::new()
+        };
     let curved = if domain.is_plane(SIDE) { 0 } else { SIDE };
     let rules = improve::Rules { faces: &faces, fixed: &fixed, curved, regions: &regions, place: &place };
     let mut mesh = improve::Mesh::new(points, cells, rules);
@@ -134,9 +149,23 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     let (points, mut cells) = mesh.finish();
     let faces: Vec<u8> = faces.iter().map(|f| f & !INTERFACE).collect();
     sort_cells(&mut cells);
-    let surface = check::check(&points, &cells)?;
+    let surface = match (domain.outline(), check::check(&points, &cells)) {
+        (_, Ok(surface)) => surface,
+        (Some(_), Err(fault)) => {
+            return Err(fault.nodes().first().map_or(CloudError::Invalid(fault), |&n| carve::thin(points[n])));
+        }
+        (None, Err(fault)) => return Err(fault.into()),
+    };
+    if let Some(outline) = domain.outline() {
+        carve::covers(outline, spacing, &points)?;
+    }
     conform::conforms(domain, spacing, &points, &faces, &surface)?;
-    let shared = |t: &[u32; 3]| t.iter().fold(u8::MAX, |bits, &v| bits & faces[v as usize]);
+    let shared = |t: &[u32; 3]| match domain.outline() {
+        None => t.iter().fold(u8::MAX, |bits, &v| bits & faces[v as usize]),
+        Some(outline) => {
+            outline.face_at([0, 1, 2].map(|k| t.iter().map(|&v| points[v as usize][k]).sum::<f64>() / 3.0))
+        }
+    };
     let surface_faces = surface.iter().map(shared).collect();
     let quality = Summary::of(&points, &cells);
     let least = if regions.is_empty() { LEAST_QUALITY } else { LEAST_QUALITY_OF_REGIONS };

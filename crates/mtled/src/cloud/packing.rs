@@ -25,7 +25,7 @@ const REFRESH: usize = 6;
 
 /// What the fill needs to know.
 pub(crate) struct Packing<'a> {
-    pub(crate) domain: &'a Domain,
+    pub(crate) domain: &'a Domain<'a>,
     pub(crate) spacing: &'a Spacing,
 }
 
@@ -36,13 +36,21 @@ impl Packing<'_> {
     }
 
     /// Distance from p to a candidate in direction `way` (unit): the mean of the spacings at both ends.
-    fn stride(&self, p: Point, h: f64, way: Point) -> f64 {
+    pub(crate) fn stride(&self, p: Point, h: f64, way: Point) -> f64 {
         let once = 0.5 * (h + self.h(add(p, scale(way, h))));
         0.5 * (h + self.h(add(p, scale(way, once))))
     }
 
     /// Is any node nearer to the candidate than `gap` times the mean of their spacings?
-    fn crowded(&self, nodes: &Nodes, spacings: &[f64], grid: &Grid, candidate: Point, h: f64, gap: f64) -> bool {
+    pub(crate) fn crowded(
+        &self,
+        nodes: &Nodes,
+        spacings: &[f64],
+        grid: &Grid,
+        candidate: Point,
+        h: f64,
+        gap: f64,
+    ) -> bool {
         let reach = gap * h / (1.0 - 0.5 * gap * self.spacing.growth);
         grid.any(&nodes.points, candidate, reach, |j, squared| {
             let least = 0.5 * gap * (h + spacings[j as usize]);
@@ -63,22 +71,24 @@ impl Packing<'_> {
         })
     }
 
-    fn grid(&self, nodes: &Nodes) -> Grid {
+    fn grid(&self, nodes: &Nodes, expected: f64) -> Grid {
         let (low, high) = self.domain.bounds();
-        let mut grid =
-            Grid::new(low, high, (self.spacing.predicted_nodes(self.domain) as usize).max(nodes.points.len()));
+        let mut grid = Grid::new(low, high, (expected as usize).max(nodes.points.len()));
         for &p in &nodes.points {
             grid.push(p);
         }
         grid
     }
 
-    /// Fills every face, then the interior; relaxes each.
-    pub(crate) fn fill(&self, nodes: &mut Nodes) {
-        let mut grid = self.grid(nodes);
+    /// Fills every face, then the interior, with about so many nodes in all; relaxes each.
+    pub(crate) fn fill(&self, nodes: &mut Nodes, expected: f64) {
+        let mut grid = self.grid(nodes, expected);
         let mut spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
         for &face in self.domain.faces() {
             self.fill_face(nodes, &mut grid, &mut spacings, face);
+        }
+        if let Some(outline) = self.domain.outline() {
+            self.fill_skin(outline, nodes, &mut grid, &mut spacings);
         }
         self.relax(nodes, &mut grid, FACE_RELAXATIONS, |faces| faces.count_ones() == 1);
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
@@ -133,11 +143,14 @@ impl Packing<'_> {
             for d in directions {
                 let turned = add(add(scale(frame[0], d[0]), scale(frame[1], d[1])), scale(frame[2], d[2]));
                 let candidate = add(p, scale(turned, self.stride(p, h, turned)));
-                if self.domain.depth(candidate) <= 0.0 {
+                if !self.domain.is_inside(candidate) {
                     continue;
                 }
                 let gap = self.h(candidate);
-                if self.domain.depth(candidate).min(self.spacing.interface_distance(self.domain.height(), candidate))
+                if self
+                    .domain
+                    .depth_to(candidate, gap)
+                    .min(self.spacing.interface_distance(self.domain.height(), candidate))
                     < CLEARANCE * gap
                     || self.reserved(candidate)
                     || self.crowded(nodes, spacings, grid, candidate, gap, BODY_GAP)
@@ -211,7 +224,7 @@ impl Packing<'_> {
         let step = super::vector::norm(force).max(1.0);
         let mut q = add(p, scale(force, 0.2 * h / step));
         let room = if face == 0 {
-            self.domain.depth(q)
+            self.domain.depth_to(q, h)
         } else {
             q = self.domain.project(face, q);
             self.domain.edge_distance(face, q)

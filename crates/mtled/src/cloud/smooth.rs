@@ -26,8 +26,9 @@ pub(crate) fn smooth(packing: &Packing, points: &mut [Point], faces: &[u8], fixe
             continue;
         }
         let q = scale(sum, 1.0 / total);
-        if packing.domain.depth(q).min(packing.spacing.interface_distance(packing.domain.height(), q))
-            > CLEARANCE * packing.h(q)
+        let h = packing.h(q);
+        if packing.domain.depth_to(q, h).min(packing.spacing.interface_distance(packing.domain.height(), q))
+            > CLEARANCE * h
             && !packing.reserved(q)
         {
             points[i] = q;

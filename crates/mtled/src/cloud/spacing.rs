@@ -149,6 +149,7 @@ impl Feature {
                 let length = match *domain {
                     Domain::Cylinder { radius, .. } | Domain::HalfCylinder { radius, .. } => 2.0 * PI * radius,
                     Domain::Box { size } | Domain::HalfBox { size } => 2.0 * (size[0] + size[1]),
+                    Domain::Outline(_) => 0.0,
                 };
                 length * 0.5 * PI * s
             }
@@ -187,7 +188,7 @@ impl Spacing {
                 _ => f.spacing() + self.growth * f.distance(domain, p),
             });
         }
-        h
+        domain.outline().map_or(h, |outline| outline.spacing(p, self.growth, h))
     }
 
     /// Spacing of the nodes of a needle's path at a depth below the top face, in metres: `spacing`, or less where the path enters.
@@ -244,11 +245,11 @@ impl Spacing {
             let mid = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])];
             let size = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
             let diagonal = super::vector::norm(size);
-            let depth = domain.depth(mid);
+            let h = self.at(domain, mid);
+            let depth = domain.depth_to(mid, diagonal.max(h));
             if depth < -0.5 * diagonal {
                 continue;
             }
-            let h = self.at(domain, mid);
             let rough = self.growth * diagonal > 0.6 * h && h < self.far + 0.5 * self.growth * diagonal;
             if level < 3 * 3 || (level < 45 && (rough || depth.abs() < 0.5 * diagonal && diagonal > h)) {
                 let axis = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
@@ -269,9 +270,11 @@ impl Spacing {
         SQRT_2 * bulk + skin
     }
 
+    /// Number of nodes that it will take.
+    ///
     /// # Errors
     /// A spacing, growth or feature out of its range, or more than [`MAX_NODES`] nodes.
-    pub(crate) fn validate(&self, domain: &Domain) -> Result<(), CloudError> {
+    pub(crate) fn validate(&self, domain: &Domain) -> Result<f64, CloudError> {
         self.validate_features(domain)?;
         let nodes = self.predicted_nodes(domain);
         if !nodes.is_finite() || nodes > MAX_NODES as f64 {
@@ -284,7 +287,7 @@ impl Spacing {
                 limit: MAX_NODES,
             });
         }
-        Ok(())
+        Ok(nodes)
     }
 
     /// # Errors

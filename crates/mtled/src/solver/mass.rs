@@ -134,6 +134,13 @@ pub(super) struct Extent {
     pub parts: Arc<[(f64, f64, u8)]>,
 }
 
+/// Lowest z of a body and its height over that, m: a mesh has its own frame, in which its base may lie anywhere.
+fn base_and_height(points: &[[f64; 3]]) -> (f64, f64) {
+    let z = || points.iter().map(|p| p[2]);
+    let base = z().fold(f64::INFINITY, f64::min);
+    (base, z().fold(f64::NEG_INFINITY, f64::max) - base)
+}
+
 impl FundamentalMode {
     /// Of a body with the modulus of each region, Pa.
     pub fn of(extent: &Extent, moduli: &[f64]) -> Self {
@@ -145,20 +152,20 @@ impl FundamentalMode {
     }
 
     pub fn new(points: &[[f64; 3]], volume: f64, modulus: f64) -> Self {
-        let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
+        let (base, height) = base_and_height(points);
         let k = std::f64::consts::FRAC_PI_2 / height;
         Self {
             height,
             stiffness: 0.5 * modulus * volume * k * k,
-            square: points.iter().map(|p| (k * p[2]).sin().powi(2)).collect(),
+            square: points.iter().map(|p| (k * (p[2] - base)).sin().powi(2)).collect(),
         }
     }
 
     /// The same of a body whose modulus changes from place to place: `(z, volume, modulus)` of each integration point. The
     /// mode is u = sin(pi s / 2), where s grows from 0 to 1 up the body as the compliance of its slices does.
     pub fn layered(points: &[[f64; 3]], parts: impl Iterator<Item = (f64, f64, f64)>) -> Self {
-        let height = points.iter().map(|p| p[2]).fold(0.0, f64::max);
-        let slice = |z: f64| ((z / height * SLICES as f64).max(0.0) as usize).min(SLICES - 1);
+        let (base, height) = base_and_height(points);
+        let slice = |z: f64| (((z - base) / height * SLICES as f64).max(0.0) as usize).min(SLICES - 1);
         // volume, and volume times modulus, of each slice
         let mut slices = [[0.0; 2]; SLICES];
         for (z, volume, modulus) in parts {
@@ -178,7 +185,7 @@ impl FundamentalMode {
         };
         let shape = |z: f64| {
             let i = slice(z);
-            let s = before[i] + (before[i + 1] - before[i]) * (z / thick - i as f64).clamp(0.0, 1.0);
+            let s = before[i] + (before[i + 1] - before[i]) * ((z - base) / thick - i as f64).clamp(0.0, 1.0);
             (quarter * s).sin()
         };
         Self {

@@ -1,0 +1,383 @@
+//! A body whose shape a mesh of tetrahedra gives: what lies inside, how deep, and where its surface and the interfaces between its groups
+//! are. The mesh's own nodes do not matter beyond that.
+
+use super::Cloud;
+use super::error::CloudError;
+use super::path::Axis;
+use super::quality::six_volumes;
+use super::tree::Tree;
+use super::vector::{Point, add, cross, dot, norm, scale, sub};
+use std::collections::BTreeMap;
+
+/// Cosine of the angle between the normals of two triangles from which their edge is a crease: 40 degrees.
+const CREASE: f64 = 0.766;
+/// Barycentric coordinates from which a point counts as inside a tetrahedron.
+const INSIDE: f64 = -1e-9;
+/// The bit of walls inside the body, between groups.
+pub(crate) const BETWEEN: u8 = super::interfaces::INTERFACE;
+
+/// A triangle of the surface, or of an interface.
+#[derive(Clone, Debug, PartialEq)]
+struct Wall {
+    corners: [Point; 3],
+    /// The one face that it is part of.
+    face: u8,
+}
+
+/// A line of the surface where faces meet at an angle, or two faces or a face and an interface meet.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Crease {
+    pub(crate) ends: [Point; 2],
+    /// Bits of the faces on both sides.
+    pub(crate) faces: u8,
+}
+
+/// Shape of a body, from a mesh of it. Lengths in metres; the body stands on z = 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outline {
+    points: Vec<Point>,
+    cells: Vec<[u32; 4]>,
+    group: Vec<u32>,
+    walls: Vec<Wall>,
+    pub(crate) creases: Vec<Crease>,
+    bounds: (Point, Point),
+    top: f64,
+    volume: f64,
+    volumes: Tree,
+    /// Walls of each face, [`BETWEEN`] last.
+    trees: Vec<(u8, Tree)>,
+    /// What each group asks for at its boundary within the body.
+    inclusions: Vec<Inclusion>,
+}
+
+/// A group of cells that is enclosed by others, in part at least.
+#[derive(Clone, Debug, PartialEq)]
+struct Inclusion {
+    walls: Tree,
+    /// Largest spacing of nodes there, m.
+    spacing: f64,
+}
+
+impl Outline {
+    /// Of a mesh with the group of each cell (any numbers), and z where an instrument meets it. What lies lowest must lie on z = 0.
+    #[must_use]
+    pub fn new(mesh: &Cloud, group: Vec<u32>, top: f64) -> Self {
+        let at = |n: u32| mesh.points[n as usize];
+        let surface = mesh.surface.iter().zip(&mesh.surface_faces);
+        let mut walls: Vec<Wall> = surface.map(|(t, &face)| Wall { corners: t.map(at), face }).collect();
+        let outer = walls.len();
+        let (between, sides) = interfaces(&mesh.cells, &group);
+        walls.extend(between.iter().map(|t| Wall { corners: t.map(at), face: BETWEEN }));
+        let of_cells: Vec<[Point; 2]> = mesh.cells.iter().map(|c| bounds(&c.map(at))).collect();
+        let [low, high] = bounds(&mesh.points);
+        Self {
+            creases: creases(mesh, &between),
+            volume: mesh.volumes().iter().sum(),
+            trees: trees(&walls),
+            inclusions: inclusions(&walls[outer..], &sides, outer, &mesh.volumes(), &group),
+            volumes: Tree::new(&of_cells),
+            points: mesh.points.clone(),
+            cells: mesh.cells.clone(),
+            bounds: (low, high),
+            group,
+            walls,
+            top,
+        }
+    }
+
+    /// z where the instrument meets the body, m.
+    pub(crate) fn top(&self) -> f64 {
+        self.top
+    }
+
+    pub(crate) fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    pub(crate) fn bounds(&self) -> (Point, Point) {
+        self.bounds
+    }
+
+    /// The mesh's cell that holds a point.
+    #[must_use]
+    pub fn cell_at(&self, p: Point) -> Option<u32> {
+        let holds = |cell: u32| {
+            let c = self.cells[cell as usize].map(|n| self.points[n as usize]);
+            let whole = six_volumes(&c);
+            (0..4).all(|k| {
+                let mut part = c;
+                part[k] = p;
+                six_volumes(&part) >= INSIDE * whole
+            })
+        };
+        self.volumes.find(p, 1e-9 * self.top, holds)
+    }
+
+    /// Group at a point; `None` outside.
+    #[must_use]
+    pub fn group_at(&self, p: Point) -> Option<u32> {
+        self.cell_at(p).map(|cell| self.group[cell as usize])
+    }
+
+    /// Distance to the surface, negative outside.
+    pub(crate) fn depth(&self, p: Point) -> f64 {
+        self.signed(p, self.to_skin(p))
+    }
+
+    /// Distance to surface or interface, whichever is nearer, or `reach` if both are further; negative outside.
+    pub(crate) fn room(&self, p: Point, reach: f64) -> f64 {
+        let nearer = |least: f64, (_, tree): &(u8, Tree)| self.within(tree, p, least).map_or(least, |(_, d)| d);
+        self.signed(p, self.trees.iter().fold(reach, nearer))
+    }
+
+    fn signed(&self, p: Point, d: f64) -> f64 {
+        if self.cell_at(p).is_some() { d } else { -d }
+    }
+
+    fn to_skin(&self, p: Point) -> f64 {
+        let skin = self.trees.iter().filter(|(face, _)| *face != BETWEEN);
+        skin.filter_map(|(_, tree)| self.nearest(tree, p)).map(|(_, d)| d).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Largest spacing up to `most` that the groups' boundaries allow at a point, with this growth of it per metre.
+    pub(crate) fn spacing(&self, p: Point, growth: f64, most: f64) -> f64 {
+        self.inclusions.iter().fold(most, |least, inclusion| {
+            let reach = (least - inclusion.spacing) / growth;
+            let near = if reach > 0.0 { self.within(&inclusion.walls, p, reach) } else { None };
+            near.map_or(least, |(_, d)| least.min(inclusion.spacing + growth * d))
+        })
+    }
+
+    /// Distance to the nearest interface; infinite without any.
+    pub(crate) fn interface_distance(&self, p: Point) -> f64 {
+        self.tree(BETWEEN).and_then(|tree| self.nearest(tree, p)).map_or(f64::INFINITY, |(_, d)| d)
+    }
+
+    /// Whether groups meet in it.
+    pub(crate) fn has_interfaces(&self) -> bool {
+        self.tree(BETWEEN).is_some()
+    }
+
+    fn tree(&self, face: u8) -> Option<&Tree> {
+        self.trees.iter().find(|(f, _)| *f == face).map(|(_, tree)| tree)
+    }
+
+    fn nearest(&self, tree: &Tree, p: Point) -> Option<(u32, f64)> {
+        self.within(tree, p, f64::INFINITY)
+    }
+
+    /// The nearest wall of a tree that is no further than this, and how far.
+    fn within(&self, tree: &Tree, p: Point, reach: f64) -> Option<(u32, f64)> {
+        tree.nearest(p, reach, |i| squared(p, self.walls[i as usize].closest(p))).map(|(i, d)| (i, d.sqrt()))
+    }
+
+    /// The nearest point of a face, and the unit normal there.
+    pub(crate) fn on(&self, face: u8, p: Point) -> Option<(Point, Point)> {
+        let (i, _) = self.nearest(self.tree(face)?, p)?;
+        let wall = &self.walls[i as usize];
+        Some((wall.closest(p), wall.normal()))
+    }
+
+    /// Face of the surface that is nearest to a point.
+    pub(crate) fn face_at(&self, p: Point) -> u8 {
+        let skin = self.trees.iter().filter(|(face, _)| *face != BETWEEN);
+        let near = skin.filter_map(|(face, tree)| self.nearest(tree, p).map(|(_, d)| (*face, d)));
+        near.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(super::SIDE, |(face, _)| face)
+    }
+
+    /// Faces that there are, interfaces last.
+    pub(crate) fn faces(&self) -> Vec<u8> {
+        self.trees.iter().map(|(face, _)| *face).collect()
+    }
+
+    /// Corners of a face's triangles.
+    pub(crate) fn corners(&self, face: u8) -> impl Iterator<Item = Point> {
+        self.walls.iter().filter(move |w| w.face == face).flat_map(|w| w.corners)
+    }
+
+    /// z of the face's highest point above or below a place.
+    pub(crate) fn height_of(&self, face: u8, [x, y]: [f64; 2]) -> Option<f64> {
+        self.walls.iter().filter(|w| w.face == face).filter_map(|w| w.height([x, y])).reduce(f64::max)
+    }
+
+    /// Length of an axis within the body, m.
+    #[must_use]
+    pub fn length_along(&self, axis: &Axis) -> f64 {
+        let step = 1e-3 * self.top;
+        let inside = |k: &usize| self.cell_at(axis.section(self.top, *k as f64 * step, 0.0, 0.0)).is_some();
+        (1..2000).find(|k| !inside(k)).unwrap_or(2000) as f64 * step * axis.secant()
+    }
+
+    /// # Errors
+    /// The cylinder of this radius round an axis leaves the body within this length.
+    pub(crate) fn holds_path(&self, axis: &Axis, radius: f64, length: f64) -> Result<(), CloudError> {
+        const STEPS: usize = 64;
+        let down = length / axis.secant();
+        // where it enters the surface may be inclined by 45 degrees
+        let first = radius.min(0.5 * down);
+        for k in 0..=STEPS {
+            let depth = first + (down - first) * k as f64 / STEPS as f64;
+            for turn in 0..8 {
+                let p = axis.section(self.top, depth, radius, f64::from(turn) / 8.0);
+                if self.cell_at(p).is_none() {
+                    let rule = format!(
+                        "the path, with what the needle captures, leaves the mesh {depth:.6} m below the surface, at {p:?} m (z from the \
+                         lowest point): move the entry, or end the motion before"
+                    );
+                    return Err(CloudError::OutOfRange { key: "path length", value: length, rule });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Wall {
+    /// The nearest point (Ericson, Real-Time Collision Detection, 5.1.5).
+    fn closest(&self, p: Point) -> Point {
+        let [a, b, c] = self.corners;
+        let (ab, ac, ap) = (sub(b, a), sub(c, a), sub(p, a));
+        let (d1, d2) = (dot(ab, ap), dot(ac, ap));
+        if d1 <= 0.0 && d2 <= 0.0 {
+            return a;
+        }
+        let bp = sub(p, b);
+        let (d3, d4) = (dot(ab, bp), dot(ac, bp));
+        if d3 >= 0.0 && d4 <= d3 {
+            return b;
+        }
+        let vc = d1 * d4 - d3 * d2;
+        if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+            return add(a, scale(ab, d1 / (d1 - d3)));
+        }
+        let cp = sub(p, c);
+        let (d5, d6) = (dot(ab, cp), dot(ac, cp));
+        if d6 >= 0.0 && d5 <= d6 {
+            return c;
+        }
+        let vb = d5 * d2 - d1 * d6;
+        if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+            return add(a, scale(ac, d2 / (d2 - d6)));
+        }
+        let va = d3 * d6 - d5 * d4;
+        if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+            return add(b, scale(sub(c, b), (d4 - d3) / ((d4 - d3) + (d5 - d6))));
+        }
+        let whole = va + vb + vc;
+        add(a, add(scale(ab, vb / whole), scale(ac, vc / whole)))
+    }
+
+    fn area(&self) -> f64 {
+        let [a, b, c] = self.corners;
+        0.5 * norm(cross(sub(b, a), sub(c, a)))
+    }
+
+    fn normal(&self) -> Point {
+        let [a, b, c] = self.corners;
+        let n = cross(sub(b, a), sub(c, a));
+        let length = norm(n);
+        if length > 0.0 { scale(n, 1.0 / length) } else { [0.0, 0.0, 1.0] }
+    }
+
+    /// z above or below a place.
+    fn height(&self, [x, y]: [f64; 2]) -> Option<f64> {
+        let [a, b, c] = self.corners;
+        let area = |p: Point, q: Point| (p[0] - x) * (q[1] - y) - (p[1] - y) * (q[0] - x);
+        let [u, v, w] = [area(b, c), area(c, a), area(a, b)];
+        let whole = u + v + w;
+        let inside = whole != 0.0 && [u, v, w].iter().all(|part| part / whole >= INSIDE);
+        inside.then(|| (u * a[2] + v * b[2] + w * c[2]) / whole)
+    }
+}
+
+fn squared(p: Point, q: Point) -> f64 {
+    let d = sub(p, q);
+    dot(d, d)
+}
+
+fn bounds(points: &[Point]) -> [Point; 2] {
+    let all = |k: usize, pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[k]).fold(start, pick);
+    [[0, 1, 2].map(|k| all(k, f64::min, f64::INFINITY)), [0, 1, 2].map(|k| all(k, f64::max, f64::NEG_INFINITY))]
+}
+
+/// A tree of the walls of each face.
+fn trees(walls: &[Wall]) -> Vec<(u8, Tree)> {
+    let mut faces: Vec<u8> = walls.iter().map(|w| w.face).collect();
+    faces.sort_unstable();
+    faces.dedup();
+    let tree = |face: u8| tree_of(walls, (0..walls.len() as u32).filter(|&i| walls[i as usize].face == face));
+    faces.into_iter().map(|face| (face, tree(face))).collect()
+}
+
+fn tree_of(walls: &[Wall], items: impl Iterator<Item = u32>) -> Tree {
+    let items: Vec<u32> = items.collect();
+    let boxes: Vec<[Point; 2]> = items.iter().map(|&i| bounds(&walls[i as usize].corners)).collect();
+    Tree::new(&boxes).renamed(&items)
+}
+
+/// Spacing at the boundary of a group over 3 V/A, its volume over its area there: the radius of a ball, three quarters of the thickness of
+/// a tube, three halves of a plate's.
+const ACROSS: f64 = 1.0;
+
+/// What each group but the largest asks for, by the triangles between groups and the groups on both sides of each.
+fn inclusions(walls: &[Wall], sides: &[[u32; 2]], outer: usize, volumes: &[f64], group: &[u32]) -> Vec<Inclusion> {
+    let mut volume: BTreeMap<u32, f64> = BTreeMap::new();
+    volumes.iter().zip(group).for_each(|(v, g)| *volume.entry(*g).or_default() += v);
+    let largest = volume.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(g, _)| *g);
+    let of = |(&g, v): (&u32, &f64)| {
+        let own: Vec<u32> = (0..walls.len() as u32).filter(|&i| sides[i as usize].contains(&g)).collect();
+        let area: f64 = own.iter().map(|&i| walls[i as usize].area()).sum();
+        let boxes: Vec<[Point; 2]> = own.iter().map(|&i| bounds(&walls[i as usize].corners)).collect();
+        let named: Vec<u32> = own.iter().map(|i| i + outer as u32).collect();
+        Inclusion { walls: Tree::new(&boxes).renamed(&named), spacing: ACROSS * 3.0 * v / area }
+    };
+    volume.iter().filter(|(g, _)| Some(**g) != largest).map(of).collect()
+}
+
+/// Triangles between cells of different groups, and those groups.
+fn interfaces(cells: &[[u32; 4]], group: &[u32]) -> (Vec<[u32; 3]>, Vec<[u32; 2]>) {
+    let mut seen: BTreeMap<[u32; 3], u32> = BTreeMap::new();
+    let (mut between, mut sides) = (Vec::new(), Vec::new());
+    for (c, &group) in cells.iter().zip(group) {
+        for k in 0..4 {
+            let mut t = [c[(k + 1) % 4], c[(k + 2) % 4], c[(k + 3) % 4]];
+            t.sort_unstable();
+            match seen.remove(&t) {
+                Some(other) if other != group => {
+                    between.push(t);
+                    sides.push([other, group]);
+                }
+                Some(_) => {}
+                None => {
+                    seen.insert(t, group);
+                }
+            }
+        }
+    }
+    (between, sides)
+}
+
+/// Edges of the surface that are sharp, part two faces, or border an interface.
+fn creases(mesh: &Cloud, between: &[[u32; 3]]) -> Vec<Crease> {
+    let at = |n: u32| mesh.points[n as usize];
+    let edges = |t: &[u32; 3]| [0, 1, 2].map(|k| [t[k].min(t[(k + 1) % 3]), t[k].max(t[(k + 1) % 3])]);
+    // the first triangle at an edge, until the second comes
+    let mut first: BTreeMap<[u32; 2], (Point, u8)> = BTreeMap::new();
+    let bordering: std::collections::BTreeSet<[u32; 2]> = between.iter().flat_map(edges).collect();
+    let mut creases = Vec::new();
+    for (t, &face) in mesh.surface.iter().zip(&mesh.surface_faces) {
+        let normal = Wall { corners: t.map(at), face }.normal();
+        for edge in edges(t) {
+            let Some((other, of_other)) = first.remove(&edge) else {
+                first.insert(edge, (normal, face));
+                continue;
+            };
+            let border = bordering.contains(&edge);
+            if dot(normal, other) < CREASE || face != of_other || border {
+                let faces = face | of_other | if border { BETWEEN } else { 0 };
+                creases.push(Crease { ends: edge.map(at), faces });
+            }
+        }
+    }
+    creases
+}
