@@ -22,7 +22,8 @@ use super::collapse::{collapse, collapse_curvature};
 use super::lane_law::LaneLaw;
 use super::points::{Constants, Projected, largest_square};
 
-/// theta_m: projected volume ratio below which the energy goes on along its tangent: half of the least that any scene has shown.
+/// theta_m: projected volume ratio below which the energy goes on along its tangent. Needles in space, which have this law, keep J above 0.26
+/// at every point down to 15 mm, and theta is a mean.
 const LEAST_RATIO: f64 = 0.1;
 
 /// The law of a point.
