@@ -36,8 +36,8 @@ fn forces(scene: &Scene, readings: &[Reading]) -> Vec<(f64, [f64; 3])> {
 }
 
 /// A load cell with noise (standard, N), zero (N) and drift (N/s) of each axis.
-fn read(forces: &[(f64, [f64; 3])], noise: [f64; 3], zero: [f64; 3], drift: [f64; 3]) -> ForceSeries {
-    let mut generator = ChaCha8Rng::seed_from_u64(21);
+fn read(forces: &[(f64, [f64; 3])], noise: [f64; 3], zero: [f64; 3], drift: [f64; 3], seed: u64) -> ForceSeries {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut generator) };
     let axis = |t: f64, f: f64, k: usize, normal: f64| f + zero[k] + drift[k] * t + noise[k] * normal;
     let reading = |(t, f): &(f64, [f64; 3])| (*t, std::array::from_fn(|k| axis(*t, f[k], k, normal())));
@@ -90,7 +90,7 @@ fn a_modulus_is_fitted_to_all_components_of_an_oblique_needle() {
         let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
         let other = |f: [f64; 3]| std::array::from_fn(|k| 10.0 * f[k] - 8.9 * dot(f, axis) * axis[k]);
         let forces: Vec<_> = forces(&scene, &readings).into_iter().map(|(t, f)| (t, other(f))).collect();
-        let measured = read(&forces, [4e-4; 3], [0.0; 3], [0.0; 3]);
+        let measured = read(&forces, [4e-4; 3], [0.0; 3], [0.0; 3], 21);
         let collector = Collector::new(&twin, "test", build_s, Keep::ANSWERS);
         let run = drive(&mut twin, readings.iter().copied(), Some(&measured), collector, &mut Quiet);
         let answers: Vec<&Answer> = run.answers.iter().collect();
@@ -128,12 +128,22 @@ fn a_way_aside_tells_modulus_and_coefficient_apart() {
     let changes: Vec<Override> = changes.map(|(key, value)| Override::typed(key, value, "test")).collect();
     let readings = down_and_aside(&Twin::new(&scene).unwrap());
     let forces = forces(&scene.with(&changes).unwrap(), &readings);
-    let measured = read(&forces, [2e-4, 5e-5, 1e-4], [0.3, -0.02, 0.05], [1e-5, -2e-5, 5e-5]);
     let keys = [MODULUS, COEFFICIENT];
-    let found = fit(&scene, &readings, &measured, &keys, LoadCell::Drift);
+    let of_seed = |seed: u64| read(&forces, [2e-4, 5e-5, 1e-4], [0.3, -0.02, 0.05], [1e-5, -2e-5, 5e-5], seed);
+    let found = [21, 22, 23].map(|seed| fit(&scene, &readings, &of_seed(seed), &keys, LoadCell::Drift));
+    let mut held = 0;
+    for (e, truth) in found.iter().flat_map(|found| found.estimates.iter().zip(truth)) {
+        let error = e.standard_error().unwrap();
+        println!("{}: {:.5} ± {error:.5} of {truth:.5}", e.name, e.value);
+        held += u32::from((e.value - truth).abs() < 1.96 * error);
+        assert!((e.value / truth - 1.0).abs() < 0.02, "{} of {truth}", e.value);
+    }
+    // one of twenty draws is beyond 1.96 standard errors, and then for both keys, which are nearly one
+    assert!(held >= 4, "{held} of 6 intervals hold the truth");
+    let measured = of_seed(21);
     let alone = fit(&scene, &readings, &along(&measured, &readings), &keys, LoadCell::Drift);
     let raw = |e: &Estimate| e.noise_error.unwrap_or(f64::INFINITY).hypot(e.systematic_error.unwrap_or(f64::INFINITY));
-    for ((e, a), truth) in found.estimates.iter().zip(&alone.estimates).zip(truth) {
+    for ((e, a), truth) in found[0].estimates.iter().zip(&alone.estimates).zip(truth) {
         println!(
             "{}: {:.5} ± {:.5} of {truth:.5}; along the axis alone {:.5} ± {:.5} ({:?})",
             e.name,
@@ -143,9 +153,6 @@ fn a_way_aside_tells_modulus_and_coefficient_apart() {
             raw(a),
             a.withheld
         );
-        let error = e.standard_error().unwrap();
-        assert!((e.value - truth).abs() < 1.96 * error, "{} ± {error} of {truth}", e.value);
-        assert!((e.value / truth - 1.0).abs() < 0.02, "{} of {truth}", e.value);
         assert!((a.value / truth - 1.0).abs() > 0.05, "{} along the axis alone", a.value);
     }
 }
@@ -158,7 +165,7 @@ fn noise_across_the_axis_costs_nothing() {
         (0..300).map(|i| Reading { time_s: 0.01 * f64::from(i), at: At::Depth(1.2e-5 * f64::from(i - 50)) }).collect();
     let forces = forces(&scene.with(&[Override::typed(MODULUS, 1800.0, "test")]).unwrap(), &readings);
     for noise in [1e-4, 1e-3] {
-        let measured = read(&forces, [noise, noise, 1e-4], [0.0; 3], [0.0; 3]);
+        let measured = read(&forces, [noise, noise, 1e-4], [0.0; 3], [0.0; 3], 21);
         let found = fit(&scene, &readings, &measured, &[MODULUS], LoadCell::Drift);
         let alone = fit(&scene, &readings, &along(&measured, &readings), &[MODULUS], LoadCell::Drift);
         let (e, a) = (&found.estimates[0], &alone.estimates[0]);
@@ -180,7 +187,7 @@ fn a_way_aside_tells_the_clock() {
     let readings = down_and_aside(&Twin::new(&scene).unwrap());
     let late = 0.08;
     let forces: Vec<_> = forces(&scene, &readings).into_iter().map(|(t, f)| (t + late, f)).collect();
-    let measured = read(&forces, [2e-5; 3], [0.01; 3], [0.0; 3]).on_one_clock(false);
+    let measured = read(&forces, [2e-5; 3], [0.01; 3], [0.0; 3], 21).on_one_clock(false);
     let clock = |measured: &ForceSeries| {
         let (mut twin, build_s) = build(&scene).unwrap();
         let collector = Collector::new(&twin, "test", build_s, Keep::ANSWERS);

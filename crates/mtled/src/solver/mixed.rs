@@ -131,7 +131,7 @@ mod tests {
         for size in [0.0_f64, 0.1, 0.4, 2.0, 8.0] {
             // a shear, and a little of everything
             let f: Gradient<f64> = std::array::from_fn(|i: usize| {
-                f64::from(u8::from(i % 4 == 0))
+                f64::from(u8::from(i.is_multiple_of(4)))
                     + if i == 2 { size } else { 0.05 * size.min(1.0) * (1.7 * i as f64).sin() }
             });
             let (_, at) = parts(&f);

@@ -7,7 +7,7 @@ use crate::material::Law;
 pub enum VolumeRatio {
     /// Projected onto a coarser cloud, as the pressure of a Taylor-Hood element: the cure for volumetric locking.
     Projected,
-    /// Projected, and with it the dependence on volume of the neo-Hookean distortion: a mixed formulation ([`super::mixed`]). Other laws,
+    /// Projected, and with it the dependence on volume of the neo-Hookean distortion: a mixed formulation (`solver::mixed`). Other laws,
     /// and those that relax, are as `Projected`.
     Mixed,
     /// Averaged over each node's cells (average nodal pressure): locks less than pointwise.
