@@ -47,7 +47,7 @@ pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Pa
     runs(members, readings, &[], crew, false)
 }
 
-/// The same with the targets at some times (s, on the readings' clock). Members of one cloud are stepped in [teams](super::together) where
+/// The same with the targets at some times (s, on the readings' clock). Members of one cloud are stepped in teams where
 /// there are enough of them: then a member is right to a thousandth of the peak force.
 ///
 /// # Errors
