@@ -123,13 +123,13 @@ fn a_member_is_its_single_run_to_a_thousandth_of_the_peak() {
 }
 
 /// A single run in space is no better defined: 1e-7 times more modulus, which is the round-off of single precision, moves its force by 1.8e-3 of the
-/// peak between 2 and 3 mm, since a pose gets another number of steps.
+/// peak between 2 and 3 mm (before the mixed formulation; members were off by 1.5e-3 then, by 2.5e-3 with it), since a pose gets another number of steps.
 #[test]
 #[ignore = "minutes: .ci/long runs it"]
 fn so_it_is_in_space_as_far_as_round_off_lets_it() {
     for (scene, keys, depth_m) in presets(&["needle_insertion"], &[("discretisation.dimension", "full")]) {
         let off = alone(|| off(&scene, keys, depth_m, 1e-5, 20));
-        assert!(off < 2.5e-3, "{}: {off}", scene.name);
+        assert!(off < 3e-3, "{}: {off}", scene.name);
     }
 }
 
