@@ -12,7 +12,8 @@ vary along the way by 3 % (a random walk with a memory of 0.1 mm), as those of r
 
     pip install numpy scipy
     python bar.py double > bar_double.csv     # insertion, way out, the same again at 1 mm/s: depth m, force N
-    python bar.py many 4 > bar_many.csv      # random tissues at 5 mm/s, as rod.py writes them; a third of the layers has no membrane
+    python bar.py many 4 > bar_many.csv      # random tissues at 5 mm/s, as rod.py writes them; a third of the layers has no membrane:
+                                              # "entered" is where the tip passes into such a one
 """
 import sys
 
@@ -41,7 +42,7 @@ class Bar:
         self.u = np.zeros(self.z.size)
         self.cut, self.tip = 0.0, 0.0
         self.walls = [(z, p) for z, p in rows[:, [0, 4]] if p > 0]
-        self.all, self.crossed = [z for z in rows[:, 0]], []
+        self.open, self.crossed, self.entered = [z for z, p in rows[:, [0, 4]] if p == 0], [], []
 
     def rest(self):
         self.u[:] = 0.0
@@ -101,6 +102,8 @@ class Bar:
             elif push > (most := self.cutting[min(int(self.cut / H), self.z.size - 1)]):
                 to = self.cut + (push - most) / self.tip_spring
                 self.cut = min(to, self.walls[0][0]) if self.walls else to
+                while self.open and self.cut >= self.open[0]:
+                    self.entered.append((d1, self.open.pop(0)))
         return float(out)
 
 
@@ -137,9 +140,10 @@ def main():
         puncture[random.integers(1, 3)] = 0.0
         bar = Bar(np.stack([tops, ground, random.uniform(1, 8, 3), cut, puncture], axis=1), n)
         columns.append(march(bar, [0.0, 0.010], 5e-3, 5e-4, 4))
-        said.append([f"{d:.6f}" for d, _, _ in bar.crossed])
+        said.append([[f"{at[0]:.6f}" for at in seen] for seen in (bar.crossed, bar.entered)])
     for c in range(3):
-        print(",".join([f"crossing_{c}"] + [s[c] if len(s) > c else "" for s in said]))
+        print(",".join([f"crossing_{c}"] + [s[c] if len(s) > c else "" for s, _ in said]))
+    print(",".join(["entered"] + [s[0] if s else "" for _, s in said]))
     for i, (d, _) in enumerate(columns[0]):
         print(",".join([f"{d:.5f}"] + [f"{rows[i][1]:.5f}" for rows in columns]))
 

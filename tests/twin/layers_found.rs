@@ -62,32 +62,30 @@ fn a_double_insertion_gives_friction_cutting_puncture_and_depth_of_three_layers(
     }
 }
 
-/// Upper boundary m, friction N/m.
-const OTHER: [[f64; 2]; 3] = [[0.0, 4.0], [0.0022, 8.0], [0.0059, 2.5]];
+/// Upper boundary m, friction N/m, puncture N.
+const OTHER: [[f64; 3]; 3] = [[0.0, 4.0, 0.022], [0.0022, 8.0, 0.040], [0.0059, 2.5, 0.018]];
 
 /// A tissue, a friction and a solution of another kind, written once the way to read them had been chosen, by who had seen the first
-/// (`tests/references/bar.py double`).
-/// Friction and depths come out. Its membranes are pushed deeper before they break than the next layer lies, which mixes up whose drop it
-/// was: of puncture and cutting forces only those of the last layer are right (`docs/lab/double_insertion.md`).
+/// (`tests/references/bar.py double`). Its cutting force varies along the way, which makes the force fall once or twice where no membrane
+/// is, and its membranes are pushed deeper before they break than the next layer lies: no way of steady cutting is left in the first two
+/// layers, whose cutting forces so aren't told (`docs/lab/double_insertion.md`).
 #[test]
-fn of_a_tissue_that_nothing_was_chosen_on_friction_and_depth_come_out() {
-    let mut worst = [0.0_f64; 4];
+fn of_a_tissue_that_nothing_was_chosen_on_depth_friction_and_puncture_come_out() {
+    let (mut worst, mut cutting) = ([0.0_f64; 3], 0.0_f64);
     for seed in 0..10 {
         let found = layers(&read("bar_double.csv", seed), DIAMETER, 3).unwrap();
+        assert!(found.drops_m.len() > 3, "{:?}", found.drops_m);
         for (layer, truth) in found.layers.iter().zip(OTHER) {
             worst[0] = worst[0].max((layer.from_depth_m.unwrap().value - truth[0]).abs());
             worst[1] = worst[1].max((layer.friction_n_per_m.value / truth[1] - 1.0).abs());
+            worst[2] = worst[2].max((layer.puncture_force_n.unwrap().value / truth[2] - 1.0).abs());
+            println!("{seed} {:?} {:?} {:?}", layer.from_depth_m, layer.puncture_force_n, layer.cutting_force_n);
         }
-        let uncertain = found.cannot_tell.iter().any(|what| what.starts_with("puncture forces for certain"));
-        assert!(uncertain || found.drops_m.len() == 3, "{:?}", found.cannot_tell);
-        // none that might be another layer's
-        let all = found.drops_m.len() <= 3;
-        assert!(all || found.layers[..2].iter().all(|l| l.puncture_force_n.is_none()), "{found:?}");
-        let last = &found.layers[2];
-        worst[2] = worst[2].max((last.puncture_force_n.unwrap().value / 0.018 - 1.0).abs());
-        worst[3] = worst[3].max((last.cutting_force_n.unwrap().value / 0.005 - 1.0).abs());
+        println!("{:?}", found.drops_m);
+        assert!(found.layers[..2].iter().all(|l| l.cutting_force_n.is_none()), "{found:?}");
+        cutting = cutting.max((found.layers[2].cutting_force_n.unwrap().value / 0.005 - 1.0).abs());
     }
-    println!("largest of ten: depth m, friction; puncture and cutting of the last layer: {worst:.5?}");
+    println!("largest of ten: depth m, friction, puncture: {worst:.5?}; cutting of the last layer: {cutting:.3}");
     assert!(worst[0] < 2e-4 && worst[1] < 0.05 && worst[2] < 0.05, "{worst:?}");
 }
 

@@ -2,10 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{AIR, Known, LayersError, Reading};
+use super::{AIR, Known, LayersError, PIECE, Reading};
 
-/// Width of the pieces that readings are averaged over, in diameters.
-const PIECE: f64 = 0.025;
 /// Part of the way out, from its lowest force on, that is left out, in diameters.
 const TURNED: f64 = 0.2;
 /// First and last step of the search for breaks, in diameters.

@@ -16,11 +16,15 @@
 mod fit;
 mod told;
 
-use crate::compare::crossing::Crossings;
+use crate::compare::crossing::{Crossing, Crossings};
 use fit::Fit;
 
 /// Way between two turns of the recorded depth, in diameters of the needle.
 const TURN: f64 = 0.5;
+/// Way after a drop over which the force falls, in diameters.
+const FALLS: f64 = 0.2;
+/// Width of the pieces that readings are averaged over, in diameters.
+const PIECE: f64 = 0.025;
 /// Height above the surface from which on readings are of air, in diameters.
 const AIR: f64 = 0.2;
 
@@ -153,12 +157,14 @@ fn zero(readings: &[Reading], above: f64) -> Result<[f64; 2], LayersError> {
     Ok([force - drift * time, drift])
 }
 
-/// Depth, m, and size, N, of the drops.
+/// Depth, m, and size, N, of the drops: down to the lowest force while the tissue springs back.
 fn drops(first: &[Reading], diameter: f64) -> Vec<[f64; 2]> {
     let mut crossings = Crossings::new(diameter);
-    first
-        .iter()
-        .filter_map(|&[t, d, f]| crossings.take(t, d, f))
-        .map(|c| [c.depth_m, c.force_before_n - c.force_after_n])
-        .collect()
+    let seen = first.iter().filter_map(|&[t, d, f]| crossings.take(t, d, f));
+    let size = |c: &Crossing| {
+        let after = first.iter().filter(|r| (0.0..FALLS * diameter).contains(&(r[1] - c.depth_m)));
+        let after: Vec<Reading> = after.copied().collect();
+        fit::pieces(&after, PIECE * diameter).iter().map(|p| c.force_before_n - p[1]).fold(0.0, f64::max)
+    };
+    seen.map(|c| [c.depth_m, size(&c)]).collect()
 }

@@ -1,26 +1,30 @@
 //! From friction and the first insertion's drops to cutting and puncture forces.
 
 use super::fit::{Fit, pieces};
-use super::{Found, Known, Layer, Reading};
+use super::{Found, Known, Layer, PIECE, Reading};
 
-/// Width of the pieces that readings are averaged over, in diameters.
-const PIECE: f64 = 0.025;
 /// The tissue behind a membrane is felt before it is met: only so much before the rise counts, in diameters.
 const NEAR: f64 = 0.15;
 /// The way before a drop over which its rise is a line, in diameters.
 const RISE: f64 = 0.15;
-/// Readings this near to a drop may be of it, in diameters.
-const AT: f64 = 0.01;
+/// Readings this near to a drop may be of it, in diameters: what springs back rubs along the needle before the force falls. And this near to
+/// a turn.
+const AT: f64 = 0.04;
+const TURNS: f64 = 0.01;
 /// Way after a drop in which the tissue springs back, in diameters.
 const SPRINGS: f64 = 0.1;
+/// The least drop of a membrane over what is none.
+const MEMBRANE: f64 = 2.0;
 /// Fewest pieces on either side of a bend.
 const FEWEST: usize = 3;
 
 pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f64) -> Found {
     let n = fit.layers;
     let mut cannot_tell = Vec::new();
-    let membranes = membranes(fit, drops);
-    if fit.is_double() && drops.len() != n {
+    let largest = largest(drops, n);
+    let certain = largest.len() == n;
+    let membranes = if certain { largest } else { membranes(fit, drops) };
+    if fit.is_double() && !certain {
         let why = "whose each was is told by where the boundaries lie, which is wrong where a membrane is pushed deeper than the next one";
         cannot_tell.push(format!("puncture forces for certain: {} drops were seen for {n} layers; {why}", drops.len()));
     }
@@ -38,23 +42,23 @@ pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f
                 return layer;
             }
             layer.from_depth_m = Some(fit.begins(i));
-            if drops.len() > n && i + 1 < n {
-                let why = "there are more drops than layers, and whose each was is not certain";
+            if !certain && drops.len() > n && i + 1 < n {
+                let why = "there are more drops than layers, none much larger than others, and whose each was is not certain";
                 cannot_tell.push(format!("cutting and puncture force of layer {}: {why}", i + 1));
                 return layer;
             }
             let drop = membranes.get(i).copied().flatten();
-            layer.puncture_force_n = drop.and_then(|d| less(before(first, d, diameter)?, fit.above(i)));
+            layer.puncture_force_n = drop.and_then(|d| less(before(first, d, diameter, AT)?, fit.above(i)));
             if layer.puncture_force_n.is_none() {
                 cannot_tell.push(format!("puncture force of layer {}: no drop was seen, so it is no more than its cutting force", i + 1));
             }
             layer.cutting_force_n = if i + 1 == n {
                 let end = first.last().map_or(0.0, |r| r[1]);
-                fit.channel().and_then(|channel| less(before(first, end, diameter)?, channel))
+                fit.channel().and_then(|channel| less(before(first, end, diameter, TURNS)?, channel))
             } else {
                 let next = membranes.get(i + 1).copied().flatten();
                 let from = drop.unwrap_or(fit.comes(i)) + SPRINGS * diameter;
-                next.and_then(|next| less(bend(first, from, next - AT * diameter, diameter)?, fit.above(i + 1)))
+                next.and_then(|next| less(bend(first, from, next - TURNS * diameter, diameter)?, fit.above(i + 1)))
             };
             if layer.cutting_force_n.is_none() {
                 let why = if i + 1 == n {
@@ -70,19 +74,29 @@ pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f
     Found { layers, cannot_tell, alone: Vec::new(), rmse_n: fit.rmse(), drops_m: drops.iter().map(|d| d[0]).collect() }
 }
 
-/// The drop of each layer's membrane: one for each, or else the largest after the last boundary that the tip can have come to.
-fn membranes(fit: &Fit, drops: &[[f64; 2]]) -> Vec<Option<f64>> {
-    if drops.len() == fit.layers {
-        return drops.iter().map(|d| Some(d[0])).collect();
+/// Depths of so many drops, in order, if the rest are much smaller: membranes are broken one after the other, however deep each was pushed,
+/// and what else makes the force fall is a cutting force that varies. None if there are too few, or others as large.
+fn largest(drops: &[[f64; 2]], layers: usize) -> Vec<Option<f64>> {
+    let mut sizes: Vec<f64> = drops.iter().map(|d| d[1]).collect();
+    sizes.sort_by(|a, b| b.total_cmp(a));
+    let least = layers.checked_sub(1).and_then(|last| sizes.get(last).copied()).unwrap_or(f64::INFINITY);
+    if least < MEMBRANE * sizes.get(layers).copied().unwrap_or(0.0) {
+        return Vec::new();
     }
+    drops.iter().filter(|d| d[1] >= least).map(|d| Some(d[0])).collect()
+}
+
+/// The drop of each layer's membrane: the largest after the last boundary that the tip can have come to.
+fn membranes(fit: &Fit, drops: &[[f64; 2]]) -> Vec<Option<f64>> {
     let comes = |i: usize| drops.iter().filter(move |d| (0..fit.layers).rfind(|&k| fit.comes(k) <= d[0]) == Some(i));
     (0..fit.layers).map(|i| comes(i).max_by(|a, b| a[1].total_cmp(&b[1])).map(|d| d[0])).collect()
 }
 
-/// A force less what is friction of it, where that leaves one.
+/// A force less what is friction of it, where that leaves one that is not nothing within its error.
 fn less(force: Known, friction: Known) -> Option<Known> {
     let value = force.value - friction.value;
-    (value > 0.0).then(|| Known { value, standard_error: force.standard_error.hypot(friction.standard_error) })
+    let standard_error = force.standard_error.hypot(friction.standard_error);
+    (value > 1.96 * standard_error).then_some(Known { value, standard_error })
 }
 
 /// Least squares of a line with a bend, or none: force at the bend, or else at depth 0; its standard error; sum of squares.
@@ -107,9 +121,9 @@ fn line(points: &[[f64; 2]], at: f64, bent: bool) -> Option<(Known, f64, [f64; 2
     Some((Known { value: found[0], standard_error }, squares, [found[1], found[1] + found[2]]))
 }
 
-/// Force just before a depth at which it drops or turns, N.
-fn before(first: &[Reading], depth: f64, diameter: f64) -> Option<Known> {
-    let near = |r: &&Reading| r[1] > depth - RISE * diameter && r[1] < depth - AT * diameter;
+/// Force just before a depth at which it drops or turns, N, from readings that are no nearer than `at` diameters.
+fn before(first: &[Reading], depth: f64, diameter: f64, at: f64) -> Option<Known> {
+    let near = |r: &&Reading| r[1] > depth - RISE * diameter && r[1] < depth - at * diameter;
     let points: Vec<[f64; 2]> = first.iter().filter(near).map(|r| [r[1], r[2]]).collect();
     line(&points, depth, false).map(|(force, ..)| force)
 }
