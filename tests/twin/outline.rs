@@ -118,6 +118,36 @@ fn a_cylinder_filled_so_has_the_preset_s_force() {
     }
 }
 
+/// In place 4 mm deep, 0.9 mm in and 0.3 mm back: while it sticks as in the preset's own cloud, and then friction times length and cutting.
+#[test]
+fn a_needle_with_friction_is_held_by_an_outline_as_by_a_cylinder() {
+    let folder = TempDir::new().unwrap();
+    let changes = [
+        ("discretisation.dimension", "full"),
+        ("discretisation.spacing_m", "0.004"),
+        ("discretisation.edge_refinement", "0.0625"),
+        ("discretisation.growth", "0.4"),
+        ("instrument.interaction", "frictional"),
+        ("instrument.friction_n_per_m", "3"),
+        ("instrument.cutting_force_n", "0.003"),
+        ("motion.start_depth_m", "0.004"),
+        ("motion.depth_m", "0.005"),
+    ];
+    let forces = |scene: &Scene| {
+        let mut twin = Twin::new(scene).unwrap();
+        let ways = [(4e-3, 4.9e-3, 90), (4.9e-3, 4.6e-3, 30)];
+        let answers = ways.map(|(from, to, poses)| coarse::travel(&mut twin, from, to, poses));
+        answers.concat().iter().skip(9).step_by(10).map(|a| 1e3 * a.force_n[2]).collect::<Vec<_>>()
+    };
+    let own = forces(&with(&Scene::preset("needle_insertion").unwrap(), &changes));
+    let filled = forces(&cylinder(&folder, "needle_insertion", 40, 8, &changes));
+    println!("{filled:.3?} mN, preset {own:.3?} mN");
+    for (a, b) in filled.iter().zip(&own) {
+        assert!((a - b).abs() < 0.005 * 15.0, "{filled:?} {own:?}");
+    }
+    assert!((filled[8] / 15.0 - 1.0).abs() < 0.005, "{filled:?}");
+}
+
 /// Forces at 1, 2 and 3 mm, N.
 fn forces(scene: &Scene) -> Vec<f64> {
     let mut twin = Twin::new(scene).unwrap();
