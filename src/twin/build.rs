@@ -294,8 +294,8 @@ pub(super) fn frictional(
     let Some(shaft) = Shaft::new(nodes, secant * layer, radius) else {
         return Err(BuildError::Unsupported {
             key: KEY,
-            reason: "a frictional needle needs layers of nodes along its path, which a cylinder or a box has and a mesh has not; use \
-                     kinematic with a mesh",
+            reason: "a frictional needle needs layers of nodes along its path, which a cylinder or a box has and a mesh has not; fill \
+                     the mesh (sample.shape = outline), or use kinematic",
         });
     };
     let shaft = shaft.along(&axis, top, points).in_tissue(scene, needle, &axis, top, |p| regions::at(scene, top, p));
