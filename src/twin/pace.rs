@@ -6,7 +6,16 @@
 //! the error estimate that remains (see `solver::inertia`) says whether the steps were enough; so does, less strictly, the gap
 //! between the forces on instrument and base, which grows with the lag of the tissue. The next pose gets more steps while they are
 //! too large, and fewer when they are not. The start of a motion is an impulse, so it begins with the most steps. A resting
-//! instrument gets steps until the gap has closed, and then none.
+//! instrument gets steps until the gap has closed and the tissue stands still, and then none.
+//!
+//! Forces alone don't tell that it stands still: where cells were crushed, single nodes come back after force and smooth field have. Per
+//! relaxation time 1/omega a mode of amplitude u goes the way q/omega, and has the energies T = m q^2/2 and W = m omega^2 u^2/2. So
+//!
+//! ```text
+//! sqrt(T / W) = (q / omega) / u
+//! ```
+//!
+//! is the way still made in that time over that made so far, the body's displacements weighed by their energy.
 
 use crate::scene::{Scene, Stepping};
 use mtled::solver::Balance;
@@ -23,7 +32,7 @@ const FORCE_FLOOR_OF_SLIP: f64 = 0.0025;
 const RELAXATION: f64 = 0.5;
 /// Relative stress relaxation, over what the tolerance allows, from which a resting instrument gets further steps.
 const PATIENCE: f64 = 0.1;
-/// The error, over what the tolerance allows, at which a resting instrument needs no more steps.
+/// The error or motion, over what the tolerance allows, at which a resting instrument needs no more steps.
 const QUIET: f64 = 0.1;
 /// Share of a former error that is still counted after a pose.
 const FADE: f64 = 0.7;
@@ -45,12 +54,15 @@ pub(super) struct Pace {
     /// Travel per step that keeps the tolerance, over omega, m.
     length: f64,
     force_floor: f64,
+    /// Strain energy below which motions are judged as if it were as large, J: what [`FORCE_FLOOR`] stores in a body of stiffness mu H.
+    energy_floor: f64,
     peak: f64,
     /// |force on the instrument + force on the base| over the peak force, at the last pose.
     pub imbalance: f64,
     /// The force's present error over what the tolerance allows, estimated.
     gap: f64,
-    /// The same with an exponentially decaying maximum: an oscillating gap is not closed when it passes through zero.
+    /// The larger of that and of the tissue's motion (see the module), over what the tolerance allows, with an exponentially decaying
+    /// maximum: an oscillating gap is not closed when it passes through zero.
     unsettled: f64,
     /// Factor on the steps that the tolerance asks for, 1 or more.
     boost: f64,
@@ -73,6 +85,7 @@ impl Pace {
                 * scene.material.shear_modulus()
                 * height
                 * height,
+            energy_floor: 0.5 * FORCE_FLOOR * FORCE_FLOOR * scene.material.shear_modulus() * height.powi(3),
             peak: 0.0,
             imbalance: 0.0,
             gap: 0.0,
@@ -114,7 +127,8 @@ impl Pace {
         let gap = if moving { balance.gap / self.lag } else { balance.gap };
         let error = balance.error_estimate.max(gap);
         self.gap = error / (self.stepping.tolerance * force.max(self.force_floor));
-        self.unsettled = self.gap.max(FADE * self.unsettled);
+        let motion = (balance.kinetic / balance.strain.max(self.energy_floor)).sqrt() / self.stepping.tolerance;
+        self.unsettled = self.gap.max(motion).max(FADE * self.unsettled);
         self.boost = (self.boost * self.gap.sqrt().clamp(0.9, 1.2)).clamp(1.0, LARGEST_BOOST);
     }
 
@@ -154,4 +168,29 @@ fn norm(v: [f64; 3]) -> f64 {
 /// |force on the instrument + force on the base|, N.
 fn unbalanced(b: &Balance) -> f64 {
     norm(std::array::from_fn(|k| b.instrument[k] + b.base[k]))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// Forces that balance, around tissue that moves: a resting instrument gets steps until that is over, also where no force is left.
+    #[test]
+    fn a_balance_of_forces_is_no_rest_while_the_tissue_moves() {
+        let scene = Scene::preset("indentation").unwrap();
+        let (height, slowest) = (0.017, 0.02);
+        for strain in [5e-3, 0.0] {
+            let mut pace = Pace::new(&scene, height);
+            // per relaxation time the tissue goes twice, then half the share of its way that the tolerance lets pass
+            let share = QUIET * scene.stepping.tolerance;
+            let motion = |times: f64| (times * share).powi(2) * f64::max(strain, pace.energy_floor);
+            let [moves, rests] =
+                [2.0, 0.5].map(|times| Balance { strain, kinetic: motion(times), ..Balance::default() });
+            pace.judge(&moves, false);
+            assert_eq!(pace.steps(0.0, slowest, 0.0), 25, "{strain}");
+            (0..10).for_each(|_| pace.judge(&rests, false));
+            assert_eq!(pace.steps(0.0, slowest, 0.0), 0, "{strain}");
+        }
+    }
 }

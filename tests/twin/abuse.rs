@@ -272,6 +272,28 @@ fn unloading_gives_everything_back() {
     }
 }
 
+/// The twin takes steps until the tissue stands still, also where its forces balance long before: with crushed cells at a fine edge in
+/// space and the wide supports of consistent gradients, single nodes come back last.
+#[test]
+fn at_rest_no_node_is_on_its_way() {
+    let keys = [
+        ("discretisation.dimension", "mirrored"),
+        ("discretisation.spacing_m", "0.008"),
+        ("discretisation.edge_refinement", "0.03"),
+        ("motion.depth_m", "0.0135"),
+    ];
+    let mut twin = alone(|| Twin::new(&scene("indentation", &keys)).unwrap());
+    travel(&mut twin, 0.0, 13e-3, 650);
+    travel(&mut twin, 13e-3, 0.0, 650);
+    assert!(rest(&mut twin, -1e-6).abs() < 1e-5);
+    let mut u = Vec::new();
+    twin.displacements(&mut u);
+    let left = u.iter().map(|u| u[0].hypot(u[1]).hypot(u[2])).fold(0.0, f64::max) / 13e-3;
+    println!("{} nodes: {:.4} % of 13 mm", twin.nodes(), 100.0 * left);
+    // 0.02 % where balanced forces count as rest
+    assert!(left < 5e-5, "{left:.2e}");
+}
+
 /// A gap in the poses makes the way after it a jump, and so does a first pose inside.
 #[test]
 fn a_needle_that_was_not_seen_on_its_way_is_followed() {
