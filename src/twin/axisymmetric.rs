@@ -4,13 +4,13 @@
 use crate::instrument::{Contact, NeedlePath};
 use crate::mesh::Volumes;
 use crate::scene::{Instrument, InstrumentKind, Metres, Scene, Shape};
-use mtled::approximation::ShapeTable;
 use mtled::approximation::axisymmetric::{AxisymmetricApproximation, MeridianField};
+use mtled::approximation::{ApproximationError, ShapeTable};
 use mtled::cloud::{self, Domain, Meridian, Revolved, revolve};
 use mtled::solver::Role;
 
 use super::body::Layout;
-use super::build::{Built, frictional, interpolating, press, roles, settings, solver, surfaces};
+use super::build::{Built, Phi, frictional, interpolating, press, roles, settings, solver, surfaces};
 use super::moved::{self, Moved};
 use super::tissue::{Cells, Fields, Tissue};
 use super::{BuildError, regions};
@@ -53,7 +53,12 @@ pub(super) fn build(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> R
     });
     let places = [fitted.as_deref().unwrap_or(&plane.points), &plane.points];
     let cells: Vec<[u32; 4]> = plane.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
-    let contact = |i| contact(scene, i, &plane, &held, &layout, &table);
+    let phi = |at: &[[f64; 3]]| -> Result<Vec<(u32, f64)>, ApproximationError> {
+        let at: Vec<[f64; 3]> = at.iter().map(|p| moved::back(moved, *p)).collect();
+        let field = approximation.field(&at)?;
+        Ok(field.nodes.into_iter().zip(field.value.iter().map(|of_z| of_z[1])).collect())
+    };
+    let contact = |i| contact(scene, i, &plane, &held, (&layout, &table), &phi);
     let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
     regions::hold_rigid(scene, &plane.triangles, &material, &mut roles);
     let surfaces = surfaces(scene, &plane.points, &plane.faces, [0.0, height.get()]);
@@ -89,8 +94,9 @@ fn approximation(scene: &Scene, plane: &Meridian, held: &[u32], roles: &[Role]) 
     let interpolating = interpolating(roles, held);
     let approximation =
         AxisymmetricApproximation::new(&plane.points, &plane.triangles, &interpolating, settings(scene));
-    match scene.instrument.map(|i| i.kind) {
-        Some(InstrumentKind::Needle(_)) => approximation.with_plain(held),
+    match scene.instrument {
+        // tissue under the tip of a needle with friction is deformed by its push, and counts
+        Some(i) if matches!(i.kind, InstrumentKind::Needle(_)) && !i.is_frictional() => approximation.with_plain(held),
         _ => approximation,
     }
 }
@@ -100,8 +106,8 @@ fn contact(
     instrument: &Instrument,
     plane: &Meridian,
     held: &[u32],
-    layout: &Layout,
-    table: &ShapeTable,
+    (layout, table): (&Layout, &ShapeTable),
+    phi: &Phi,
 ) -> Result<Contact, BuildError> {
     let InstrumentKind::Needle(needle) = &instrument.kind else {
         return Ok(press(instrument, held));
@@ -119,7 +125,7 @@ fn contact(
         ([a, b, c, c], table.volume[p])
     });
     if instrument.is_frictional() {
-        return frictional(scene, needle, &plane.points, held, [top, layout.layer(), layout.reach], corners);
+        return frictional(scene, needle, &plane.points, held, [top, layout.layer(), layout.reach], corners, phi);
     }
     let nodes = held.iter().map(|&n| (n, top - plane.points[n as usize][2])).collect();
     let path = NeedlePath::new(nodes, plane.points.len(), *needle, layout.reach, layout.layer(), watched, corners);

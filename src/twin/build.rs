@@ -156,7 +156,12 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
         std::mem::replace(&mut body.cloud.points, places)
     });
     let cloud = &body.cloud;
-    let contact = |i| make_contact(scene, i, &body, &table);
+    let phi = |at: &[[f64; 3]]| -> Result<Vec<(u32, f64)>, ApproximationError> {
+        let at: Vec<[f64; 3]> = at.iter().map(|p| moved::back(moved, *p)).collect();
+        let field = approximation.field(&at)?;
+        Ok(field.nodes.into_iter().zip(field.value).collect())
+    };
+    let contact = |i| make_contact(scene, i, &body, &table, &phi);
     let mut contact = scene.instrument.as_ref().map(contact).transpose()?;
     regions::hold_rigid(scene, &cloud.cells, &material, &mut roles);
     let surfaces = surfaces(scene, &cloud.points, &cloud.faces, [body.top - body.height, body.top]);
@@ -229,6 +234,7 @@ fn make_contact(
     instrument: &Instrument,
     body: &Body,
     table: &ShapeTable,
+    phi: &Phi,
 ) -> Result<Contact, BuildError> {
     let Body { cloud, held, top, reach, layer, .. } = body;
     match &instrument.kind {
@@ -236,7 +242,7 @@ fn make_contact(
         InstrumentKind::Needle(needle) if instrument.is_frictional() => {
             let corners = table.cell.iter().map(|&c| cloud.cells[c as usize]);
             let cells = corners.zip(table.volume.iter().copied());
-            frictional(scene, needle, &cloud.points, held, [*top, *layer, *reach], cells)
+            frictional(scene, needle, &cloud.points, held, [*top, *layer, *reach], cells, phi)
         }
         InstrumentKind::Needle(needle) => {
             let [x, y] = instrument.entry.map(|m| m.get());
@@ -274,8 +280,11 @@ pub(super) fn in_tissue(path: NeedlePath, scene: &Scene, top: f64) -> NeedlePath
     path.in_tissue(|depth| regions::stiffest(scene, top, [x, y, top - depth], near))
 }
 
+/// Nodes and values of all shape functions at points of the body, of one point after the other.
+pub(super) type Phi<'a> = dyn Fn(&[[f64; 3]]) -> Result<Vec<(u32, f64)>, ApproximationError> + 'a;
+
 /// A needle with friction through the layers of its path; `[top, layer, reach]`: z of the top face, distance between layers, length of
-/// the path, m; `cells`: corners and volume of each integration point's cell.
+/// the path, m; `cells`: corners and volume of each integration point's cell; `phi`: the shape functions.
 pub(super) fn frictional(
     scene: &Scene,
     needle: &Needle,
@@ -283,6 +292,7 @@ pub(super) fn frictional(
     held: &[u32],
     [top, layer, reach]: [f64; 3],
     cells: impl Iterator<Item = ([u32; 4], f64)>,
+    phi: &Phi,
 ) -> Result<Contact, BuildError> {
     const KEY: &str = "instrument.interaction";
     let instrument = scene.instrument.as_ref();
@@ -298,7 +308,12 @@ pub(super) fn frictional(
                      the mesh (sample.shape = outline), or use kinematic",
         });
     };
-    let shaft = shaft.along(&axis, top, points).in_tissue(scene, needle, &axis, top, |p| regions::at(scene, top, p));
+    let symmetry = scene.dimension().dimension == Dimension::Axisymmetric;
+    let pushes = phi(&shaft.face(&axis, top, symmetry))?;
+    let shaft = shaft
+        .with_face(&pushes)
+        .along(&axis, top, points)
+        .in_tissue(scene, needle, &axis, top, |p| regions::at(scene, top, p));
     Ok(Contact::Frictional(Box::new(Frictional::new(shaft, start_and_slow(scene), reach, cells))))
 }
 

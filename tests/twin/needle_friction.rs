@@ -61,7 +61,39 @@ fn an_embedded_needle_is_held_as_the_reference_has_it() {
         "largest error: force {force:.4} of the plateau, displacement beside {beside:.4}, below the tip {below:.4}"
     );
     assert!(force < 0.02 && beside < 0.02, "{force} {beside}");
-    assert!(below < 0.055, "{below}");
+    assert!(below < 0.02, "{below}");
+}
+
+/// Where all of the needle slips, loads alone decide how tissue under its face sinks: at its nodes as an own finite-element solution has it
+/// (references/needle_face.py). Two of the face's three rings are nowhere in the shared table.
+#[test]
+fn the_face_of_an_embedded_tip_sinks_as_finite_elements_have_it() {
+    let text = std::fs::read_to_string(format!("{}/tests/references/needle_face.csv", env!("CARGO_MANIFEST_DIR")));
+    let table: Vec<[f64; 2]> = text
+        .unwrap()
+        .lines()
+        .skip(1)
+        .map(|line| line.split_once(',').map(|(r, u)| [r.parse().unwrap(), u.parse().unwrap()]).unwrap())
+        .collect();
+    let target =
+        |(i, [r, _]): (usize, &[f64; 2])| format!("[[targets]]\nname = \"{i}\"\nposition_m = [{r}, 0, 0.009]\n");
+    let targets: String = table.iter().enumerate().map(target).collect();
+    let mut twin =
+        built(&[SAMPLE, NEEDLE, RUBS, CLOUD, "[motion]\nstart_depth_m = 0.008\ndepth_m = 0.009\n", &targets]);
+    let (mut rest, mut at) = (Vec::new(), Vec::new());
+    twin.target_positions(&mut rest);
+    travel(&mut twin, 8e-3, 9e-3, 1000);
+    twin.target_positions(&mut at);
+    let (mut nodes, mut between): (f64, f64) = (0.0, 0.0);
+    for (i, [r, uz]) in table.iter().enumerate() {
+        let off = (at[i][2] - rest[i][2] - uz) / 1e-3;
+        println!("r {r} m: {off:+.4} of the motion");
+        let on_a_ring = (r / 2.5e-4).fract() < 1e-6;
+        let worst = if on_a_ring { &mut nodes } else { &mut between };
+        *worst = worst.max(off.abs());
+    }
+    println!("{nodes:.4} at the rings, {between:.4} between");
+    assert!(nodes < 0.02 && between < 0.05, "{nodes} {between}");
 }
 
 #[test]

@@ -14,6 +14,7 @@
 //! section, where the tip pushes and from where on the shaft rubs, follows the front at that distance. A needle that is in place from the
 //! start has its full section there; it cuts, or is withdrawn, by the length of the tip before that moves.
 
+mod face;
 mod front;
 mod hold;
 mod shaft;
@@ -41,8 +42,6 @@ const LAG: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub struct Frictional {
     shaft: Shaft,
-    /// Shares of the rings in the area of the tip.
-    areas: Vec<f64>,
     /// Integration points in cells of the path, with the deepest layer of their corners.
     inner: Vec<(u32, usize)>,
     /// Depth at which the needle is in place at first, m.
@@ -128,7 +127,7 @@ impl Frictional {
             slips: 0.0,
         };
         let effective_radius = (volume / (std::f64::consts::PI * length)).sqrt();
-        Self { areas: shaft.areas(), shaft, inner, start, slow, effective_radius, progress }
+        Self { shaft, inner, start, slow, effective_radius, progress }
     }
 
     /// The same needle with the coefficients of a scene: `region` of a point on its axis, which meets the body's top at a height, m.
@@ -203,8 +202,8 @@ impl Frictional {
     /// The model with this needle's rod.
     #[must_use]
     pub fn rod(&self, model: Model) -> Model {
-        let Shaft { nodes, rings, axis, .. } = &self.shaft;
-        model.with_rod(*axis, nodes.clone(), rings, self.areas.clone())
+        let Shaft { nodes, rings, areas, axis, .. } = &self.shaft;
+        model.with_rod(*axis, nodes.clone(), rings, areas.clone())
     }
 
     /// Depth at which the needle is in place at first, m.

@@ -78,6 +78,8 @@ pub struct Shaft {
     pub outward: Vec<[f64; 3]>,
     /// Nodes in each ring of a layer.
     pub rings: Vec<usize>,
+    /// Share of each ring in the push of the tip's face ([`Shaft::with_face`]).
+    pub areas: Vec<f64>,
     /// What lies under each layer.
     pub under: Vec<Resistance>,
     /// R, m.
@@ -113,7 +115,8 @@ impl Shaft {
         }
         let depths = layers.iter().map(|l| l[0].1).collect();
         let nodes = layers.iter().flatten().map(|(n, ..)| *n).collect();
-        Some(Self { depths, nodes, outward: Vec::new(), rings, under: Vec::new(), radius, axis: [0.0, 0.0, -1.0] })
+        let (outward, areas, under) = (Vec::new(), Vec::new(), Vec::new());
+        Some(Self { depths, nodes, outward, rings, areas, under, radius, axis: [0.0, 0.0, -1.0] })
     }
 
     /// Along an axis that meets the body's top at a height, m, through nodes at these places, m.
@@ -145,20 +148,6 @@ impl Shaft {
             })
             .collect();
         self
-    }
-
-    /// Shares of the rings in the area of the end, as linear functions over the radius have them:
-    /// 2/R^2 times the integral of N_i r dr.
-    #[must_use]
-    pub fn areas(&self) -> Vec<f64> {
-        let last = self.rings.len() - 1;
-        let h = 1.0 / last as f64;
-        let share = |i: usize| match i {
-            0 => h * h / 3.0,
-            i if i == last => h - h * h / 3.0,
-            i => 2.0 * h * (i as f64 * h),
-        };
-        (0..=last).map(share).collect()
     }
 
     /// Layer at or above a depth, and how far the depth is from there to the next one.
@@ -228,15 +217,12 @@ mod tests {
     }
 
     #[test]
-    fn shares_make_the_inserted_length_and_the_whole_end() {
+    fn shares_make_the_inserted_length() {
         let shaft = shaft();
         for to in [0.0, 3e-4, 1e-3, 2.7e-3, 4e-3] {
             let sum: f64 = (0..5).map(|k| shaft.share(k, to, |r| r.friction)).sum();
             assert!((sum - 2.0 * to).abs() < 1e-15, "{to}: {sum}");
         }
-        let areas = shaft.areas();
-        assert!((areas.iter().sum::<f64>() - 1.0).abs() < 1e-15 && areas.len() == 3, "{areas:?}");
-        assert!((areas[1] - 0.5).abs() < 1e-15);
     }
 
     #[test]
