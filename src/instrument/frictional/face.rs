@@ -79,7 +79,7 @@ mod tests {
         }
         let areas = shaft.with_face(&phi).areas;
         for (area, exact) in areas.iter().zip([1.0 / 12.0, 0.5, 5.0 / 12.0]) {
-            assert!((area - exact).abs() < 2e-4, "{areas:?}");
+            assert!((area - exact).abs() < 3e-4, "{areas:?}");
         }
         assert!((areas.iter().sum::<f64>() - 1.0).abs() < 1e-12);
     }
