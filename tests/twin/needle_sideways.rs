@@ -145,21 +145,35 @@ fn the_lateral_force_grows_evenly_with_the_depth() {
     }
 }
 
-/// The same force whatever the cloud: spacings of a half to a quarter of the capture radius. They differ by 1.0 %.
+/// The same force whatever the cloud, spacings of a half to a quarter of the capture radius: the vector, since what the cloud's own
+/// irregularity makes of a force across the plane of the path, where there is none, is as large as 1 % of the lateral component alone.
 #[test]
-fn the_lateral_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
-    let force = |refinement: &str| {
-        let changes = [
-            ("instrument.tilt_rad", "0.26"),
-            ("motion.depth_m", "0.0035"),
-            ("discretisation.spacing_m", "0.003"),
-            ("discretisation.edge_refinement", refinement),
-        ];
-        insert(&mut needle(&changes), 3e-3).force_n[0]
-    };
-    let found = ["0.0833", "0.0556", "0.0417"].map(force);
-    println!("{found:.6?} N");
-    assert!(found.iter().all(|f| (f / found[2] - 1.0).abs() < 0.0125), "{found:?}");
+fn the_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
+    let [half, third, quarter] = ["0.0833", "0.0556", "0.0417"];
+    let paths = [("0.26", 3e-3, &[half, "0.0714", third, "0.05", quarter][..]), ("0.15", 3e-3, &[half, quarter][..])];
+    let size = |f: [f64; 3]| f.iter().map(|x| x * x).sum::<f64>().sqrt();
+    for (tilt, depth_m, refinements) in paths {
+        let force = |refinement: &&str| {
+            let changes = [
+                ("instrument.tilt_rad", tilt),
+                ("motion.depth_m", "0.0035"),
+                ("discretisation.spacing_m", "0.003"),
+                ("discretisation.edge_refinement", *refinement),
+            ];
+            insert(&mut needle(&changes), depth_m).force_n
+        };
+        let found: Vec<[f64; 3]> = refinements.iter().map(force).collect();
+        let last = found[found.len() - 1];
+        for (refinement, f) in refinements.iter().zip(&found) {
+            let apart = size(std::array::from_fn(|k| f[k] - last[k])) / size(last);
+            println!(
+                "tilt {tilt}, {refinement}: {f:.6?} N, {apart:.4} from the finest, lateral {:+.4}",
+                f[0] / last[0] - 1.0
+            );
+            assert!(apart < 0.01, "{tilt} {refinement}: {f:?} {last:?}");
+            assert!(f[1].abs() < 0.0035 * size(last), "across the plane: {f:?}");
+        }
+    }
 }
 
 /// A needle that has been moved sideways goes on through tissue that was not: what it pierces further down is less and less aside.
