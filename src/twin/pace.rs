@@ -41,7 +41,7 @@ const LARGEST_BOOST: f64 = 16.0;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
 /// The same where tissue slips along a needle: how far it lags decides about what slips.
-const LAG_OF_SLIP: f64 = 1.5;
+const LAG_OF_SLIP: f64 = 1.0;
 /// Share of what [`Health`] may be at most that ends a pose of a needle with friction.
 const SETTLED: f64 = 0.75;
 /// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.

@@ -65,7 +65,7 @@ fn an_embedded_needle_is_held_as_the_reference_has_it() {
     );
     assert!(force < 0.02 && beside < 0.02, "{force} {beside}");
     // largest where the last of the shaft begins to slip
-    assert!(below < 0.025, "{below}");
+    assert!(below < 0.02, "{below}");
 }
 
 /// Where all of the needle slips, loads alone decide how tissue under its face sinks: at its nodes as an own finite-element solution has it
@@ -128,7 +128,28 @@ fn the_curve_does_not_depend_on_the_pose_rate() {
         let coarse = run(poses);
         let worst = fine.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         println!("{poses} poses for a millimetre: {:.4} of the plateau", worst / 0.015);
-        assert!(worst < 0.01 * 0.015, "{poses}: {coarse:?} {fine:?}");
+        assert!(worst < 0.005 * 0.015, "{poses}: {coarse:?} {fine:?}");
+    }
+}
+
+#[test]
+fn nor_from_the_surface_on() {
+    let run = |poses: u32| {
+        let mut twin = built(&[SAMPLE, NEEDLE, RUBS, CLOUD, "[motion]\ndepth_m = 0.002\n"]);
+        let down = travel(&mut twin, 0.0, 1e-3, poses);
+        let up = travel(&mut twin, 1e-3, 0.5e-3, poses / 2);
+        let every = poses as usize / 20;
+        [down, up].concat().iter().skip(every - 1).step_by(every).map(|a| a.force_n[2]).collect::<Vec<_>>()
+    };
+    let fine = run(1000);
+    let peak = fine.iter().copied().fold(0.0, f64::max);
+    for poses in [20, 100, 4000] {
+        let coarse = run(poses);
+        let off: Vec<f64> = fine.iter().zip(&coarse).map(|(a, b)| (b - a) / peak).collect();
+        let worst = off.iter().map(|x| x.abs()).fold(0.0, f64::max);
+        println!("{poses} poses for a millimetre: {worst:.4} of the peak, {peak} N");
+        // largest just after the turn, where slip spreads the other way
+        assert!(worst < if poses > 1000 { 0.0125 } else { 0.01 }, "{poses}: {off:.4?}");
     }
 }
 
@@ -164,9 +185,10 @@ fn random_motions_that_end_where_they_began_take_work() {
 #[test]
 fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let mut twin = built(&[SAMPLE, SKIN, NEEDLE, RUBS, CLOUD, "[motion]\ndepth_m = 0.003\n"]);
-    let mut events = Vec::new();
+    let (mut events, mut pushes) = (Vec::new(), Vec::new());
     let step = |i: u32| {
         let answer = at_depth(&mut twin, 2e-6 * f64::from(i));
+        pushes.extend(twin.needle_forces().map(|[_, push]| push));
         events.extend(twin.happened().iter().map(|h| h.event));
         answer
     };
@@ -186,7 +208,12 @@ fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let parts = twin.needle_forces().unwrap();
     let rubbed = twin.cut_depth().unwrap() - 0.25e-3;
     println!("{parts:?} N at {:?} m, {rubbed} m rubbed", answers.last().unwrap().depth_m);
-    assert!((parts[1] / 0.003 - 1.0).abs() < 0.03 && parts[0] < 3.0 * rubbed * 1.001, "{parts:?}");
+    assert!(parts[0] < 3.0 * rubbed * 1.001, "{parts:?}");
+    // it pushes until it cuts, and less just after, since the tissue springs back
+    let last = &pushes[pushes.len() - 200..];
+    let (most, mean) = (last.iter().copied().fold(0.0, f64::max), last.iter().sum::<f64>() / 200.0);
+    println!("over the last 0.4 mm the tip pushes with at most {most} N, {mean} N in the mean");
+    assert!((most / 0.003 - 1.0).abs() < 1e-3 && (mean / 0.003 - 1.0).abs() < 0.03, "{most} {mean}");
     let under = events.iter().any(|e| matches!(e, Event::Entered { region: 0, .. }));
     assert!(under, "what lies under the skin: {events:?}");
 }
