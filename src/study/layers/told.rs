@@ -7,9 +7,9 @@ use super::{Found, Known, Layer, PIECE, Reading};
 const NEAR: f64 = 0.15;
 /// The way before a drop over which its rise is a line, in diameters.
 const RISE: f64 = 0.15;
-/// Readings this near to a drop may be of it, in diameters: what springs back rubs along the needle before the force falls. And this near to
-/// a turn.
+/// Readings this near to a drop may be of it, in diameters: what springs back rubs along the needle before the force falls.
 const AT: f64 = 0.04;
+/// Readings this near to where the recording turns, or to a drop before which a rise is looked for, in diameters.
 const TURNS: f64 = 0.01;
 /// Way after a drop in which the tissue springs back, in diameters.
 const SPRINGS: f64 = 0.1;
