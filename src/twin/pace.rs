@@ -42,6 +42,10 @@ const LARGEST_BOOST: f64 = 16.0;
 const LAG: f64 = 6.0;
 /// The same where tissue slips along a needle: how far it lags decides about what slips.
 const LAG_OF_SLIP: f64 = 1.0;
+/// Where tissue slips along a needle, the force changes over the way on which slip spreads, some f/K, and not over the height; what sticks
+/// lags, and no inertia in the sum of forces tells. So the change of the force at the last pose, times this, over n omega is the error that n
+/// steps leave.
+const CHANGE_OF_SLIP: f64 = 0.45;
 /// Share of what [`Health`] may be at most that ends a pose of a needle with friction.
 const SETTLED: f64 = 0.75;
 /// Steps after stress relaxation at rest, in which fast pressure waves restore the balance of volume.
@@ -68,6 +72,12 @@ pub(super) struct Pace {
     boost: f64,
     /// [`LAG`] of the scene.
     lag: f64,
+    /// [`CHANGE_OF_SLIP`], or zero.
+    lags_by: f64,
+    /// Force on the instrument at the last pose, N.
+    force: [f64; 3],
+    /// How far that was from the one before, N.
+    change: f64,
     /// Most steps that there is time for.
     pub limit: u32,
     /// Relative stress relaxation since the last step.
@@ -92,6 +102,9 @@ impl Pace {
             unsettled: 0.0,
             boost: LARGEST_BOOST,
             lag: if slips { LAG_OF_SLIP } else { LAG },
+            lags_by: if slips { CHANGE_OF_SLIP } else { 0.0 },
+            force: [0.0; 3],
+            change: 0.0,
             limit: u32::MAX,
             pending: 0.0,
         }
@@ -104,7 +117,8 @@ impl Pace {
         self.pending += relaxed;
         if travel > 0.0 {
             let wanted = (travel / (s.tolerance * slowest * self.length)).max(1.0);
-            return ((self.boost * wanted).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
+            let lag = self.lags_by * self.change / (s.tolerance * slowest * self.peak.max(self.force_floor));
+            return ((self.boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
         if self.unsettled >= QUIET {
             return ((RELAXATION / slowest).ceil() as u32).min(self.most());
@@ -123,6 +137,8 @@ impl Pace {
         self.pending = 0.0;
         let force = norm(balance.instrument);
         self.peak = self.peak.max(force);
+        self.change = norm(std::array::from_fn(|k| balance.instrument[k] - self.force[k]));
+        self.force = balance.instrument;
         self.note(balance);
         let gap = if moving { balance.gap / self.lag } else { balance.gap };
         let error = balance.error_estimate.max(gap);
@@ -155,6 +171,7 @@ impl Pace {
         self.peak = 0.0;
         self.imbalance = 0.0;
         self.gap = 0.0;
+        (self.force, self.change) = ([0.0; 3], 0.0);
         self.unsettled = 0.0;
         self.boost = LARGEST_BOOST;
         self.pending = 0.0;

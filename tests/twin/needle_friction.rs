@@ -114,42 +114,34 @@ fn without_friction_the_force_is_that_of_cutting() {
     assert_eq!(back.last().unwrap().phase, Phase::Retraction);
 }
 
-#[test]
-fn the_curve_does_not_depend_on_the_pose_rate() {
-    let run = |poses: u32| {
-        let mut twin = built(&[SAMPLE, NEEDLE, RUBS, CLOUD, "[motion]\nstart_depth_m = 0.004\ndepth_m = 0.006\n"]);
-        let down = travel(&mut twin, 4e-3, 5e-3, poses);
-        let up = travel(&mut twin, 5e-3, 4e-3, poses);
-        let every = poses as usize / 10;
-        [down, up].concat().iter().skip(every - 1).step_by(every).map(|a| a.force_n[2]).collect::<Vec<_>>()
-    };
-    let fine = run(1000);
-    for poses in [20, 100] {
-        let coarse = run(poses);
-        let worst = fine.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        println!("{poses} poses for a millimetre: {:.4} of the plateau", worst / 0.015);
-        assert!(worst < 0.005 * 0.015, "{poses}: {coarse:?} {fine:?}");
-    }
+/// Force at twenty places on the way from one depth to a second and halfway back, m, in so many poses for a millimetre with so many steps
+/// each, at least.
+fn there_and_back(from: f64, to: f64, poses: u32, least: u32) -> Vec<f64> {
+    let keys = format!(
+        "[motion]\nstart_depth_m = {from}\ndepth_m = {}\n[stepping]\nmin_steps_per_pose = {least}\n",
+        to + 1e-3
+    );
+    let mut twin = built(&[SAMPLE, NEEDLE, RUBS, CLOUD, &keys]);
+    let down = travel(&mut twin, from, to, poses);
+    let up = travel(&mut twin, to, 0.5 * (from + to), poses / 2);
+    let every = poses as usize / 20;
+    [down, up].concat().iter().skip(every - 1).step_by(every).map(|a| a.force_n[2]).collect()
 }
 
+/// In place, and from the surface on, against a curve with 32 steps for a micrometre. The error is largest just after the turn, where slip
+/// spreads the other way.
 #[test]
-fn nor_from_the_surface_on() {
-    let run = |poses: u32| {
-        let mut twin = built(&[SAMPLE, NEEDLE, RUBS, CLOUD, "[motion]\ndepth_m = 0.002\n"]);
-        let down = travel(&mut twin, 0.0, 1e-3, poses);
-        let up = travel(&mut twin, 1e-3, 0.5e-3, poses / 2);
-        let every = poses as usize / 20;
-        [down, up].concat().iter().skip(every - 1).step_by(every).map(|a| a.force_n[2]).collect::<Vec<_>>()
-    };
-    let fine = run(1000);
-    let peak = fine.iter().copied().fold(0.0, f64::max);
-    for poses in [20, 100, 4000] {
-        let coarse = run(poses);
-        let off: Vec<f64> = fine.iter().zip(&coarse).map(|(a, b)| (b - a) / peak).collect();
-        let worst = off.iter().map(|x| x.abs()).fold(0.0, f64::max);
-        println!("{poses} poses for a millimetre: {worst:.4} of the peak, {peak} N");
-        // largest just after the turn, where slip spreads the other way
-        assert!(worst < if poses > 1000 { 0.0125 } else { 0.01 }, "{poses}: {off:.4?}");
+fn the_curve_does_not_depend_on_the_pose_rate() {
+    for (from, to) in [(4e-3, 5e-3), (0.0, 1e-3)] {
+        let fine = there_and_back(from, to, 4000, 8);
+        let peak = fine.iter().copied().fold(0.0, f64::max);
+        for poses in [20, 100, 1000, 4000] {
+            let coarse = there_and_back(from, to, poses, 1);
+            let off: Vec<f64> = fine.iter().zip(&coarse).map(|(a, b)| (b - a) / peak).collect();
+            let worst = off.iter().map(|x| x.abs()).fold(0.0, f64::max);
+            println!("from {from} m, {poses} poses for a millimetre: {worst:.4} of the peak, {peak} N");
+            assert!(worst < 0.01, "{from} {poses}: {off:.4?}");
+        }
     }
 }
 
@@ -324,10 +316,10 @@ fn every_pose_through_layers_is_answered_from_an_equilibrium() {
     assert_eq!(punctures, 2);
     assert!(imbalance < Health::MOST_IMBALANCE && energies < Health::MOST_KINETIC, "{imbalance} {energies}");
     assert!(constraint < 1e-6, "{constraint}");
-    assert!(steps < 40.0, "{steps} steps per pose");
+    assert!(steps < 45.0, "{steps} steps per pose");
 }
 
-/// The curve through a membrane and back against a run at a twentieth of the speed: within 2 % of the peak, or 50 um beside it where it
+/// The curve through a membrane and back against a run at a twentieth of the speed: within 1 % of the peak, or 50 um beside it where it
 /// falls.
 #[test]
 fn the_curve_through_a_membrane_does_not_depend_on_the_speed() {
@@ -342,5 +334,5 @@ fn the_curve_through_a_membrane_does_not_depend_on_the_speed() {
         worst = if off > worst.0 { (off, a.depth_m) } else { worst };
     }
     println!("{:.4} of the peak at {} m", worst.0, worst.1);
-    assert!(worst.0 < 0.02, "{worst:?}");
+    assert!(worst.0 < 0.01, "{worst:?}");
 }

@@ -92,16 +92,14 @@ impl Frictional {
     /// The needle takes the place of the tissue in the cells above its tip.
     fn fill(&mut self, solver: &mut Solver) {
         let z = &self.shaft.depths;
-        for ((point, layer), filled) in self.inner.iter().zip(&mut self.progress.filled) {
+        for (layer, (points, filled)) in self.inner.iter().zip(&mut self.progress.filled).enumerate() {
             let share = match (self.progress.entered, layer.checked_sub(1)) {
-                (Some(_), Some(above)) => {
-                    ((self.progress.shoulder - z[above]) / (z[*layer] - z[above])).clamp(0.0, 1.0)
-                }
+                (Some(_), Some(above)) => ((self.progress.shoulder - z[above]) / (z[layer] - z[above])).clamp(0.0, 1.0),
                 _ => 0.0,
             };
             if share != *filled {
                 *filled = share;
-                solver.set_active(*point as usize, 1.0 - share);
+                points.iter().for_each(|&point| solver.set_active(point as usize, 1.0 - share));
             }
         }
     }

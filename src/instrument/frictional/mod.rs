@@ -42,8 +42,8 @@ const LAG: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub struct Frictional {
     shaft: Shaft,
-    /// Integration points in cells of the path, with the deepest layer of their corners.
-    inner: Vec<(u32, usize)>,
+    /// Integration points in cells of the path, by the deepest layer of their corners.
+    inner: Vec<Vec<u32>>,
     /// Depth at which the needle is in place at first, m.
     start: f64,
     /// Speed up to which cutting takes the same force, m/s.
@@ -68,7 +68,7 @@ cloned_field_by_field! {
         grip: Vec<Grip>,
         /// Where the needle's axis was beside a layer's tissue when the tip came to it, m.
         beside: Vec<[f64; 2]>,
-        /// Share of each of the inner points that the needle fills.
+        /// Share that the needle fills of the inner points of each layer.
         filled: Vec<f64>,
         /// Depth of the tip, m.
         depth: f64,
@@ -100,12 +100,12 @@ impl Frictional {
         for (i, n) in shaft.nodes.iter().enumerate() {
             layer_of.insert(*n, i / size);
         }
-        let (mut inner, mut volume) = (Vec::new(), 0.0);
+        let (mut inner, mut volume) = (vec![Vec::new(); shaft.depths.len()], 0.0);
         for (point, (corners, v)) in (0u32..).zip(cells) {
             let layers = corners.map(|n| layer_of.get(&n).copied());
             if let [Some(a), Some(b), Some(c), Some(d)] = layers {
                 let deepest = a.max(b).max(c).max(d);
-                inner.push((point, deepest));
+                inner[deepest].push(point);
                 volume += if shaft.depths[deepest] <= length * (1.0 + 1e-9) { v } else { 0.0 };
             }
         }
@@ -117,7 +117,7 @@ impl Frictional {
             shoulder: 0.0,
             grip: vec![Grip::Free; layers],
             beside: vec![[0.0; 2]; layers],
-            filled: vec![0.0; inner.len()],
+            filled: vec![0.0; layers],
             depth: 0.0,
             deepest: 0.0,
             elapsed: f64::INFINITY,
@@ -294,8 +294,8 @@ impl Frictional {
             let grip = self.progress.grip[i / size];
             solver.set_role(n as usize, if grip == Grip::Free { Role::Free } else { Role::Dragged });
         }
-        for ((point, _), filled) in self.inner.iter().zip(&self.progress.filled) {
-            solver.set_active(*point as usize, 1.0 - filled);
+        for (points, filled) in self.inner.iter().zip(&self.progress.filled) {
+            points.iter().for_each(|&point| solver.set_active(point as usize, 1.0 - filled));
         }
     }
 

@@ -213,9 +213,11 @@ impl Drag {
             self.push(state, mass, rule, d);
         }
         for layer in self.gripped() {
-            self.pull(state, mass, rule, d, layer);
+            let heavy = self.layer(layer).map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor;
+            let at = Standing { layer, heavy, flat: self.of_layer(layer, &state.u) };
+            self.pull(state, mass, rule, d, &at);
+            self.move_on(state, rule, &at);
         }
-        self.move_on(state, mass, rule);
     }
 
     /// Ways without the rod.
@@ -298,8 +300,9 @@ impl Drag {
     }
 
     /// The wall's friction on a layer.
-    fn pull(&self, state: &mut Moving, mass: &[f64], rule: &Rule, d: f64, layer: usize) {
-        let Moving { u, slip, .. } = state;
+    fn pull(&self, state: &mut Moving, mass: &[f64], rule: &Rule, d: f64, at: &Standing) {
+        let slip = &mut state.slip;
+        let layer = at.layer;
         let Wall { grip, spring, limit } = self.walls[layer];
         if limit <= 0.0 {
             slip.pull[layer] = 0.0;
@@ -307,8 +310,11 @@ impl Drag {
         }
         let places = self.walled(layer);
         let count = places.len() as f64;
-        let heavy: f64 = places.clone().map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor;
-        let w = places.clone().map(|p| slip.step[p]).sum::<f64>() / count + self.of_layer(layer, u);
+        let heavy = match grip {
+            Grip::Tied => at.heavy,
+            _ => places.clone().map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor,
+        };
+        let w = places.clone().map(|p| slip.step[p]).sum::<f64>() / count + at.flat;
         let (force, b) = slide(spring, limit, heavy, d - w, slip.wall[layer]);
         slip.dissipated += force * (b - slip.wall[layer]);
         (slip.wall[layer], slip.pull[layer]) = (b, force);
@@ -343,37 +349,42 @@ impl Drag {
         slip.push[ring] > 0.0 && (stopped || slip.push[ring] < (1.0 - ROUND_OFF) * self.areas[ring] * limit)
     }
 
-    /// Takes the step, and what velocity is left of it. That of a wall that sticks is damped critically for its spring.
-    fn move_on(&self, state: &mut Moving, mass: &[f64], rule: &Rule) {
-        let rod = self.way_of(rule);
-        for layer in self.gripped() {
-            let sticks = self.sticks(&state.slip, layer);
-            let heavy = self.layer(layer).map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor;
-            let keep = (1.0 - 2.0 * (self.walls[layer].spring / heavy).sqrt()).max(0.0);
-            let flat = self.of_layer(layer, &state.u);
-            let Moving { u, q, tangent, slip, .. } = &mut *state;
-            for p in self.layer(layer) {
-                let n = self.nodes[p] as usize;
-                let moved = slip.step[p];
-                (0..3).for_each(|k| u[n][k] += moved * self.axis[k]);
-                if self.walls[layer].grip == Grip::Tied {
-                    // what the end has bent becomes flat again
-                    let bent = FLATTEN * (flat - self.along(p, u));
-                    (0..3).for_each(|k| u[n][k] += bent * self.axis[k]);
-                }
-                let pushed = !sticks && self.is_pushed(slip, layer, p);
-                slip.held[p] = sticks || pushed;
-                let deviation = moved - self.drift(rule, &tangent[n]);
-                let left: [f64; 3] = std::array::from_fn(|k| rule.teach(&mut tangent[n], k, deviation * self.axis[k]));
-                let left = match (sticks, pushed) {
-                    (true, _) => keep * (moved - rod),
-                    // what the end holds would swing past its limit, and stay cut
-                    (false, true) => 0.0,
-                    (false, false) => along(&left, &self.axis),
-                };
-                let beside = across(&q[n], &self.axis);
-                q[n] = std::array::from_fn(|k| beside[k] + left * self.axis[k]);
+    /// Takes a layer's step, and what velocity is left of it. That of a wall that sticks is damped critically for its spring.
+    fn move_on(&self, state: &mut Moving, rule: &Rule, at: &Standing) {
+        let (rod, wall) = (self.way_of(rule), &self.walls[at.layer]);
+        let sticks = self.sticks(&state.slip, at.layer);
+        let keep = if sticks { (1.0 - 2.0 * (wall.spring / at.heavy).sqrt()).max(0.0) } else { 0.0 };
+        let Moving { u, q, tangent, slip, .. } = state;
+        for p in self.layer(at.layer) {
+            let n = self.nodes[p] as usize;
+            let moved = slip.step[p];
+            (0..3).for_each(|k| u[n][k] += moved * self.axis[k]);
+            if wall.grip == Grip::Tied {
+                // what the end has bent becomes flat again
+                let bent = FLATTEN * (at.flat - self.along(p, u));
+                (0..3).for_each(|k| u[n][k] += bent * self.axis[k]);
             }
+            let pushed = !sticks && self.is_pushed(slip, at.layer, p);
+            slip.held[p] = sticks || pushed;
+            let deviation = moved - self.drift(rule, &tangent[n]);
+            let left: [f64; 3] = std::array::from_fn(|k| rule.teach(&mut tangent[n], k, deviation * self.axis[k]));
+            let left = match (sticks, pushed) {
+                (true, _) => keep * (moved - rod),
+                // what the end holds would swing past its limit, and stay cut
+                (false, true) => 0.0,
+                (false, false) => along(&left, &self.axis),
+            };
+            let beside = across(&q[n], &self.axis);
+            q[n] = std::array::from_fn(|k| beside[k] + left * self.axis[k]);
         }
     }
+}
+
+/// A layer at the start of a step.
+struct Standing {
+    layer: usize,
+    /// Force per way that all of the layer makes of a force within a step, N/m.
+    heavy: f64,
+    /// Mean displacement of its outermost ring along the axis, m.
+    flat: f64,
 }

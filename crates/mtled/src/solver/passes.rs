@@ -170,9 +170,14 @@ impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Loop for Deform<'_, T
         let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
         let mut min = Lanes::of(f64::MAX);
         for group in 0..block.volume.len() {
+            let (active, scale) = (active[group], block.scale[group]);
+            if AXISYMMETRIC && active == zero {
+                // the needle's alone, see below
+                scratch.deformation[group] = std::array::from_fn(|k| if k % 4 == 0 { one } else { zero });
+                continue;
+            }
             let range = block.start[group] as usize..block.start[group + 1] as usize;
             let mut f = gather::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &scratch.u);
-            let (active, scale) = (active[group], block.scale[group]);
             for k in 0..9 {
                 let undeformed = if k % 4 == 0 { one } else { zero };
                 f[k] = f[k].fma(scale, undeformed);
