@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse;
-use crate::coarse::{alone, travel};
+use crate::coarse::{alone, at_depth, travel};
 use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::Twin;
 
@@ -56,4 +56,20 @@ fn where_the_needle_enters_makes_no_difference() {
     let beside = force(&mut needle(&[("instrument.entry_x_m", "0.0013"), ("instrument.entry_y_m", "-0.0009")]));
     println!("centred {centred:.6} N, beside {beside:.6} N");
     assert!((beside / centred - 1.0).abs() < 0.02, "{centred} {beside}");
+}
+
+/// A needle so slow that a pose is 0.2 um: the radial parameters of the path's nodes on the axis, which nothing holds, stay where they are.
+#[test]
+fn thousands_of_small_poses_leave_the_path_on_the_axis() {
+    let changes = [("motion.depth_m", "0.003"), ("discretisation.dimension", "axisymmetric")];
+    let changes: Vec<_> = changes.iter().map(|(path, value)| Override::text(path, value, "test")).collect();
+    let scene = Scene::preset("needle_insertion").unwrap().with(&changes).unwrap();
+    let mut twin = alone(|| Twin::new(&scene).unwrap());
+    let mut worst = 0.0_f64;
+    for i in 1..=10_000 {
+        let answer = at_depth(&mut twin, 2e-7 * f64::from(i));
+        worst = worst.max(answer.health.constraint_error_m);
+    }
+    println!("constraint error {worst:.2e} m");
+    assert!(worst < 1e-8, "{worst} m");
 }

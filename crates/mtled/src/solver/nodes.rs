@@ -175,13 +175,8 @@ impl<'a> Nodes<'a> {
                     return;
                 }
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
-                let radial = tangent.map(|t| t[0]);
                 aside::pull((&mut *u, &mut *q, &mut *tangent), f, inverse, held, path, s, rule);
-                if held.revolved && held.points[n][0] == 0.0 {
-                    // the radial parameter of a node on the axis has no force
-                    (u[0], q[0]) = (0.0, 0.0);
-                    tangent.iter_mut().zip(radial).for_each(|(t, radial)| t[0] = radial);
-                }
+                self.keep_on_axis(l, held);
             }
             Role::Guided => {
                 let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
@@ -198,6 +193,7 @@ impl<'a> Nodes<'a> {
                 let next = path.at(s, 2);
                 rule.set(tangent, 2, next - u[2]);
                 (u[2], q[2]) = (next, 0.0);
+                self.keep_on_axis(l, held);
             }
             Role::Free => {
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
@@ -206,8 +202,18 @@ impl<'a> Nodes<'a> {
                     u[k] += rule.drift(tangent, k) + deviation;
                     q[k] = rule.teach(tangent, k, deviation);
                 }
+                self.keep_on_axis(l, held);
             }
             Role::Surface => self.touch_or_go(l, held, rule),
+        }
+    }
+
+    /// The radial parameter of a node on the axis drops out of the field and has no force but round-off, with which it would drift.
+    #[inline]
+    fn keep_on_axis(&mut self, l: usize, held: &Held<'_>) {
+        if held.revolved && held.points[self.first + l][0] == 0.0 {
+            (self.u[l][0], self.q[l][0]) = (0.0, 0.0);
+            self.tangent[l].iter_mut().for_each(|t| t[0] = 0.0);
         }
     }
 
