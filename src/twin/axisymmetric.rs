@@ -96,7 +96,8 @@ fn approximation(scene: &Scene, plane: &Meridian, held: &[u32], roles: &[Role]) 
         AxisymmetricApproximation::new(&plane.points, &plane.triangles, &interpolating, settings(scene));
     match scene.instrument {
         // tissue under the tip of a needle with friction is deformed by its push, and counts
-        Some(i) if matches!(i.kind, InstrumentKind::Needle(_)) && !i.is_frictional() => approximation.with_plain(held),
+        Some(i) if i.is_frictional() => approximation.with_filled(held),
+        Some(i) if matches!(i.kind, InstrumentKind::Needle(_)) => approximation.with_plain(held),
         _ => approximation,
     }
 }

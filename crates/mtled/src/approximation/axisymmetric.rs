@@ -73,6 +73,8 @@ pub struct AxisymmetricApproximation {
     first: Vec<f64>,
     /// Triangles that get a single point.
     plain: Vec<bool>,
+    /// [`ShapeTable::filled`].
+    filled: Vec<bool>,
     regions: Regions,
 }
 
@@ -89,7 +91,16 @@ impl AxisymmetricApproximation {
         let supports = in_half_plane(points, &first, interpolating);
         let plain = vec![false; triangles.len()];
         let regions = Regions::default();
-        Self { points: points.to_vec(), triangles: triangles.to_vec(), settings, supports, first, plain, regions }
+        Self {
+            points: points.to_vec(),
+            triangles: triangles.to_vec(),
+            settings,
+            supports,
+            first,
+            plain,
+            filled: Vec::new(),
+            regions,
+        }
     }
 
     /// Ends supports at the interfaces between regions, `region` being that of each triangle (see [`super::regions`]).
@@ -104,10 +115,22 @@ impl AxisymmetricApproximation {
     /// Gives the triangles between these nodes one point each: enough for tissue whose place a needle takes.
     #[must_use]
     pub fn with_plain(mut self, nodes: &[u32]) -> Self {
+        self.plain = self.between(nodes);
+        self
+    }
+
+    /// Tells the triangles between these nodes as those that a needle comes to fill.
+    #[must_use]
+    pub fn with_filled(mut self, nodes: &[u32]) -> Self {
+        self.filled = self.between(nodes);
+        self
+    }
+
+    /// Whether all corners of each triangle are among these nodes.
+    fn between(&self, nodes: &[u32]) -> Vec<bool> {
         let mut among = vec![false; self.points.len()];
         nodes.iter().for_each(|&n| among[n as usize] = true);
-        self.plain = self.triangles.iter().map(|t| t.iter().all(|&n| among[n as usize])).collect();
-        self
+        self.triangles.iter().map(|t| t.iter().all(|&n| among[n as usize])).collect()
     }
 
     /// The shape table of the triangles, with the supports as they are.
@@ -265,6 +288,12 @@ impl Supported for AxisymmetricApproximation {
         let points = self.settings.points_per_cell;
         match (self.plain[cell], on_axis) {
             (true, _) => self.triangle(cell, &CENTRE),
+            (false, true) if self.filled.get(cell).copied().unwrap_or(false) => {
+                let on = t.map(|n| self.points[n as usize][0] == 0.0);
+                let one = on.iter().filter(|&&x| x).count() == 1;
+                let apex = on.iter().position(|&x| x == one).unwrap_or(0);
+                self.triangle(cell, &conical(apex, one))
+            }
             (false, true) => self.triangle(cell, &gauss_points(points.max(4))),
             (false, false) => self.triangle(cell, &gauss_points(points)),
         }
@@ -272,6 +301,10 @@ impl Supported for AxisymmetricApproximation {
 
     fn region(&self) -> &[u8] {
         self.regions.of_cells()
+    }
+
+    fn filled(&self) -> &[bool] {
+        &self.filled
     }
 
     fn edge(&self, cell: usize) -> f64 {
@@ -340,6 +373,27 @@ fn gauss_points(n: u32) -> Vec<Gauss> {
     }
 }
 
+/// Two by two points on lines from a corner `apex` of a triangle at the axis: of degree 3 with the radius as weight, which the points'
+/// volumes have as a factor (Stroud, Approximate Calculation of Multiple Integrals, 1971, section 2.4). `one`: the apex is the only
+/// corner on the axis; otherwise it is the only one off it. s, the share of the way from the apex, by the Gauss-Jacobi points for s^2 or
+/// s (1 - s).
+fn conical(apex: usize, one: bool) -> Vec<Gauss> {
+    let along = if one {
+        let half = 0.1f64.sqrt() / 1.5;
+        [-half, half].map(|x| (2.0 / 3.0 + x, (1.0 / 6.0 + x / (72.0 * half * half)) / (2.0 / 3.0 + x)))
+    } else {
+        let half = 0.2f64.sqrt() / 2.0;
+        [-half, half].map(|x| (0.5 + x, 1.0 / 12.0 / (0.5 - x)))
+    };
+    let across = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
+    let point = |(s, weight): (f64, f64), t: f64| {
+        let mut at = [0.0; 3];
+        (at[apex], at[(apex + 1) % 3], at[(apex + 2) % 3]) = (1.0 - s, s * (1.0 - t), s * t);
+        (at, weight)
+    };
+    along.into_iter().flat_map(|a| across.map(|t| point(a, t))).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -355,6 +409,19 @@ mod tests {
                     let exact = 2.0 * factorial(a) * factorial(b) / factorial(a + b + 2);
                     assert!((sum - exact).abs() < 1e-12, "rule {rule}: {a} {b}: {sum} {exact}");
                 }
+            }
+        }
+        // times a radius that is zero at the apex and 1 at both other corners, or the other way round
+        for (apex, a, b) in (0..3).flat_map(|apex| (0..4).flat_map(move |a| (0..4 - a).map(move |b| (apex, a, b)))) {
+            let [i, j] = [(apex + 1) % 3, (apex + 2) % 3];
+            let integral =
+                |p: i32, q: i32, r: i32| 2.0 * factorial(p) * factorial(q) * factorial(r) / factorial(p + q + r + 2);
+            for one in [true, false] {
+                let radius = |l: &[f64; 3]| if one { l[i] + l[j] } else { l[apex] };
+                let term = |(l, w): &Gauss| w * radius(l) * l[i].powi(a) * l[apex].powi(b);
+                let sum: f64 = conical(apex, one).iter().map(term).sum();
+                let exact = if one { integral(a + 1, b, 0) + integral(a, b, 1) } else { integral(a, b + 1, 0) };
+                assert!((sum - exact).abs() < 1e-12, "from corner {apex}, {one}: {a} {b}: {sum} {exact}");
             }
         }
     }

@@ -42,6 +42,10 @@ pub(super) trait Supported: Sync {
     fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError>;
     /// Region of each cell; empty: one region.
     fn region(&self) -> &[u8];
+    /// [`ShapeTable::filled`].
+    fn filled(&self) -> &[bool] {
+        &[]
+    }
     /// Mean length of a cell's edges, m.
     fn edge(&self, cell: usize) -> f64;
     /// Whether the field has a value there.
@@ -73,8 +77,8 @@ pub(super) fn table<B: Supported>(body: &B) -> Result<ShapeTable, ApproximationE
 
 /// The shape table, or why there is none, and the places where a cell has no fit or one with g above `worst`.
 fn judged<B: Supported>(body: &B, worst: f64) -> (Result<ShapeTable, ApproximationError>, Vec<Point>) {
-    let region = body.region().to_vec();
-    let mut table = Ok(ShapeTable { start: vec![0], form: body.form(), region, ..ShapeTable::default() });
+    let (region, filled) = (body.region().to_vec(), body.filled().to_vec());
+    let mut table = Ok(ShapeTable { start: vec![0], form: body.form(), region, filled, ..ShapeTable::default() });
     let mut bad_at = Vec::new();
     for first in (0..body.cells()).step_by(CELLS_AT_A_TIME) {
         let cells = first..(first + CELLS_AT_A_TIME).min(body.cells());

@@ -82,6 +82,9 @@ pub struct ShapeTable {
     pub form: Form,
     /// Region of each cell; empty: one region.
     pub region: Vec<u8>,
+    /// Whether each cell is one that a needle comes to fill; empty: none is. Such points share vectors with none but their like, and cost
+    /// nothing behind the needle's tip.
+    pub filled: Vec<bool>,
 }
 
 impl ShapeTable {
@@ -95,6 +98,12 @@ impl ShapeTable {
     #[must_use]
     pub fn region_of_cell(&self, cell: usize) -> u8 {
         self.region.get(cell).copied().unwrap_or(0)
+    }
+
+    /// Whether an integration point lies in a cell that a needle comes to fill.
+    #[must_use]
+    pub fn is_filled(&self, point: usize) -> bool {
+        self.filled.get(self.cell[point] as usize).copied().unwrap_or(false)
     }
 
     /// Adds an integration point.

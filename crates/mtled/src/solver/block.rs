@@ -118,7 +118,7 @@ impl<T: Real> Block<T> {
         let centres: Vec<[f64; 3]> = (0..table.volume.len())
             .map(|p| std::array::from_fn(|k| corners(p).iter().map(|&n| places[n as usize][k]).sum::<f64>() / 4.0))
             .collect();
-        let mut groups = groups(&centres, |p| corners(p), &points_of_cell(table), places.len());
+        let mut groups = groups(&centres, |p| corners(p), |p| table.is_filled(p), places.len());
         // regions share no vertex, so a group lies in one of them
         let region = |group: &[u32]| table.region_of(group[0] as usize);
         groups.sort_by_key(|group| region(group));
@@ -229,14 +229,6 @@ fn packed<T: Real>(gradient: &[[f64; 3]]) -> (f64, Vec<[T::Stored; 3]>) {
         }
     }
     (scale, whole.iter().map(|g| g.map(T::store)).collect())
-}
-
-/// Number of points that each point's cell has. Cells with several are those that a needle fills on its way: groups of such points alone
-/// need no work behind its tip.
-fn points_of_cell(table: &ShapeTable) -> Vec<u32> {
-    let mut points = vec![0; table.cell.iter().max().map_or(0, |c| *c as usize + 1)];
-    table.cell.iter().for_each(|&c| points[c as usize] += 1);
-    table.cell.iter().map(|&c| points[c as usize]).collect()
 }
 
 /// Support nodes of a group's points, ascending.

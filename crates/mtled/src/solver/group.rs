@@ -5,8 +5,14 @@ use crate::number::LANES;
 
 /// Points in groups of up to [`LANES`], each grown from the first point left over, in the order of the points, by the
 /// nearest to its centre among those that share a node with it. `nodes(i)` are the nodes by which point i has
-/// neighbours, below `count`; points of different `kinds` share no group. The result depends on the points alone.
-pub fn groups<'a>(at: &[[f64; 3]], nodes: impl Fn(usize) -> &'a [u32], kinds: &[u32], count: usize) -> Vec<Vec<u32>> {
+/// neighbours, below `count`; those that are `apart` share no group with others. The result depends on the points
+/// alone.
+pub fn groups<'a>(
+    at: &[[f64; 3]],
+    nodes: impl Fn(usize) -> &'a [u32],
+    apart: impl Fn(usize) -> bool,
+    count: usize,
+) -> Vec<Vec<u32>> {
     let users = users(at.len(), &nodes, count);
     let mut left = vec![true; at.len()];
     // the group that last looked at a point
@@ -30,8 +36,8 @@ pub fn groups<'a>(at: &[[f64; 3]], nodes: impl Fn(usize) -> &'a [u32], kinds: &[
             (0..3).for_each(|k| sum[k] += at[next as usize][k]);
             for &n in nodes(next as usize) {
                 for &q in users.of(n) {
-                    let other = kinds[q as usize] != kinds[first as usize];
-                    if left[q as usize] && !other && seen[q as usize] != groups.len() as u32 {
+                    let like = apart(q as usize) == apart(first as usize);
+                    if left[q as usize] && like && seen[q as usize] != groups.len() as u32 {
                         seen[q as usize] = groups.len() as u32;
                         near.push(q);
                     }
@@ -89,7 +95,7 @@ mod tests {
         let place = |i: u32| (i * 37) % 101;
         let at: Vec<[f64; 3]> = (0..101).map(|i| [f64::from(place(i)), 0.0, 0.0]).collect();
         let nodes: Vec<[u32; 2]> = (0..101).map(|i| [place(i), place(i) + 1]).collect();
-        let groups = groups(&at, |i| &nodes[i], &[0; 101], 102);
+        let groups = groups(&at, |i| &nodes[i], |_| false, 102);
         let mut all: Vec<u32> = groups.concat();
         all.sort_unstable();
         assert_eq!(all, (0..101).collect::<Vec<u32>>());
@@ -98,5 +104,20 @@ mod tests {
             places.sort_unstable();
             assert!(places.len() <= LANES && places.windows(2).all(|w| w[1] == w[0] + 1), "{places:?}");
         }
+    }
+
+    #[test]
+    fn points_that_are_apart_are_among_their_like() {
+        let at: Vec<[f64; 3]> = (0..40).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let nodes: Vec<[u32; 2]> = (0..40).map(|i| [i, i + 1]).collect();
+        let apart = |p: usize| (13..29).contains(&p);
+        let groups = groups(&at, |i| &nodes[i], apart, 41);
+        assert_eq!(groups.concat().len(), 40);
+        for group in &groups {
+            let of = group.iter().filter(|&&p| apart(p as usize)).count();
+            assert!(of == 0 || of == group.len(), "{group:?}");
+        }
+        // none of the sixteen is in a group with lanes to spare
+        assert_eq!(groups.iter().filter(|g| apart(g[0] as usize)).count(), 2);
     }
 }
