@@ -5,6 +5,8 @@
 //!
 //! A needle that goes back and comes again finds the node on the ramp it had. With a ramp of its own for each time a node at the window's end
 //! would be drawn to the rule step by step by a needle that only trembles.
+//! On an oblique path it is held along the path, and not along z: held along z alone it would take none of the lateral share of the force
+//! with which the needle holds it, and the lateral force had a saw-tooth of 3 % at the distance of the layers.
 //!
 //! *Sideways* tissue ahead of the tip is free: it goes along with a needle that moves sideways or leans as far as the tissue
 //! takes it. Between two layers of nodes the tip holds the next layer in part, by a spring to where the needle would have it,

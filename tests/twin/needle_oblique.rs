@@ -132,7 +132,7 @@ fn a_needle_beside_the_axis_has_the_force_vector_of_finite_elements() {
 
 #[test]
 fn an_oblique_needle_beside_the_axis_has_the_force_vector_of_finite_elements() {
-    compare(0.3, 0.006, 3e-3, SMALL, &Within { vector: 0.02, lateral: 0.045, torque: 0.01, points: 0.015 });
+    compare(0.3, 0.006, 3e-3, SMALL, &Within { vector: 0.02, lateral: 0.04, torque: 0.01, points: 0.015 });
 }
 
 /// At finite strain the surface at the shaft is drawn 0.8 to 1.6 mm down. Beyond 0.35 elements of the oblique one to 4 mm turn inside out.
@@ -143,8 +143,8 @@ fn at_the_presets_coefficient_the_force_vector_is_that_of_finite_elements() {
         ((0.0, 0.0, 4e-3), LARGE, Within { lateral: 0.1, ..TWO_PER_CENT }),
         ((0.0, 0.01, 2e-3), LARGE, Within { lateral: 0.04, points: 0.02, ..TWO_PER_CENT }),
         ((0.0, 0.01, 4e-3), LARGE, TWO_PER_CENT),
-        ((0.3, 0.0, 4e-3), 0.3, Within { lateral: 0.04, ..TWO_PER_CENT }),
-        ((0.3, 0.006, 3e-3), LARGE, Within { vector: 0.025, lateral: 0.07, points: 0.015, ..TWO_PER_CENT }),
+        ((0.3, 0.0, 4e-3), 0.3, TWO_PER_CENT),
+        ((0.3, 0.006, 3e-3), LARGE, Within { points: 0.015, ..TWO_PER_CENT }),
     ];
     for ((tilt, entry, depth_m), coefficient, within) in cases {
         compare(tilt, entry, depth_m, coefficient, &within);

@@ -92,13 +92,33 @@ impl NeedlePath {
             solver.prescribe(n, [x, y, z]);
             return;
         }
-        // motion along the path takes its lateral share along, on the ramp as behind the tip
-        let on_path = [off[0] - self.slope[0] * z, off[1] - self.slope[1] * z, z];
-        if capture.passed < 1.0 {
-            solver.guide(n, on_path, self.share[i] * capture.spring(self.shear_modulus[i], self.layer));
+        if capture.passed >= 1.0 {
+            // motion along the path takes its lateral share along, on the ramp as behind the tip
+            solver.prescribe(n, [off[0] - self.slope[0] * z, off[1] - self.slope[1] * z, z]);
         } else {
-            solver.prescribe(n, on_path);
+            let spring = self.share[i] * capture.spring(self.shear_modulus[i], self.layer);
+            self.guide(n, off, [&from, &to], s, spring, solver);
         }
+    }
+
+    /// Guides a node ahead of the tip: held along the path at a share s of the way between two displacements, pulled across it to where the
+    /// needle is, `off` the path.
+    fn guide(&self, n: usize, off: [f64; 2], [from, to]: [&[f64; 3]; 2], s: f64, spring: f64, solver: &mut Solver) {
+        if self.slope == [0.0; 2] {
+            solver.guide(n, [off[0], off[1], (1.0 - s) * from[2] + s * to[2]], spring);
+            return;
+        }
+        let axis = self.axis();
+        let along = |v: &[f64; 3]| v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2];
+        let off = [off[0], off[1], 0.0];
+        let way = (1.0 - s) * along(from) + s * along(to) - along(&off);
+        solver.guide_along(n, std::array::from_fn(|k| off[k] + way * axis[k]), spring, axis);
+    }
+
+    /// Unit vector along the path, into the sample.
+    fn axis(&self) -> [f64; 3] {
+        let secant = 1.0_f64.hypot(self.slope[0]).hypot(self.slope[1]);
+        [self.slope[0], self.slope[1], -1.0].map(|x| x / secant)
     }
 
     /// How far the path's layer of nodes at depth z has been moved sideways off the path, m: its mean lateral

@@ -2,6 +2,8 @@
 //!
 //! u = h' + s a: a is the unit vector along the rod, s the way of the node along it ([`super::drag`]), and h' the part across the rod of h,
 //! how far the rod has moved sideways at the node's depth. For an upright rod these are z and x, y.
+//!
+//! A node that is guided along an oblique line ([`super::state::Role::Guided`]) is held along it and has its spring across it.
 
 use super::contact::By;
 use super::drag::Drag;
@@ -94,6 +96,43 @@ pub(super) fn sums(
     let (to, from, q) = (across(&[path.end[0], path.end[1], 0.0], axis), across(u, axis), across(q, axis));
     let pulls: [f64; 3] = std::array::from_fn(|k| path.spring * (to[k] - from[k]));
     sums.add_held(By::Instrument, place, &pulls.map(|pull| -pull));
+    for k in 0..3 {
+        sums.kinetic += 0.5 * mass * q[k] * q[k];
+        sums.present += q[k] * (f[k] - pulls[k]);
+    }
+    for (learnt, t) in sums.learnt.iter_mut().zip(tangent) {
+        let t = across(t, axis);
+        (0..3).for_each(|k| *learnt += t[k] * (f[k] - pulls[k]));
+    }
+}
+
+/// Moves a node that is guided along an oblique line. The spring is that at the end of the step, as in [`pull`].
+pub(super) fn guide((u, q, tangent): Dragged<'_>, f: &[f64; 3], inverse: f64, path: &Path, s: f64, rule: &Rule) {
+    let axis = &path.along;
+    let spring = path.spring * inverse;
+    let drift: [f64; 3] = std::array::from_fn(|k| rule.drift(tangent, k));
+    let free: [f64; 3] = std::array::from_fn(|k| drift[k] + rule.keep * q[k] - f[k] * inverse);
+    let gap: [f64; 3] = std::array::from_fn(|k| path.at(s, k) - u[k]);
+    let way = along(&gap, axis);
+    let [free, drift, gap] = [free, drift, gap].map(|v| across(&v, axis));
+    for k in 0..3 {
+        let v = (free[k] + spring * gap[k]) / (1.0 + spring);
+        u[k] += v + way * axis[k];
+        q[k] = rule.teach(tangent, k, v - drift[k]);
+    }
+    for (t, gain) in tangent.iter_mut().zip(rule.gain) {
+        let off = way * gain - along(t, axis);
+        (0..3).for_each(|k| t[k] += off * axis[k]);
+    }
+    *q = across(q, axis);
+}
+
+/// What guides a node along an oblique line contributes to the balance.
+pub(super) fn guided_sums(sums: &mut Sums, (u, q, tangent, f): Stood<'_>, place: &[f64; 3], mass: f64, path: &Path) {
+    let axis = &path.along;
+    let gap: [f64; 3] = std::array::from_fn(|k| path.spring * (path.end[k] - u[k]));
+    let (pulls, push, f) = (across(&gap, axis), along(f, axis), across(f, axis));
+    sums.add_held(By::Instrument, place, &std::array::from_fn(|k| -pulls[k] - push * axis[k]));
     for k in 0..3 {
         sums.kinetic += 0.5 * mass * q[k] * q[k];
         sums.present += q[k] * (f[k] - pulls[k]);

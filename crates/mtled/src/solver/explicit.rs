@@ -124,6 +124,11 @@ impl Solver {
         self.state.guide(node, displacement, spring);
     }
 
+    /// [`State::guide_along`].
+    pub fn guide_along(&mut self, node: usize, displacement: [f64; 3], spring: f64, axis: [f64; 3]) {
+        self.state.guide_along(node, displacement, spring, axis);
+    }
+
     /// [`State::move_surface`].
     pub fn move_surface(&mut self, displacement: [f64; 3]) {
         self.state.move_surface(displacement);

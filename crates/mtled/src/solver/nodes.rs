@@ -137,6 +137,10 @@ impl<'a> Nodes<'a> {
                     let node = (&self.u[l], q, tangent, f);
                     aside::sums(&mut sums, node, &place, held.mass[n] * mass_factor, held, &held.path[n]);
                 }
+                Role::Guided if held.path[n].is_oblique() => {
+                    let node = (&self.u[l], q, tangent, f);
+                    aside::guided_sums(&mut sums, node, &place, held.mass[n] * mass_factor, &held.path[n]);
+                }
                 Role::Guided => {
                     let path = &held.path[n];
                     let pulls: [f64; 2] = std::array::from_fn(|k| path.spring * (path.end[k] - self.u[l][k]));
@@ -177,6 +181,11 @@ impl<'a> Nodes<'a> {
                 let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
                 aside::pull((&mut *u, &mut *q, &mut *tangent), f, inverse, held, path, s, rule);
                 self.keep_on_axis(l, held);
+            }
+            Role::Guided if held.path[n].is_oblique() => {
+                let s = f64::from(step) / f64::from(rule.steps);
+                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
+                aside::guide((u, q, tangent), f, inverse, &held.path[n], s, rule);
             }
             Role::Guided => {
                 let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));

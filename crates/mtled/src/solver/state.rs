@@ -19,7 +19,8 @@ pub enum Role {
     Base,
     /// The instrument: its displacement is prescribed.
     Instrument,
-    /// The instrument in z; in x and y a spring pulls the node to its prescribed displacement ([`State::guide`]).
+    /// The instrument along z or along an oblique path; across that a spring pulls the node to its prescribed displacement
+    /// ([`State::guide`], [`State::guide_along`]).
     Guided,
     /// Nothing, unless it meets a rigid surface. Its parameter has to be the field's value.
     Surface,
@@ -46,9 +47,17 @@ pub(super) struct Path {
     pub end: [f64; 3],
     /// Spring of a guided node, N/m.
     pub spring: f64,
+    /// Unit vector along which a guided node is held; zero: z.
+    pub along: [f64; 3],
 }
 
 impl Path {
+    /// Whether it is that of a node which is guided along an oblique line.
+    #[inline]
+    pub fn is_oblique(&self) -> bool {
+        self.along != [0.0; 3]
+    }
+
     /// Where the node shall be after a share of the advance.
     #[inline]
     pub fn at(&self, share: f64, k: usize) -> f64 {
@@ -159,13 +168,14 @@ impl State {
             _ => self.moving.u[node],
         };
         self.constraints.role[node] = role;
-        self.constraints.path[node] = Path { start: u, end: u, spring: 0.0 };
+        self.constraints.path[node] = Path { start: u, end: u, spring: 0.0, along: [0.0; 3] };
         self.moving.q[node] = [0.0; 3];
     }
 
     /// Prescribes the displacement of an instrument node at the end of the next advance, m.
     pub fn prescribe(&mut self, node: usize, displacement: [f64; 3]) {
-        self.constraints.path[node] = Path { start: self.moving.u[node], end: displacement, spring: 0.0 };
+        self.constraints.path[node] =
+            Path { start: self.moving.u[node], end: displacement, spring: 0.0, along: [0.0; 3] };
     }
 
     /// As [`State::prescribe`], for a guided node: a spring in N/m pulls it sideways to the displacement. Where the spring begins
@@ -173,12 +183,21 @@ impl State {
     pub fn guide(&mut self, node: usize, displacement: [f64; 3], spring: f64) {
         let path = &mut self.constraints.path[node];
         let [x, y, _] = path.end;
-        *path = Path { start: [x, y, self.moving.u[node][2]], end: displacement, spring };
+        *path = Path { start: [x, y, self.moving.u[node][2]], end: displacement, spring, along: [0.0; 3] };
+    }
+
+    /// As [`State::guide`], of a node that is held along a unit vector and not along z; the spring pulls it across that.
+    pub fn guide_along(&mut self, node: usize, displacement: [f64; 3], spring: f64, axis: [f64; 3]) {
+        let path = &mut self.constraints.path[node];
+        let (u, end) = (&self.moving.u[node], path.end);
+        let way = super::aside::along(&std::array::from_fn(|k| u[k] - end[k]), &axis);
+        let start = std::array::from_fn(|k| end[k] + way * axis[k]);
+        *path = Path { start, end: displacement, spring, along: axis };
     }
 
     /// Moves the instrument's surface, if it has one, to a displacement at the end of the next advance, m.
     pub fn move_surface(&mut self, displacement: [f64; 3]) {
-        self.constraints.way = Path { start: self.moving.offset, end: displacement, spring: 0.0 };
+        self.constraints.way = Path { start: self.moving.offset, end: displacement, spring: 0.0, along: [0.0; 3] };
     }
 
     /// Says how the rod's wall goes with a layer of nodes. A wall that begins to act does so without a force.

@@ -289,7 +289,9 @@ impl Model {
             let there = self.of_node(n, image[n]);
             for k in 0..3 {
                 let e = control.probe[n][k];
-                let image = if constraints.role[n].frees(k) { there[k] - f[n][k] } else { 0.0 };
+                // of a node that is guided along an oblique line no component is held alone: with all of them the bound is on the safe side
+                let free = constraints.role[n].frees(k) || constraints.path[n].is_oblique();
+                let image = if free { there[k] - f[n][k] } else { 0.0 };
                 up += e * image;
                 down += control.mass[n] * e * e;
                 control.probe[n][k] = image / control.mass[n];
