@@ -136,15 +136,17 @@ fn an_oblique_needle_beside_the_axis_has_the_force_vector_of_finite_elements() {
 }
 
 /// At finite strain the surface at the shaft is drawn 0.8 to 1.6 mm down. Beyond 0.35 elements of the oblique one to 4 mm turn inside out.
-/// On the axis, where there is no lateral force, it is held to 0.5 % of the whole.
+/// On the axis, where there is no lateral force, it is held to 0.5 % of the whole. Torque over force times depth is 0.1 to 0.6 %, and 1.2 and
+/// 1.9 % where the needle is oblique (0.8 and 1.0 % while nodes ahead of the tip were held along z alone, where the lateral force was 3 and
+/// 6 % off: at the load cell, 0.1 m above, that is three to six times as much torque).
 #[test]
 fn at_the_presets_coefficient_the_force_vector_is_that_of_finite_elements() {
     let cases = [
         ((0.0, 0.0, 4e-3), LARGE, Within { lateral: 0.1, ..TWO_PER_CENT }),
         ((0.0, 0.01, 2e-3), LARGE, Within { lateral: 0.04, points: 0.02, ..TWO_PER_CENT }),
         ((0.0, 0.01, 4e-3), LARGE, TWO_PER_CENT),
-        ((0.3, 0.0, 4e-3), 0.3, TWO_PER_CENT),
-        ((0.3, 0.006, 3e-3), LARGE, Within { points: 0.015, ..TWO_PER_CENT }),
+        ((0.3, 0.0, 4e-3), 0.3, Within { torque: 0.02, ..TWO_PER_CENT }),
+        ((0.3, 0.006, 3e-3), LARGE, Within { torque: 0.02, points: 0.015, ..TWO_PER_CENT }),
     ];
     for ((tilt, entry, depth_m), coefficient, within) in cases {
         compare(tilt, entry, depth_m, coefficient, &within);
