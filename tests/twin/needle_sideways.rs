@@ -145,8 +145,9 @@ fn the_lateral_force_grows_evenly_with_the_depth() {
     }
 }
 
-/// The same force whatever the cloud, spacings of a half to a quarter of the capture radius: the vector, since what the cloud's own
-/// irregularity makes of a force across the plane of the path, where there is none, is as large as 1 % of the lateral component alone.
+/// The same force whatever the cloud, spacings of a half to a quarter of the capture radius: the vector within 1 %, of the first path the
+/// lateral component alone, too, at a half, a third and a quarter. What the cloud's own irregularity makes of a force across the plane of
+/// the path, where there is none, is as large as 1 % of that.
 #[test]
 fn the_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
     let [half, third, quarter] = ["0.0833", "0.0556", "0.0417"];
@@ -171,6 +172,8 @@ fn the_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
                 f[0] / last[0] - 1.0
             );
             assert!(apart < 0.01, "{tilt} {refinement}: {f:?} {last:?}");
+            let even = tilt == "0.26" && [half, third].contains(refinement);
+            assert!(!even || (f[0] / last[0] - 1.0).abs() < 0.01, "lateral: {f:?} {last:?}");
             assert!(f[1].abs() < 0.0035 * size(last), "across the plane: {f:?}");
         }
     }
