@@ -70,10 +70,11 @@ fn a_sheared_block_turns_the_plate() {
     assert!(answer.torque_nm[0].abs().max(answer.torque_nm[2].abs()) < 0.03 * expected[1].abs());
 }
 
-/// An oblique needle: the force across its axis acts on the shaft inside the tissue, and another origin of the load cell changes the
-/// torque by its way times the force.
+/// An oblique needle: the force across its axis acts near the tip, as finite elements have it (0.2 mm above it at 0.3 rad, 4 mm and C_D 0.3;
+/// needle_oblique_finite.csv), and another origin of the load cell changes the torque by its way times the force. Torque about the tip, which
+/// the shaft's axial force has a part in where it is uneven round the shaft, is good to 2 % of force times depth (`needle_oblique`).
 #[test]
-fn the_force_across_an_oblique_needle_acts_between_tip_and_surface() {
+fn the_force_across_an_oblique_needle_acts_near_its_tip() {
     let depth = 4e-3;
     let at = |height: &str| {
         let changes = [
@@ -96,6 +97,6 @@ fn the_force_across_an_oblique_needle_acts_between_tip_and_surface() {
     // M = s (up x F), with s the way up from the tip
     let arm = tip.torque_nm[1] / cross(up, tip.force_n)[1];
     println!("force {:?} N, torque {:?} N m, acts {:.2} mm above the tip", tip.force_n, tip.torque_nm, 1e3 * arm);
-    assert!(arm > 0.0 && arm < depth, "{arm}");
+    assert!(tip.torque_nm[1].abs() < 0.02 * depth * norm(tip.force_n), "{arm}");
     assert!(tip.torque_nm[0].abs() < 0.01 * depth * norm(tip.force_n), "the path's plane is one of symmetry");
 }
