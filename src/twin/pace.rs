@@ -5,8 +5,9 @@
 //! by its own size: that gives the steps that the tolerance asks for. What inertia adds is then taken out of the force, and
 //! the error estimate that remains (see `solver::inertia`) says whether the steps were enough; so does, less strictly, the gap
 //! between the forces on instrument and base, which grows with the lag of the tissue. The next pose gets more steps while they are
-//! too large, and fewer when they are not. The start of a motion is an impulse, so it begins with the most steps. A resting
-//! instrument gets steps until the gap has closed and the tissue stands still, and then none.
+//! too large, and fewer when they are not. Where tissue slips, the force may change faster than over L ([`CHANGE_OF_SLIP`]). The start
+//! of a motion is an impulse, so it begins with the most steps. A resting instrument gets steps until the gap has closed and the tissue
+//! stands still, and then none.
 //!
 //! Forces alone don't tell that it stands still: where cells were crushed, single nodes come back after force and smooth field have. Per
 //! relaxation time 1/omega a mode of amplitude u goes the way q/omega, and has the energies T = m q^2/2 and W = m omega^2 u^2/2. So

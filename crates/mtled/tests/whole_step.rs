@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use mtled::approximation::table::Approximation;
-use mtled::approximation::{Basis, Settings};
+use mtled::approximation::{Basis, Settings, ShapeTable};
 use mtled::material::{Law, Prony};
 use mtled::solver::{Advance, Balance, Precision, Role, Solver, SolverSettings, VolumeRatio};
 
@@ -40,16 +40,19 @@ fn cube() -> Cube {
     Cube { points: all(n).map(|i| i.map(at)).collect(), cells: cells.collect(), layer: n * n }
 }
 
-/// Presses the top of a relaxing cube, goes back to a kept state once, and rests.
-fn press(cube: &Cube, precision: Precision, threads: usize) -> (Balance, Vec<[f64; 3]>) {
-    let Cube { points, cells, layer } = cube;
-    let role: Vec<Role> = (0..points.len())
+/// Nodes at the bottom, at the top, and others.
+fn roles(cube: &Cube, top: Role) -> Vec<Role> {
+    let Cube { points, layer, .. } = cube;
+    (0..points.len())
         .map(|n| match n {
             n if n < *layer => Role::Base,
-            n if n >= points.len() - layer => Role::Instrument,
+            n if n >= points.len() - layer => top,
             _ => Role::Free,
         })
-        .collect();
+        .collect()
+}
+
+fn shape_table(Cube { points, cells, .. }: &Cube, role: &[Role]) -> ShapeTable {
     let held = role.iter().map(|r| *r != Role::Free).collect();
     let settings = Settings {
         // four nodes to a point, so that Miri ends
@@ -58,7 +61,14 @@ fn press(cube: &Cube, precision: Precision, threads: usize) -> (Balance, Vec<[f6
         points_per_cell: 1,
         cells_per_point: 1,
     };
-    let table = Approximation::new(points, cells, held, settings).table().unwrap();
+    Approximation::new(points, cells, held, settings).table().unwrap()
+}
+
+/// Presses the top of a relaxing cube, goes back to a kept state once, and rests.
+fn press(cube: &Cube, precision: Precision, threads: usize) -> (Balance, Vec<[f64; 3]>) {
+    let Cube { points, cells, .. } = cube;
+    let role = roles(cube, Role::Instrument);
+    let table = shape_table(cube, &role);
     let law = Law { prony: Prony::new(&[0.3], &[1.0]).unwrap(), ..Law::neo_hookean(1678.0, 83_340.0) };
     let settings = SolverSettings { law, volume_ratio: VolumeRatio::Projected, precision, step_factor: 0.8, threads };
     let mut solver = Solver::new(&table, cells, points, role.clone(), &settings);
@@ -91,4 +101,47 @@ fn three_threads_give_the_bits_of_one() {
         assert!(one.0.instrument[2] > 0.0, "{:?}", one.0);
         assert_eq!(one, three, "{precision:?}");
     }
+}
+
+/// The top goes down, and is drawn aside by springs.
+fn drawn(cube: &Cube, guide: impl Fn(&mut Solver, usize, [f64; 3])) -> (Balance, Vec<[f64; 3]>) {
+    let role = roles(cube, Role::Guided);
+    let table = shape_table(cube, &role);
+    let law = Law::neo_hookean(1678.0, 83_340.0);
+    let settings = SolverSettings {
+        law,
+        volume_ratio: VolumeRatio::Projected,
+        precision: Precision::F64,
+        step_factor: 0.8,
+        threads: 1,
+    };
+    let mut solver = Solver::new(&table, &cube.cells, &cube.points, role.clone(), &settings);
+    for pose in 1..=5 {
+        let to = [5e-5 * f64::from(pose), 0.0, -1e-4 * f64::from(pose)];
+        (0..role.len()).filter(|&n| role[n] == Role::Guided).for_each(|n| guide(&mut solver, n, to));
+        solver.advance(&Advance { steps: 4, travel: [5e-5, 0.0, -1e-4] });
+    }
+    (solver.balance(), solver.parameters().to_vec())
+}
+
+/// Along z both ways to guide a node are one; along another line the node is on it, and the spring acts across it.
+#[test]
+fn a_node_is_guided_along_its_line() {
+    let cube = cube();
+    let spring = 2.0;
+    let (upright, u) = drawn(&cube, |solver, n, to| solver.guide(n, to, spring));
+    let (along, v) = drawn(&cube, |solver, n, to| solver.guide_along(n, to, spring, [0.0, 0.0, -1.0]));
+    let size = upright.instrument[2].abs();
+    (0..3).for_each(|k| {
+        assert!((upright.instrument[k] - along.instrument[k]).abs() < 1e-9 * size, "{upright:?} {along:?}")
+    });
+    u.iter().zip(&v).for_each(|(u, v)| (0..3).for_each(|k| assert!((u[k] - v[k]).abs() < 1e-12)));
+    let axis = [0.6, 0.0, -0.8];
+    let (_, v) = drawn(&cube, |solver, n, to| solver.guide_along(n, to, spring, axis));
+    let to = [2.5e-4, 0.0, -5e-4];
+    for u in &v[cube.points.len() - cube.layer..] {
+        let off: f64 = (0..3).map(|k| (u[k] - to[k]) * axis[k]).sum();
+        assert!(off.abs() < 1e-12, "{u:?}");
+    }
+    assert!(v.iter().any(|u| (u[0] - to[0]).abs() > 1e-6), "tissue holds back across the line");
 }

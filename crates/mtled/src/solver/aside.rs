@@ -96,13 +96,18 @@ pub(super) fn sums(
     let (to, from, q) = (across(&[path.end[0], path.end[1], 0.0], axis), across(u, axis), across(q, axis));
     let pulls: [f64; 3] = std::array::from_fn(|k| path.spring * (to[k] - from[k]));
     sums.add_held(By::Instrument, place, &pulls.map(|pull| -pull));
+    add_across(sums, (&q, tangent), &std::array::from_fn(|k| f[k] - pulls[k]), mass, axis);
+}
+
+/// What moves across a line contributes: its velocity there, and its force less the spring's.
+fn add_across(sums: &mut Sums, (q, tangent): (&[f64; 3], &[[f64; 3]; 3]), left: &[f64; 3], mass: f64, axis: &[f64; 3]) {
     for k in 0..3 {
         sums.kinetic += 0.5 * mass * q[k] * q[k];
-        sums.present += q[k] * (f[k] - pulls[k]);
+        sums.present += q[k] * left[k];
     }
     for (learnt, t) in sums.learnt.iter_mut().zip(tangent) {
         let t = across(t, axis);
-        (0..3).for_each(|k| *learnt += t[k] * (f[k] - pulls[k]));
+        (0..3).for_each(|k| *learnt += t[k] * left[k]);
     }
 }
 
@@ -133,14 +138,7 @@ pub(super) fn guided_sums(sums: &mut Sums, (u, q, tangent, f): Stood<'_>, place:
     let gap: [f64; 3] = std::array::from_fn(|k| path.spring * (path.end[k] - u[k]));
     let (pulls, push, f) = (across(&gap, axis), along(f, axis), across(f, axis));
     sums.add_held(By::Instrument, place, &std::array::from_fn(|k| -pulls[k] - push * axis[k]));
-    for k in 0..3 {
-        sums.kinetic += 0.5 * mass * q[k] * q[k];
-        sums.present += q[k] * (f[k] - pulls[k]);
-    }
-    for (learnt, t) in sums.learnt.iter_mut().zip(tangent) {
-        let t = across(t, axis);
-        (0..3).for_each(|k| *learnt += t[k] * (f[k] - pulls[k]));
-    }
+    add_across(sums, (q, tangent), &std::array::from_fn(|k| f[k] - pulls[k]), mass, axis);
 }
 
 impl Drag {
