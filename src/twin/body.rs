@@ -1,6 +1,6 @@
 //! The body of a scene: its cloud, and where the instrument meets it.
 
-use crate::instrument::{Contact, surface};
+use crate::instrument::{Contact, Resistance, surface};
 use crate::mesh::Volumes;
 use crate::scene::{Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Reflected, Solid, Spacing};
@@ -23,10 +23,11 @@ const POINT_REFINEMENT: f64 = 0.5;
 /// without. Tissue that the edge draws along the wall is stretched several times (`docs/lab/contact.md` has what was measured).
 const WALL_REFINEMENT: f64 = 0.25;
 const WALL_FINEST: f64 = 0.004;
-/// Largest spacing along the path of a needle with a wall in a half plane, over the capture radius: the edge of its tip is sharp as well.
-const WALL_PATH_SPACING: f64 = 0.125;
-/// Largest growth of the spacing round it.
+/// Largest growth of the spacing round that edge.
 const WALL_GROWTH: f64 = 0.15;
+/// Largest spacing along the path of a needle that presses before it enters in a half plane, over the capture radius: of one with a wall, and
+/// of one with friction that has a membrane to pierce. The edge of its tip is sharp as well.
+const PRESSED_PATH_SPACING: f64 = 0.125;
 /// Spacing in a half plane of several regions over that in space: there, too, it costs next to nothing. A needle's scenes are
 /// coarser in space.
 const PLANE_REFINEMENT: f64 = 0.5;
@@ -187,17 +188,30 @@ impl Layout {
         let spacing = Metres(finer * grading.spacing.get());
         let mut layout = Self::refined(scene, domain, &Grading { spacing, ..*grading }, POINT_REFINEMENT);
         if !scene.regions.is_empty() && !scene.instrument.is_some_and(|i| i.is_frictional()) {
-            layout.spacing.features.iter_mut().for_each(refine_path);
+            layout.refine_path(REGIONS_PATH_SPACING);
         }
-        if scene.instrument.is_some_and(|i| surface::has_wall(&i)) {
+        let wall = scene.instrument.is_some_and(|i| surface::has_wall(&i));
+        if wall {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
-            layout.spacing.features.iter_mut().for_each(refine_wall);
+            layout.spacing.features.iter_mut().for_each(refine_edge);
+        }
+        if wall || Resistance::any_membrane(scene) {
+            layout.refine_path(PRESSED_PATH_SPACING);
         }
         if scene.regions.is_empty() && scene.instrument.as_ref().is_some_and(enters_at_once) {
             let entry = layout.spacing.features.iter().find_map(entry);
             layout.spacing.features.extend(entry);
         }
         layout
+    }
+
+    /// Makes a needle's path finer: its spacing is at most this over the capture radius.
+    fn refine_path(&mut self, largest: f64) {
+        for feature in &mut self.spacing.features {
+            if let Feature::Path { capture_radius, spacing, .. } = feature {
+                *spacing = spacing.min(largest * *capture_radius);
+            }
+        }
     }
 
     /// `point`: spacing at edges of contact over what the scene asks for.
@@ -294,20 +308,9 @@ fn entry(feature: &Feature) -> Option<Feature> {
     (spacing > GRADED_FROM * capture_radius).then_some(entry)
 }
 
-/// Makes a needle's path finer.
-fn refine_path(feature: &mut Feature) {
-    if let Feature::Path { capture_radius, spacing, .. } = feature {
-        *spacing = spacing.min(REGIONS_PATH_SPACING * *capture_radius);
-    }
-}
-
-/// Makes the cloud finer at the edge of an indenter's wall, and along the path of a needle that has one.
-fn refine_wall(feature: &mut Feature) {
-    match feature {
-        Feature::ContactRing { radius, spacing, .. } => {
-            *spacing = (WALL_REFINEMENT * *spacing).max(spacing.min(WALL_FINEST * *radius));
-        }
-        Feature::Path { capture_radius, spacing, .. } => *spacing = spacing.min(WALL_PATH_SPACING * *capture_radius),
-        _ => {}
+/// Makes the cloud finer at the edge of an indenter's wall.
+fn refine_edge(feature: &mut Feature) {
+    if let Feature::ContactRing { radius, spacing, .. } = feature {
+        *spacing = (WALL_REFINEMENT * *spacing).max(spacing.min(WALL_FINEST * *radius));
     }
 }

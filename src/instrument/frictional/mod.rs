@@ -35,6 +35,8 @@ const STICKING: f64 = 200.0;
 const TIP_STIFFNESS: f64 = 50.0;
 /// Length of the tip over the radius of the shaft.
 const TIP_LENGTH: f64 = 0.5;
+/// Way of the needle on which the tissue behind its tip becomes flat again, over the radius of the shaft.
+const FLATTENING: f64 = 0.06;
 /// How far a ring of the tip may be behind the mean, in radii.
 const LAG: f64 = 1.0;
 
@@ -202,8 +204,8 @@ impl Frictional {
     /// The model with this needle's rod.
     #[must_use]
     pub fn rod(&self, model: Model) -> Model {
-        let Shaft { nodes, rings, areas, axis, .. } = &self.shaft;
-        model.with_rod(*axis, nodes.clone(), rings, areas.clone())
+        let Shaft { nodes, rings, areas, axis, radius, .. } = &self.shaft;
+        model.with_rod(*axis, nodes.clone(), rings, areas.clone(), FLATTENING * radius)
     }
 
     /// Depth at which the needle is in place at first, m.

@@ -111,8 +111,10 @@ struct Plane<'a> {
 }
 
 impl Plane<'_> {
+    /// Spacing at a point: a thin region has that of its boundaries throughout, or the row of nodes between them would have gaps, and each
+    /// makes the region stiffer.
     fn h(&self, p: Point) -> f64 {
-        self.spacing.at(self.domain, p)
+        self.spacing.at(self.domain, p).min(self.spacing.within(p))
     }
 
     /// Distance to the nearest edge of the half plane, the axis being one, or interface between regions.

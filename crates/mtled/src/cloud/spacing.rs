@@ -191,6 +191,16 @@ impl Spacing {
         domain.outline().map_or(h, |outline| outline.spacing(p, self.growth, h))
     }
 
+    /// Spacing wanted within the regions that hold a point, in metres, if it does not grow there from their boundaries on; infinite outside
+    /// of all.
+    pub(crate) fn within(&self, p: Point) -> f64 {
+        let holding = self.features.iter().filter_map(|f| match f {
+            Feature::Region { solid, spacing } if solid.signed(p) <= 0.0 => Some(*spacing),
+            _ => None,
+        });
+        holding.fold(f64::INFINITY, f64::min)
+    }
+
     /// Spacing of the nodes of a needle's path at a depth below the top face, in metres: `spacing`, or less where the path enters.
     pub(crate) fn along(&self, domain: &Domain, axis: &Axis, spacing: f64, depth: f64) -> f64 {
         let p = axis.section(domain.height(), depth, 0.0, 0.0);

@@ -21,7 +21,7 @@ use super::nodes::Rule;
 use super::slide::{Rate, Tip, slide};
 use super::state::Moving;
 
-/// Share of its distance from the outermost ring that a tied layer's node loses per step.
+/// Largest share of its distance from the outermost ring that a tied layer's node loses in a step.
 const FLATTEN: f64 = 0.02;
 /// Share of a limit that is nothing but the round-off of where the end goes on.
 const ROUND_OFF: f64 = 1e-6;
@@ -86,6 +86,8 @@ cloned_field_by_field! {
         pub rings: Vec<usize>,
         /// Share of the end's area of each ring.
         pub areas: Vec<f64>,
+        /// Way of the rod on which what its end has bent becomes flat again behind it, m.
+        pub flattening: f64,
         pub walls: Vec<Wall>,
         pub end: End,
         /// d at the start and the end of an advance, m.
@@ -132,11 +134,12 @@ impl Slip {
 
 impl Drag {
     /// A rod that holds nothing yet, through layers of nodes with so many nodes in each ring, `areas` being the rings' shares of the end.
-    pub fn new(axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[usize], areas: Vec<f64>) -> Self {
+    pub fn new(axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[usize], areas: Vec<f64>, flattening: f64) -> Self {
         let mut rings = vec![0];
         ring_sizes.iter().for_each(|size| rings.push(rings[rings.len() - 1] + size));
         let layers = nodes.len() / rings[ring_sizes.len()].max(1);
-        Self { axis, nodes, rings, areas, walls: vec![Wall::default(); layers], end: End::default(), way: [0.0; 2] }
+        let walls = vec![Wall::default(); layers];
+        Self { axis, nodes, rings, areas, flattening, walls, end: End::default(), way: [0.0; 2] }
     }
 
     /// Nothing slipped.
@@ -353,6 +356,8 @@ impl Drag {
     fn move_on(&self, state: &mut Moving, rule: &Rule, at: &Standing) {
         let (rod, wall) = (self.way_of(rule), &self.walls[at.layer]);
         let sticks = self.sticks(&state.slip, at.layer);
+        // by the rod's way, so that the force does not fall as soon as the end has passed a layer
+        let flatten = FLATTEN.min(rod.abs() / self.flattening);
         let keep = if sticks { (1.0 - 2.0 * (wall.spring / at.heavy).sqrt()).max(0.0) } else { 0.0 };
         let Moving { u, q, tangent, slip, .. } = state;
         for p in self.layer(at.layer) {
@@ -361,7 +366,7 @@ impl Drag {
             (0..3).for_each(|k| u[n][k] += moved * self.axis[k]);
             if wall.grip == Grip::Tied {
                 // what the end has bent becomes flat again
-                let bent = FLATTEN * (at.flat - self.along(p, u));
+                let bent = flatten * (at.flat - self.along(p, u));
                 (0..3).for_each(|k| u[n][k] += bent * self.axis[k]);
             }
             let pushed = !sticks && self.is_pushed(slip, at.layer, p);

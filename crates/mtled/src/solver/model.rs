@@ -246,10 +246,18 @@ impl Model {
     }
 
     /// With a rod through layers of nodes (see [`Role::Dragged`]): `nodes` by layer and ring, the number of nodes in each ring of a
-    /// layer, and the rings' shares of the area of the rod's end. `axis`: unit vector into the body.
+    /// layer, and the rings' shares of the area of the rod's end. `axis`: unit vector into the body; `flattening`: way of the rod on which a
+    /// layer that its end has bent becomes flat again behind it, m.
     #[must_use]
-    pub fn with_rod(mut self, axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[usize], areas: Vec<f64>) -> Self {
-        let drag = Drag::new(axis, nodes, ring_sizes, areas);
+    pub fn with_rod(
+        mut self,
+        axis: [f64; 3],
+        nodes: Vec<u32>,
+        ring_sizes: &[usize],
+        areas: Vec<f64>,
+        flattening: f64,
+    ) -> Self {
+        let drag = Drag::new(axis, nodes, ring_sizes, areas, flattening);
         (self.rest.moving.slip, self.rest.constraints.drag) = (drag.slip(), drag);
         self
     }
@@ -339,7 +347,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>, half:
         Precise::F32(k) => Precise::<Points<f32>, Points<f64>>::F32(k.points()),
         Precise::F64(k) => Precise::F64(k.points()),
     };
-    let nothing = Drag::new([0.0, 0.0, -1.0], Vec::new(), &[], Vec::new());
+    let nothing = Drag::new([0.0, 0.0, -1.0], Vec::new(), &[], Vec::new(), 1.0);
     State {
         moving: Moving {
             u: zero.clone(),
