@@ -120,7 +120,7 @@ pub const COMPOSITES: [Composite; 5] = [
         preset: "indentation",
         regions: SKIN,
         // a force of a few mN: beside it, what one step a pose leaves of motion is 2 % (docs/lab/layers.md)
-        keys: &[NO_WALL, ("instrument.diameter_m", "0.001"), ("stepping.tolerance", "0.002")],
+        keys: &[NO_WALL, ("instrument.diameter_m", "0.001"), ("stepping.tolerance", "0.0015")],
         heights_mm: &[],
         table: include_str!("../../bags/reference/membrane_indentation.csv"),
     },
