@@ -20,9 +20,8 @@ fn built(parts: &[&str]) -> Twin {
     alone(|| Twin::new(&Scene::from_toml(&parts.concat(), "needle.toml").unwrap()).unwrap())
 }
 
-fn reference() -> Vec<Vec<f64>> {
-    let text =
-        std::fs::read_to_string(format!("{}/bags/reference/needle_friction.csv", env!("CARGO_MANIFEST_DIR"))).unwrap();
+fn reference(case: &str) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(format!("{}/bags/reference/{case}.csv", env!("CARGO_MANIFEST_DIR"))).unwrap();
     text.lines().skip(1).map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect()
 }
 
@@ -37,7 +36,7 @@ fn an_embedded_needle_is_held_as_the_reference_has_it() {
     twin.target_positions(&mut at);
     let rest = at.clone();
     let (mut force, mut beside, mut below, mut dissipated): (f64, f64, f64, f64) = (0.0, 0.0, 0.0, 0.0);
-    for row in reference().into_iter().skip(1) {
+    for row in reference("needle_friction").into_iter().skip(1) {
         let to = 0.008 + row[0];
         let last = *travel(&mut twin, depth, to, 100).last().unwrap();
         depth = to;
@@ -174,26 +173,15 @@ fn random_motions_that_end_where_they_began_take_work() {
     }
 }
 
-/// Rows of `bags/reference/membrane_indentation.csv`, m and N, and (0, 0).
-const PRESSED: [(f64, f64); 7] = [
-    (0.0, 0.0),
-    (2.5e-4, 0.00315),
-    (5e-4, 0.00612),
-    (7.5e-4, 0.00909),
-    (1e-3, 0.01230),
-    (1.5e-3, 0.01965),
-    (2e-3, 0.02824),
-];
-
-/// What the reference says of a depth, N: the cubic through the four rows round it.
-fn pressed_n(depth: f64) -> f64 {
-    let after = PRESSED.partition_point(|&(d, _)| d < depth);
-    let four = &PRESSED[after.saturating_sub(2).min(PRESSED.len() - 4)..][..4];
+/// What a table of (m, N) says of a depth, N: the cubic through the four rows round it.
+fn cubic(rows: &[Vec<f64>], depth: f64) -> f64 {
+    let after = rows.partition_point(|row| row[0] < depth);
+    let four = &rows[after.saturating_sub(2).min(rows.len() - 4)..][..4];
     let weight = |i: usize| -> f64 {
         let others = (0..4).filter(|&k| k != i);
-        others.map(|k| (depth - four[k].0) / (four[i].0 - four[k].0)).product()
+        others.map(|k| (depth - four[k][0]) / (four[i][0] - four[k][0])).product()
     };
-    (0..4).map(|i| four[i].1 * weight(i)).sum()
+    (0..4).map(|i| four[i][1] * weight(i)).sum()
 }
 
 #[test]
@@ -212,12 +200,14 @@ fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let Event::Puncture { depth_m, region } = event else { unreachable!("{event:?}") };
     assert_eq!((region, answers[at - 1].phase), (1, Phase::Indentation));
     println!("punctured at {depth_m} m with {} N, then {} N", answers[at - 1].force_n[2], answers[at + 2].force_n[2]);
-    let off = |a: &Prediction| (a.force_n[2] - pressed_n(a.depth_m)) / 0.02;
+    let mut pressed = reference("membrane_indentation");
+    pressed.insert(0, vec![0.0, 0.0]);
+    let off = |a: &Prediction| (a.force_n[2] - cubic(&pressed, a.depth_m)) / 0.02;
     let most = answers[..at].iter().map(off).fold(0.0_f64, |most, off| most.max(off.abs()));
     println!("up to the drop at most {most} of the puncture force off");
     assert!(most < 0.03, "{most}");
     // where the reference reaches 20 mN
-    assert!((depth_m - 1.52e-3).abs() < 1e-4 && (pressed_n(1.52e-3) - 0.02).abs() < 5e-5, "{depth_m}");
+    assert!((depth_m - 1.52e-3).abs() < 1e-4 && (cubic(&pressed, 1.52e-3) - 0.02).abs() < 5e-5, "{depth_m}");
     assert!(answers[at + 10].force_n[2] < 0.4 * answers[at - 1].force_n[2], "it falls within 20 ms");
     let parts = twin.needle_forces().unwrap();
     let rubbed = twin.cut_depth().unwrap() - 0.25e-3;
