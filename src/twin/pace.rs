@@ -154,6 +154,11 @@ impl Pace {
         self.imbalance = if self.peak > 0.0 { unbalanced(balance) / self.peak } else { 0.0 };
     }
 
+    /// Takes over the force after a fall that was followed to rest: it says nothing of how the force goes on.
+    pub fn follow(&mut self, balance: &Balance) {
+        (self.force, self.change) = (balance.instrument, 0.0);
+    }
+
     /// Whether the tissue is near enough to rest for the pose to be answered. What slips and what is cut is not undone by the poses that
     /// follow, so a needle with friction does not leave a pose before. `energies`: kinetic over strain energy.
     pub fn is_settled(&self, balance: &Balance, energies: f64) -> bool {

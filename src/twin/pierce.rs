@@ -11,7 +11,7 @@ const STRIDE: f64 = 0.0025;
 const STRIDES: f64 = 40.0;
 /// Explicit steps between two looks at tissue that is not at rest, and most looks.
 const LOOK: u32 = 8;
-const LOOKS: u32 = 192;
+const LOOKS: u32 = 512;
 
 /// Length of a stride of a way, m.
 pub(super) fn stride(radius: f64, length: f64) -> f64 {
@@ -29,18 +29,23 @@ impl Twin {
         phase: Phase,
         time_s: f64,
     ) -> Result<Option<(Balance, u32)>, Halt> {
-        let (mut last, mut taken) = (None, 0);
+        let (mut last, mut taken, mut sprang) = (None, 0, false);
         for _ in 0..LOOKS {
             let balance: &Balance = last.as_ref().unwrap_or(first);
             let settled = self.progress.pace.is_settled(balance, self.energies(balance));
             let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
-            if (settled && !needle.springs_back(&self.solver, balance.gap)) || taken >= self.progress.pace.most() {
+            let springs = needle.springs_back(&self.solver, balance.gap);
+            if (settled && !springs) || taken >= self.progress.pace.most() {
                 break;
             }
+            sprang |= springs;
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
             self.note(seen, tip, phase);
             last = Some(self.advance_safely(LOOK, [0.0; 3], tip, phase, time_s)?);
             taken += LOOK;
+        }
+        if let Some(balance) = last.as_ref().filter(|_| sprang) {
+            self.progress.pace.follow(balance);
         }
         Ok(last.map(|balance| (balance, taken)))
     }

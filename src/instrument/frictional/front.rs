@@ -9,7 +9,7 @@ const AT: f64 = 1e-3;
 /// Way of the front in one advance, in radii, from which the tissue springs back and further steps are due.
 const RUNS: f64 = 0.05;
 /// Looks after which the tissue has sprung back in any case.
-const PATIENCE: u32 = 192;
+const PATIENCE: u32 = 512;
 
 /// Share of the shaft's whole friction from which on all of it slips, and below which it sticks again.
 const SLIPS: [f64; 2] = [0.98, 0.5];
@@ -18,22 +18,25 @@ const GIVES: f64 = 0.1;
 /// Length of shaft in the tissue below which its slip is no event, in radii.
 const SHORT: f64 = 2.0;
 /// Force that is not at rest, over that of the puncture, below which the tissue has sprung back.
-const REST: f64 = 0.05;
+const REST: f64 = 0.003;
 
 impl Frictional {
-    /// Depth of the material that all of the tip's rings have cut, m.
-    fn cut(solver: &Solver) -> f64 {
-        solver.slip().end.iter().copied().fold(f64::INFINITY, f64::min)
+    /// Depth of the material that the tip's face has cut, m: the mean over its area.
+    fn cut(&self, solver: &Solver) -> f64 {
+        self.shaft.areas.iter().zip(&solver.slip().end).map(|(a, c)| a * c).sum()
     }
 
     /// Takes over how far the tip has cut in the last advance, and what it has broken.
     pub(super) fn advance_front(&mut self, solver: &mut Solver) -> Option<Event> {
         let broken = solver.slip().broken;
-        let cut = Self::cut(solver);
-        self.progress.front = self.progress.front.max(cut);
+        let cut = self.cut(solver);
+        let springs = self.progress.released.is_some();
+        self.progress.front = if springs { cut } else { self.progress.front.max(cut) };
         let [depth_m, force] = broken?;
         let layer = self.next_boundary()?;
         solver.mend();
+        // the tissue goes another way now
+        solver.forget_motion();
         self.progress.entered = Some(layer);
         self.progress.released = Some((force, 0));
         Some(Event::Puncture { depth_m, region: self.shaft.under[layer].region })
@@ -78,9 +81,10 @@ impl Frictional {
     }
 
     /// The tip at the front.
-    pub(super) fn end(&self, upper: usize, share: f64) -> End {
+    pub(super) fn end(&self, (first, shares): (usize, [f64; 3])) -> End {
         let z = &self.shaft.depths;
-        let mu = self.shaft.under[upper].shear_modulus;
+        let mu = self.shaft.under[self.shaft.place(self.shoulder(self.progress.front)).0].shear_modulus;
+        let springs = self.progress.released.is_some();
         let inside = self.progress.entered.map(|k| self.shaft.under[k]);
         let limit = inside.map_or(f64::INFINITY, |r| r.cutting);
         let membrane = self.next_boundary().filter(|&k| self.shaft.under[k].puncture > 0.0);
@@ -100,12 +104,12 @@ impl Frictional {
         let stiff = TIP_STIFFNESS * spring;
         let exponent = inside.map_or(0.0, |r| r.rate_exponent);
         let rate = Rate { exponent, slow: self.slow * self.progress.elapsed };
-        End { upper, share, spring, stiff, limit, stop, puncture, beyond, rate, lag: LAG * self.shaft.radius }
+        End { first, shares, spring, stiff, limit, stop, puncture, beyond, rate, lag: LAG * self.shaft.radius, springs }
     }
 
     /// Whether the tissue springs back along the needle, with a residual force of so many N: then the pose is worth further steps.
     pub fn springs_back(&mut self, solver: &Solver, residual: f64) -> bool {
-        let runs = Self::cut(solver) - self.progress.front > RUNS * self.shaft.radius;
+        let runs = self.cut(solver) - self.progress.front > RUNS * self.shaft.radius;
         self.progress.released = self
             .progress
             .released

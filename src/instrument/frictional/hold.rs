@@ -9,13 +9,13 @@ impl Frictional {
     pub(super) fn hold(&mut self, tip: &Tip, solver: &mut Solver) {
         let (front, at) = (self.progress.front, self.progress.shoulder);
         let pushes = self.progress.tip > front - self.layer();
-        let (upper, share) = self.shaft.place(if pushes { self.shoulder(front) } else { at });
+        let spread = self.shaft.spread(if pushes { self.shoulder(front) } else { at });
+        let ends = |layer: usize| (spread.0..).zip(spread.1).any(|(l, share)| l == layer && share > 0.0);
         self.progress.friction = 0.0;
         let mut pressure = 0.0;
         for layer in 0..self.shaft.depths.len() {
             let above = layer.checked_sub(1).map_or(0.0, |k| self.shaft.depths[k]);
-            let ends = layer == upper || layer == upper + 1;
-            let grip = if ends && (pushes || at > above) {
+            let grip = if ends(layer) && (pushes || at > above) {
                 Grip::Apart
             } else if at > above || (layer == 0 && self.progress.entered.is_some()) {
                 Grip::Tied
@@ -37,7 +37,7 @@ impl Frictional {
             solver.grip(layer, wall);
             self.guide(layer, grip, tip, solver);
         }
-        let end = if pushes { self.end(upper, share) } else { End::default() };
+        let end = if pushes { self.end(spread) } else { End::default() };
         solver.set_end(end);
         self.fill(solver);
     }
@@ -89,13 +89,15 @@ impl Frictional {
         }
     }
 
-    /// The needle takes the place of the tissue in the cells above its tip.
+    /// The needle takes the place of the tissue in the cells above its tip: of those above a layer the share that lies on it and below.
     fn fill(&mut self, solver: &mut Solver) {
-        let z = &self.shaft.depths;
+        let (first, shares) = self.shaft.spread(self.progress.shoulder);
         for (layer, (points, filled)) in self.inner.iter().zip(&mut self.progress.filled).enumerate() {
-            let share = match (self.progress.entered, layer.checked_sub(1)) {
-                (Some(_), Some(above)) => ((self.progress.shoulder - z[above]) / (z[layer] - z[above])).clamp(0.0, 1.0),
-                _ => 0.0,
+            let below = (first..).zip(shares).filter(|(l, _)| *l >= layer).map(|(_, share)| share).sum::<f64>();
+            let share = match (self.progress.entered, layer) {
+                (None, _) | (_, 0) => 0.0,
+                _ if layer <= first => 1.0,
+                _ => below,
             };
             if share != *filled {
                 *filled = share;

@@ -8,8 +8,10 @@
 //! ```
 //!
 //! d: way of the rod along its axis; w: displacement of a layer of nodes along the axis. Behind the end a layer moves as one. The end
-//! stands between two layers, at the share s of the way from the upper to the lower one; w_i = (1 - s) w_upper + s w_lower over
-//! ring i of both, and P_i acts on them in the same shares.
+//! acts on three layers j in the shares s_j: w_i = sum_j s_j w_ij over their rings i, and P_i acts on them in the same shares.
+//!
+//! After a membrane has broken the tissue springs back, and swings: the masses are not those of tissue. What the end cuts then is where
+//! that comes to rest under the limit, so until then ([`End::springs`]) c_i follows it both ways, down to where it was at first.
 //!
 //! Springs are those at the end of the step ([`super::slide`]). What sticks goes with the rod: q is its velocity relative to the rod's
 //! while it sticks and relative to its tangent motion t d while it slips, so that neither beginning is a push, and the trial force holds
@@ -52,10 +54,10 @@ pub struct Wall {
 /// What the rod's end does.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct End {
-    /// The layer above it; the other is the next one.
-    pub upper: usize,
-    /// s.
-    pub share: f64,
+    /// The first of the layers that it acts on.
+    pub first: usize,
+    /// s_j.
+    pub shares: [f64; 3],
     /// Sum of the springs k_i, N/m; 0 without an end in the material.
     pub spring: f64,
     /// Sum of the springs K_i, N/m.
@@ -72,6 +74,8 @@ pub struct End {
     pub rate: Rate,
     /// How far a c_i may be behind the mean of all, m.
     pub lag: f64,
+    /// Whether c_i goes where the tissue springs back to, and back from there, at a push that stays the limit.
+    pub springs: bool,
 }
 
 cloned_field_by_field! {
@@ -105,6 +109,8 @@ cloned_field_by_field! {
         pub wall: Vec<f64>,
         /// c_i of each ring, m.
         pub end: Vec<f64>,
+        /// c_i that tissue which springs back does not undo, m.
+        pub floor: Vec<f64>,
         /// c_i at the beginning of the time that [`End::rate`] is of, m.
         pub began: Vec<f64>,
         /// P of each layer, N, into the body on the tissue.
@@ -149,6 +155,7 @@ impl Drag {
             at: 0.0,
             wall: vec![0.0; layers],
             end: vec![0.0; rings],
+            floor: vec![0.0; rings],
             began: vec![0.0; rings],
             pull: vec![0.0; layers],
             push: vec![0.0; rings],
@@ -251,41 +258,47 @@ impl Drag {
         if slip.broken.is_some() {
             (limit, stop) = (end.beyond, f64::INFINITY);
         }
+        let springs = end.springs || slip.broken.is_some();
         for i in 0..self.areas.len() {
-            let parts = [(self.ring(end.upper, i), 1.0 - end.share), (self.ring(end.upper + 1, i), end.share)];
+            let parts = || (end.first..).zip(end.shares).filter(|(_, s)| *s > 0.0).map(|(l, s)| (self.ring(l, i), s));
             let (mut w, mut compliance) = (0.0, 0.0);
-            for (ring, weight) in &parts {
+            for (ring, weight) in parts() {
                 let each = weight / ring.len() as f64;
-                for p in ring.clone().filter(|_| *weight > 0.0) {
+                for p in ring {
                     w += each * (self.along(p, u) + slip.step[p]);
                     compliance += each * each / (mass[self.nodes[p] as usize] * rule.mass_factor);
                 }
             }
             let [spring, stiff, most] = [end.spring, end.stiff, limit].map(|sum| self.areas[i] * sum);
             let mut tip = Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance };
-            let mut force = tip.force(d - slip.end[i] - w);
+            if !springs {
+                slip.floor[i] = slip.end[i];
+            }
+            let mut c = slip.floor[i];
+            let (mut force, mut work) = (tip.force(d - c - w), 0.0);
             if force > most {
                 // where the end has to be for the force to be at its limit
                 let give = 1.0 / spring + compliance;
-                let mut c = d - w - most * give;
-                let fast = end.rate.exponent > 0.0 && c - slip.began[i] > end.rate.slow;
+                let mut at = d - w - most * give;
+                let fast = end.rate.exponent > 0.0 && at - slip.began[i] > end.rate.slow;
                 if fast {
-                    c = slip.began[i] + end.rate.way(c - slip.began[i], most, 1.0 / give);
+                    at = slip.began[i] + end.rate.way(at - slip.began[i], most, 1.0 / give);
                 }
-                let c = c.min(stop).max(slip.end[i]);
+                c = at.min(stop).max(c);
                 let stopped = c >= stop;
                 if fast && !stopped {
                     // the limit at the speed that it has
                     tip.limit = (d - c - w) / give;
                 }
                 force = tip.force(d - c - w);
-                slip.dissipated += if fast && !stopped { force } else { most.min(force) } * (c - slip.end[i]);
-                slip.end[i] = c;
+                work = if fast && !stopped { force } else { most.min(force) };
             }
+            slip.dissipated += work * (c - slip.end[i]);
+            slip.end[i] = c;
             slip.push[i] = force;
-            for (ring, weight) in parts {
+            for (ring, weight) in parts() {
                 let each = force * weight / ring.len() as f64;
-                for p in ring.filter(|_| weight > 0.0) {
+                for p in ring {
                     slip.step[p] += each / (mass[self.nodes[p] as usize] * rule.mass_factor);
                     slip.load[p] += each;
                 }
@@ -340,9 +353,9 @@ impl Drag {
     /// Whether the end holds a place's node, of the layer that is nearest to the end: what it pushes with less than its limit, or at a
     /// membrane.
     fn is_pushed(&self, slip: &Slip, layer: usize, place: usize) -> bool {
-        let End { upper, share, spring, .. } = self.end;
-        let near = if share < 0.5 { upper } else { upper + 1 };
-        if spring <= 0.0 || layer != near {
+        let End { first, shares, spring, .. } = self.end;
+        let most = shares.iter().copied().fold(0.0, f64::max);
+        if spring <= 0.0 || layer.checked_sub(first).and_then(|j| shares.get(j)).is_none_or(|s| *s < most) {
             return false;
         }
         let within = place - self.layer(layer).start;

@@ -159,6 +159,11 @@ impl Solver {
         self.state.mend();
     }
 
+    /// [`State::forget_motion`].
+    pub fn forget_motion(&mut self) {
+        self.state.forget_motion();
+    }
+
     /// [`State::drag_to`].
     pub fn drag_to(&mut self, way: f64) {
         self.state.drag_to(way);

@@ -222,6 +222,7 @@ impl State {
     /// The rod's end is at a depth of the material, m, and has broken what was there.
     pub fn place_end(&mut self, depth: f64) {
         self.moving.slip.end.fill(depth);
+        self.moving.slip.floor.fill(depth);
         self.moving.slip.began.fill(depth);
         self.moving.slip.broken = None;
     }
@@ -234,6 +235,12 @@ impl State {
     /// Another membrane is in the end's way.
     pub fn mend(&mut self) {
         self.moving.slip.broken = None;
+    }
+
+    /// What was learnt of the motion is no longer true: the nodes stand, and go along with nothing.
+    pub fn forget_motion(&mut self) {
+        self.moving.q.fill([0.0; 3]);
+        self.moving.tangent.fill([[0.0; 3]; 3]);
     }
 
     /// Moves the rod along its axis, to a way in m at the end of the next advance.
