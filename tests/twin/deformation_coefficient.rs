@@ -33,7 +33,8 @@ fn tissue_sticks_first_and_is_left_behind_as_the_shaft_slips() {
 }
 
 /// What has come to the shaft goes with it wholly, as the kinematic rule with coefficient 1 has it: to the give of the sticking spring. The
-/// rule itself can't be run beside it: it puts all that it holds at the depth of the tip, and loses the solution after half a millimetre.
+/// rule itself can't be run beside it: it puts all that it holds at the depth of the tip, and loses the solution after half a millimetre,
+/// this after 1.4 mm.
 #[test]
 fn endless_friction_without_cutting_takes_along_all_that_the_shaft_has_come_to() {
     let run = |friction: &str| {
@@ -42,11 +43,11 @@ fn endless_friction_without_cutting_takes_along_all_that_the_shaft_has_come_to()
             "interaction = \"frictional\"\nfriction_n_per_m = {friction}\n[motion]\ndepth_m = 0.004\n{target}"
         ));
         let (mut before, mut after) = (Vec::new(), Vec::new());
-        travel(&mut twin, 0.0, 1e-3, 500);
+        travel(&mut twin, 0.0, 0.8e-3, 400);
         twin.target_positions(&mut before);
-        let force = travel(&mut twin, 1e-3, 1.5e-3, 250).last().unwrap().force_n[2];
+        let force = travel(&mut twin, 0.8e-3, 1.2e-3, 200).last().unwrap().force_n[2];
         twin.target_positions(&mut after);
-        let share = (before[0][2] - after[0][2]) / 5e-4;
+        let share = (before[0][2] - after[0][2]) / 4e-4;
         println!("{friction} N/m: {force:.6} N, tissue at the shaft goes {share:.4} of the way");
         (force, share)
     };

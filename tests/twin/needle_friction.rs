@@ -184,6 +184,38 @@ fn cubic(rows: &[Vec<f64>], depth: f64) -> f64 {
     (0..4).map(|i| four[i][1] * weight(i)).sum()
 }
 
+/// From the drop on the force is that of cutting and friction of what is in, however many steps a pose has: what tissue that springs back
+/// swings past its rest is not cut.
+#[test]
+fn the_drop_ends_at_cutting_and_friction_at_any_number_of_steps() {
+    let few = "max_steps_per_pose = 200\n";
+    for (stepping, pose_m) in [("", 2e-6_f64), ("min_steps_per_pose = 32\n", 2e-6), (few, 2e-6), ("", 1e-5)] {
+        let stepping = format!("[motion]\ndepth_m = 0.003\n[stepping]\n{stepping}");
+        let mut twin = built(&[SAMPLE, SKIN, NEEDLE, RUBS, CLOUD, &stepping]);
+        let (mut highest, mut lowest, mut last, mut fell) = (0.0_f64, 0.0_f64, 0.0, None);
+        let mut over = Vec::new();
+        for i in 1..=(1.6e-3 / pose_m).round() as u32 {
+            let depth = pose_m * f64::from(i);
+            last = at_depth(&mut twin, depth).force_n[2];
+            highest = highest.max(last);
+            let level = 0.003 + 3.0 * (twin.cut_depth().unwrap() - 0.25e-3).max(0.0);
+            let off = (last - level) / 0.02;
+            fell = fell.or_else(|| (highest > 0.019 && off < 0.02).then_some(depth));
+            if fell.is_some() {
+                lowest = lowest.min(off);
+                over.push(last / level);
+            }
+        }
+        println!(
+            "{stepping:?}: {highest} N, fallen at {fell:?}, lowest {lowest:+.4} of the puncture force, then {last} N"
+        );
+        assert!(fell.is_some_and(|depth| (depth - 1.5e-3).abs() < 5e-5), "{fell:?}");
+        let mean = over.iter().sum::<f64>() / over.len() as f64;
+        println!("force over cutting and friction: {} just after the drop, {mean} in the mean", over[0]);
+        assert!(lowest > -0.02 && (mean - 1.0).abs() < 0.02, "{lowest} {mean}");
+    }
+}
+
 #[test]
 fn skin_is_pierced_and_the_force_falls_to_cutting_and_friction() {
     let mut twin = built(&[SAMPLE, SKIN, NEEDLE, RUBS, CLOUD, "[motion]\ndepth_m = 0.003\n"]);

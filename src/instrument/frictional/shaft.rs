@@ -185,7 +185,8 @@ impl Shaft {
         let t = (above as f64 + share - nearest as f64).min(0.5);
         let b = (SPREAD * self.radius / (self.depths[1] - self.depths[0])).min(1.0);
         // integral of H from -1 to y
-        let to = |y: f64| if y < 0.0 { 0.5 * (1.0 + y).max(0.0).powi(2) } else { 1.0 - 0.5 * (1.0 - y).max(0.0).powi(2) };
+        let to =
+            |y: f64| if y < 0.0 { 0.5 * (1.0 + y).max(0.0).powi(2) } else { 1.0 - 0.5 * (1.0 - y).max(0.0).powi(2) };
         let [up, at, down] = [-1.0, 0.0, 1.0].map(|j| (to(t + 0.5 * b - j) - to(t - 0.5 * b - j)) / b);
         match nearest.checked_sub(1) {
             Some(first) => (first, [up, at, down]),
