@@ -21,6 +21,7 @@ use super::aside::{across, along};
 use super::cloned::cloned_field_by_field;
 use super::nodes::Rule;
 use super::slide::{Rate, Tip, slide};
+use super::slip::Slip;
 use super::state::Moving;
 
 /// Largest share of its distance from the outermost ring that a tied layer's node loses in a step.
@@ -99,45 +100,6 @@ cloned_field_by_field! {
     }
 }
 
-cloned_field_by_field! {
-    /// Slip: what a dragged body remembers.
-    #[derive(Debug)]
-    pub struct Slip {
-        /// d, m.
-        pub at: f64,
-        /// b of each layer, m.
-        pub wall: Vec<f64>,
-        /// c_i of each ring, m.
-        pub end: Vec<f64>,
-        /// c_i that tissue which springs back does not undo, m.
-        pub floor: Vec<f64>,
-        /// c_i at the beginning of the time that [`End::rate`] is of, m.
-        pub began: Vec<f64>,
-        /// P of each layer, N, into the body on the tissue.
-        pub pull: Vec<f64>,
-        /// P_i, N.
-        pub push: Vec<f64>,
-        /// d in m and push in N at which the membrane broke.
-        pub broken: Option<[f64; 2]>,
-        /// Work that slip has dissipated, J.
-        pub dissipated: f64,
-        /// Whether each node goes with the rod: it sticks to the wall or to the end.
-        pub held: Vec<bool>,
-        /// Way along the axis of each node in the present step, m.
-        pub step: Vec<f64>,
-        /// Force along the axis on each node, N.
-        pub load: Vec<f64>,
-    }
-}
-
-impl Slip {
-    /// Force of the wall and of the end on the tissue, N, into the body.
-    #[must_use]
-    pub fn forces(&self) -> [f64; 2] {
-        [self.pull.iter().sum(), self.push.iter().sum()]
-    }
-}
-
 impl Drag {
     /// A rod that holds nothing yet, through layers of nodes with so many nodes in each ring, `areas` being the rings' shares of the end.
     pub fn new(axis: [f64; 3], nodes: Vec<u32>, ring_sizes: &[usize], areas: Vec<f64>, flattening: f64) -> Self {
@@ -146,25 +108,6 @@ impl Drag {
         let layers = nodes.len() / rings[ring_sizes.len()].max(1);
         let walls = vec![Wall::default(); layers];
         Self { axis, nodes, rings, areas, flattening, walls, end: End::default(), way: [0.0; 2] }
-    }
-
-    /// Nothing slipped.
-    pub fn slip(&self) -> Slip {
-        let (layers, rings) = (self.walls.len(), self.areas.len());
-        Slip {
-            at: 0.0,
-            wall: vec![0.0; layers],
-            end: vec![0.0; rings],
-            floor: vec![0.0; rings],
-            began: vec![0.0; rings],
-            pull: vec![0.0; layers],
-            push: vec![0.0; rings],
-            broken: None,
-            dissipated: 0.0,
-            held: vec![false; self.nodes.len()],
-            step: vec![0.0; self.nodes.len()],
-            load: vec![0.0; self.nodes.len()],
-        }
     }
 
     /// Places in `nodes` of a layer.

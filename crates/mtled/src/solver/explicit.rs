@@ -6,9 +6,10 @@ use std::sync::atomic::AtomicBool;
 use crate::approximation::ShapeTable;
 
 use super::contact::Touch;
-use super::drag::{End, Slip, Wall};
+use super::drag::{End, Wall};
 use super::model::{Model, Workspace, with_kernel};
 use super::settings::SolverSettings;
+use super::slip::Slip;
 use super::state::{Moving, Role, State};
 use super::step::{Advance, Balance};
 use super::work::StepWork;

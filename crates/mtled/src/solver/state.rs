@@ -3,11 +3,12 @@
 use super::aside::aside;
 use super::cloned::cloned_field_by_field;
 use super::contact::{Moved, Surface, Touch};
-use super::drag::{Drag, End, Grip, Slip, Wall};
+use super::drag::{Drag, End, Grip, Wall};
 use super::inertia::{Motion, Sums};
 use super::kernel::Points;
 use super::memory::Memory;
 use super::model::Precise;
+use super::slip::Slip;
 
 /// What holds a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -1,0 +1,64 @@
+//! What nodes that a rod drags remember of it (see [`super::drag`]).
+
+use super::cloned::cloned_field_by_field;
+use super::drag::Drag;
+
+cloned_field_by_field! {
+    /// Slip: what a dragged body remembers.
+    #[derive(Debug)]
+    pub struct Slip {
+        /// d, m.
+        pub at: f64,
+        /// b of each layer, m.
+        pub wall: Vec<f64>,
+        /// c_i of each ring, m.
+        pub end: Vec<f64>,
+        /// c_i that tissue which springs back does not undo, m.
+        pub floor: Vec<f64>,
+        /// c_i at the beginning of the time that [`End::rate`] is of, m.
+        pub began: Vec<f64>,
+        /// P of each layer, N, into the body on the tissue.
+        pub pull: Vec<f64>,
+        /// P_i, N.
+        pub push: Vec<f64>,
+        /// d in m and push in N at which the membrane broke.
+        pub broken: Option<[f64; 2]>,
+        /// Work that slip has dissipated, J.
+        pub dissipated: f64,
+        /// Whether each node goes with the rod: it sticks to the wall or to the end.
+        pub held: Vec<bool>,
+        /// Way along the axis of each node in the present step, m.
+        pub step: Vec<f64>,
+        /// Force along the axis on each node, N.
+        pub load: Vec<f64>,
+    }
+}
+
+impl Slip {
+    /// Force of the wall and of the end on the tissue, N, into the body.
+    #[must_use]
+    pub fn forces(&self) -> [f64; 2] {
+        [self.pull.iter().sum(), self.push.iter().sum()]
+    }
+}
+
+impl Drag {
+    /// Nothing slipped.
+    pub fn slip(&self) -> Slip {
+        let (layers, rings) = (self.walls.len(), self.areas.len());
+        Slip {
+            at: 0.0,
+            wall: vec![0.0; layers],
+            end: vec![0.0; rings],
+            floor: vec![0.0; rings],
+            began: vec![0.0; rings],
+            pull: vec![0.0; layers],
+            push: vec![0.0; rings],
+            broken: None,
+            dissipated: 0.0,
+            held: vec![false; self.nodes.len()],
+            step: vec![0.0; self.nodes.len()],
+            load: vec![0.0; self.nodes.len()],
+        }
+    }
+}
