@@ -169,7 +169,7 @@ impl Shaft {
         (k, if share.abs() < 1e-6 { 0.0 } else { share.clamp(0.0, 1.0) })
     }
 
-    /// How the push at a depth is spread over layers: the first of three, and their shares. It acts over a length of [`SPREAD`] R, at most
+    /// How the push at a depth is spread over layers: the first of three, and their shares. It acts over a length of R/8, at most
     /// the distance h between layers: with x the depth, b that length and j the layer, all over h, and H the linear function of a layer,
     ///
     /// ```text

@@ -15,7 +15,7 @@ cloned_field_by_field! {
         pub end: Vec<f64>,
         /// c_i that tissue which springs back does not undo, m.
         pub floor: Vec<f64>,
-        /// c_i at the beginning of the time that [`End::rate`] is of, m.
+        /// c_i at the beginning of the time that [`super::End::rate`] is of, m.
         pub began: Vec<f64>,
         /// P of each layer, N, into the body on the tissue.
         pub pull: Vec<f64>,
