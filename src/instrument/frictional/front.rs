@@ -21,15 +21,10 @@ const SHORT: f64 = 2.0;
 const REST: f64 = 0.003;
 
 impl Frictional {
-    /// Depth of the material that the tip's face has cut, m: the mean over its area.
-    fn cut(&self, solver: &Solver) -> f64 {
-        self.shaft.areas.iter().zip(&solver.slip().end).map(|(a, c)| a * c).sum()
-    }
-
     /// Takes over how far the tip has cut in the last advance, and what it has broken.
     pub(super) fn advance_front(&mut self, solver: &mut Solver) -> Option<Event> {
         let broken = solver.slip().broken;
-        let cut = self.cut(solver);
+        let cut = solver.cut();
         let springs = self.progress.released.is_some();
         self.progress.front = if springs { cut } else { self.progress.front.max(cut) };
         let [depth_m, force] = broken?;
@@ -109,7 +104,7 @@ impl Frictional {
 
     /// Whether the tissue springs back along the needle, with a residual force of so many N: then the pose is worth further steps.
     pub fn springs_back(&mut self, solver: &Solver, residual: f64) -> bool {
-        let runs = self.cut(solver) - self.progress.front > RUNS * self.shaft.radius;
+        let runs = solver.cut() - self.progress.front > RUNS * self.shaft.radius;
         self.progress.released = self
             .progress
             .released

@@ -247,7 +247,7 @@ impl Drag {
                 }
             }
         }
-        let behind = self.areas.iter().zip(&slip.end).map(|(a, c)| a * c).sum::<f64>() - end.lag;
+        let behind = self.cut(slip) - end.lag;
         for (c, force) in slip.end.iter_mut().zip(&slip.push).filter(|(c, _)| **c < behind) {
             slip.dissipated += force * (behind - *c);
             *c = behind;
@@ -256,6 +256,11 @@ impl Drag {
         if slip.broken.is_none() && end.puncture.is_finite() && all >= end.puncture {
             slip.broken = Some([d, all]);
         }
+    }
+
+    /// Mean of c_i over the end's area, m.
+    pub fn cut(&self, slip: &Slip) -> f64 {
+        self.areas.iter().zip(&slip.end).map(|(a, c)| a * c).sum()
     }
 
     /// The wall's friction on a layer.

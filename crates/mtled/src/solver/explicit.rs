@@ -181,6 +181,12 @@ impl Solver {
         self.state.slip()
     }
 
+    /// [`State::cut`].
+    #[must_use]
+    pub fn cut(&self) -> f64 {
+        self.state.cut()
+    }
+
     /// [`State::internal_force`].
     #[must_use]
     pub fn internal_force(&self, node: usize) -> [f64; 3] {

@@ -261,6 +261,12 @@ impl State {
         &self.moving.slip
     }
 
+    /// Depth of the material that the rod's end has cut, m: the mean over its area.
+    #[must_use]
+    pub fn cut(&self) -> f64 {
+        self.constraints.drag.cut(&self.moving.slip)
+    }
+
     /// Internal force on a node after the last step, N: what its holder exerts on the tissue.
     #[must_use]
     pub fn internal_force(&self, node: usize) -> [f64; 3] {
