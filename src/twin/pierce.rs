@@ -32,9 +32,10 @@ impl Twin {
         let (mut last, mut taken, mut sprang) = (None, 0, false);
         for _ in 0..LOOKS {
             let balance: &Balance = last.as_ref().unwrap_or(first);
-            let settled = self.progress.pace.is_settled(balance, self.energies(balance));
+            let energies = self.energies(balance);
+            let settled = self.progress.pace.is_settled(balance, energies);
             let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
-            let springs = needle.springs_back(&self.solver, balance.gap);
+            let springs = needle.springs_back(&self.solver, balance.gap, energies);
             if (settled && !springs) || taken >= self.progress.pace.most() {
                 break;
             }

@@ -1,4 +1,4 @@
-//! A frictional needle on an oblique path, and moved sideways.
+//! A frictional needle in space: through a membrane, on an oblique path, and moved sideways.
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::alone;
@@ -31,6 +31,29 @@ fn pushed_and_pulled(twin: &mut Twin) -> [[f64; 2]; 3] {
         [along, side * (force[0] + along * axis[0])]
     };
     [to(0.0, 3e-4, 12), to(3e-4, 1.2e-3, 36), to(1.2e-3, -3e-4, 60)]
+}
+
+/// In space as in the half plane: the tissue swings after the drop, and what it swings past its rest is neither cut nor slipped.
+#[test]
+fn in_space_too_the_drop_ends_at_cutting_and_friction() {
+    let needle = format!("{RUBS}puncture_force_n = 0.03\n");
+    for dimension in ["axisymmetric", "full"] {
+        let mut twin = built(&needle, dimension, "");
+        let mut fallen = Vec::new();
+        for k in 1..=60_u32 {
+            let pose = twin.pose_at_depth(5e-5 * f64::from(k));
+            let force = twin.step(StampedPose { time_s: 0.0, pose }).unwrap().force_n[2];
+            let cut = twin.cut_depth().unwrap();
+            if cut > 0.0 {
+                fallen.push(force / (0.008 + 3.0 * (cut - 5e-4).max(0.0)));
+            }
+            if fallen.len() > 4 {
+                break;
+            }
+        }
+        println!("{dimension}: force over cutting and friction {fallen:.4?}");
+        assert!(fallen.len() > 4 && fallen.iter().all(|over| (over - 1.0).abs() < 0.02), "{dimension}: {fallen:?}");
+    }
 }
 
 #[test]

@@ -19,6 +19,8 @@ const GIVES: f64 = 0.1;
 const SHORT: f64 = 2.0;
 /// Force that is not at rest, over that of the puncture, below which the tissue has sprung back.
 const REST: f64 = 0.003;
+/// Kinetic over strain energy below which it stands: motion of a hundredth of the displacements in a relaxation time.
+const STANDS: f64 = 1e-4;
 
 impl Frictional {
     /// Takes over how far the tip has cut in the last advance, and what it has broken.
@@ -102,13 +104,14 @@ impl Frictional {
         End { first, shares, spring, stiff, limit, stop, puncture, beyond, rate, lag: LAG * self.shaft.radius, springs }
     }
 
-    /// Whether the tissue springs back along the needle, with a residual force of so many N: then the pose is worth further steps.
-    pub fn springs_back(&mut self, solver: &Solver, residual: f64) -> bool {
+    /// Whether the tissue springs back along the needle, with a residual force of so many N and so much kinetic over strain energy: then
+    /// the pose is worth further steps. Forces alone balance in the middle of a swing, too.
+    pub fn springs_back(&mut self, solver: &Solver, residual: f64, energies: f64) -> bool {
         let runs = solver.cut() - self.progress.front > RUNS * self.shaft.radius;
         self.progress.released = self
             .progress
             .released
-            .filter(|(force, looks)| residual >= REST * force && *looks < PATIENCE)
+            .filter(|(force, looks)| (residual >= REST * force || energies >= STANDS) && *looks < PATIENCE)
             .map(|(force, looks)| (force, looks + 1));
         // what has broken is seen within the same pose
         runs || solver.slip().broken.is_some() || self.progress.released.is_some()

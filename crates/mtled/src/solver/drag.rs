@@ -10,8 +10,9 @@
 //! d: way of the rod along its axis; w: displacement of a layer of nodes along the axis. Behind the end a layer moves as one. The end
 //! acts on three layers j in the shares s_j: w_i = sum_j s_j w_ij over their rings i, and P_i acts on them in the same shares.
 //!
-//! After a membrane has broken the tissue springs back, and swings: the masses are not those of tissue. What the end cuts then is where
-//! that comes to rest under the limit, so until then ([`End::springs`]) c_i follows it both ways, down to where it was at first.
+//! After a membrane has broken the tissue springs back, and swings: the masses are not those of tissue. What the end cuts and the wall
+//! slips then is where that comes to rest under the limits, so until then ([`End::springs`]) c_i and b follow it both ways, down to where
+//! they were at first.
 //!
 //! Springs are those at the end of the step ([`super::slide`]). What sticks goes with the rod: q is its velocity relative to the rod's
 //! while it sticks and relative to its tangent motion t d while it slips, so that neither beginning is a push, and the trial force holds
@@ -75,7 +76,7 @@ pub struct End {
     pub rate: Rate,
     /// How far a c_i may be behind the mean of all, m.
     pub lag: f64,
-    /// Whether c_i goes where the tissue springs back to, and back from there, at a push that stays the limit.
+    /// Whether c_i and b go where the tissue springs back to, and back from there, at forces that stay the limits.
     pub springs: bool,
 }
 
@@ -201,7 +202,7 @@ impl Drag {
         if slip.broken.is_some() {
             (limit, stop) = (end.beyond, f64::INFINITY);
         }
-        let springs = end.springs || slip.broken.is_some();
+        let springs = self.springs(slip);
         for i in 0..self.areas.len() {
             let parts = || (end.first..).zip(end.shares).filter(|(_, s)| *s > 0.0).map(|(l, s)| (self.ring(l, i), s));
             let (mut w, mut compliance) = (0.0, 0.0);
@@ -215,9 +216,9 @@ impl Drag {
             let [spring, stiff, most] = [end.spring, end.stiff, limit].map(|sum| self.areas[i] * sum);
             let mut tip = Tip { spring, stiff, limit: if most.is_finite() { most } else { 0.0 }, compliance };
             if !springs {
-                slip.floor[i] = slip.end[i];
+                slip.end_floor[i] = slip.end[i];
             }
-            let mut c = slip.floor[i];
+            let mut c = slip.end_floor[i];
             let (mut force, mut work) = (tip.force(d - c - w), 0.0);
             if force > most {
                 // where the end has to be for the force to be at its limit
@@ -258,6 +259,11 @@ impl Drag {
         }
     }
 
+    /// Whether the tissue springs back after a membrane.
+    fn springs(&self, slip: &Slip) -> bool {
+        self.end.springs || slip.broken.is_some()
+    }
+
     /// Mean of c_i over the end's area, m.
     pub fn cut(&self, slip: &Slip) -> f64 {
         self.areas.iter().zip(&slip.end).map(|(a, c)| a * c).sum()
@@ -279,7 +285,10 @@ impl Drag {
             _ => places.clone().map(|p| mass[self.nodes[p] as usize]).sum::<f64>() * rule.mass_factor,
         };
         let w = places.clone().map(|p| slip.step[p]).sum::<f64>() / count + at.flat;
-        let (force, b) = slide(spring, limit, heavy, d - w, slip.wall[layer]);
+        if !self.springs(slip) {
+            slip.wall_floor[layer] = slip.wall[layer];
+        }
+        let (force, b) = slide(spring, limit, heavy, d - w, slip.wall_floor[layer]);
         slip.dissipated += force * (b - slip.wall[layer]);
         (slip.wall[layer], slip.pull[layer]) = (b, force);
         let size = places.len() as f64;

@@ -13,8 +13,10 @@ cloned_field_by_field! {
         pub wall: Vec<f64>,
         /// c_i of each ring, m.
         pub end: Vec<f64>,
-        /// c_i that tissue which springs back does not undo, m.
-        pub floor: Vec<f64>,
+        /// b that tissue which springs back does not undo, m.
+        pub wall_floor: Vec<f64>,
+        /// c_i that it does not undo, m.
+        pub end_floor: Vec<f64>,
         /// c_i at the beginning of the time that [`super::End::rate`] is of, m.
         pub began: Vec<f64>,
         /// P of each layer, N, into the body on the tissue.
@@ -50,7 +52,8 @@ impl Drag {
             at: 0.0,
             wall: vec![0.0; layers],
             end: vec![0.0; rings],
-            floor: vec![0.0; rings],
+            wall_floor: vec![0.0; layers],
+            end_floor: vec![0.0; rings],
             began: vec![0.0; rings],
             pull: vec![0.0; layers],
             push: vec![0.0; rings],

@@ -211,7 +211,9 @@ impl State {
             self.moving.slip.held[places].fill(false);
         }
         if begins {
-            self.moving.slip.wall[layer] = self.moving.slip.at - self.constraints.drag.of_layer(layer, &self.moving.u);
+            let slip = &mut self.moving.slip;
+            slip.wall[layer] = slip.at - self.constraints.drag.of_layer(layer, &self.moving.u);
+            slip.wall_floor[layer] = slip.wall[layer];
         }
     }
 
@@ -223,7 +225,7 @@ impl State {
     /// The rod's end is at a depth of the material, m, and has broken what was there.
     pub fn place_end(&mut self, depth: f64) {
         self.moving.slip.end.fill(depth);
-        self.moving.slip.floor.fill(depth);
+        self.moving.slip.end_floor.fill(depth);
         self.moving.slip.began.fill(depth);
         self.moving.slip.broken = None;
     }
