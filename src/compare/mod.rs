@@ -7,6 +7,7 @@ pub mod crossing;
 mod drive;
 pub mod ensemble;
 pub mod identifier;
+pub mod learning;
 pub mod least_squares;
 mod legs;
 mod metrics;

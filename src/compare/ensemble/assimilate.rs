@@ -1,14 +1,22 @@
-//! What the load cell and tracked points say of the members, by a square-root ensemble Kalman filter (`filter.rs`).
+//! What the load cell and tracked points say of the members.
 //!
-//! Force and each coordinate of each target are channels of their own: each learns how large its errors are, beyond the members' spread, from
-//! its own innovations. The band of the force that comes next has the spread of the members and of the last forecasts' errors. So a model that
-//! is wrong, or a load cell that drifts, makes forecast bands wide; intervals of the keys hold where the model is right.
+//! Members have constant values and answer every reading already, so assimilation needs no runs. In their space it is a linear regression
+//! ([`learning`](crate::compare::learning)): the unknowns are weights w of the members' distances from their mean, which are normal with variance 1 before the first reading,
+//!
+//! ```text
+//! x = mean(x_k) + X w / sqrt(n - 1),   X: members' x_k less their mean, a row
+//! mean(x) + X m / sqrt(n - 1),   cov(x) = X C X' / (n - 1),   members afterwards: the mean + C^1/2 X'
+//! ```
+//!
+//! which is what a square-root ensemble Kalman filter has (Tippett et al., Mon. Weather Rev. 131, 2003), taken over all readings at once, so that the size
+//! of errors is one for all of them. Force and each coordinate of each target are channels of their own. The band of the force that comes next has what
+//! is not known of the members, of the error of the model, and the noise.
 
 use super::Band;
-use super::filter::{Channel, Filter, Reading};
+use crate::compare::learning::{BLOCK_S, Expected, Learner, Reading};
 
-/// How far ahead the force is forecast, and the length of a block, s.
-pub const HORIZON_S: f64 = 0.05;
+/// How far ahead the force is forecast, s.
+pub const HORIZON_S: f64 = BLOCK_S;
 /// Noise that every load cell has, N.
 const LEAST_NOISE_N: f64 = 1e-6;
 /// Noise that every tracker has, m.
@@ -53,6 +61,11 @@ impl Forecast {
     pub fn band(&self) -> Band {
         Band::normal(self.mean_n, self.standard_deviation_n)
     }
+
+    /// Of members with this mean.
+    fn of(mean_n: f64, Expected { off, variance }: Expected) -> Self {
+        Self { mean_n: mean_n + off, standard_deviation_n: variance.sqrt() }
+    }
 }
 
 /// What a recording says.
@@ -83,7 +96,7 @@ pub fn assimilate(observed: &[Observed], tracked: &[Tracked], values: &[Vec<f64>
         while let Some(points) = tracked.next_if(|points| points.time_s <= one.time_s) {
             filter.track(points);
         }
-        forecasts.push(filter.take(one.clone()));
+        forecasts.push(filter.take(one));
     }
     tracked.for_each(|points| filter.track(points));
     filter.close();
@@ -94,47 +107,63 @@ pub fn assimilate(observed: &[Observed], tracked: &[Tracked], values: &[Vec<f64>
         forecasts,
         blocks: filter.blocks(),
         rejected_blocks: filter.rejected(),
-        tracked_blocks: filter.targets.iter().map(|c| c.blocks).sum(),
-        rejected_tracked_blocks: filter.targets.iter().map(|c| c.rejected).sum(),
+        tracked_blocks: filter.targets.iter().map(|c| filter.learner.tally(*c).blocks).sum(),
+        rejected_tracked_blocks: filter.targets.iter().map(|c| filter.learner.tally(*c).rejected).sum(),
     })
 }
 
 /// What has been assimilated so far, reading by reading. See the module.
 #[derive(Clone, Debug)]
 pub struct Assimilation {
-    filter: Filter,
-    force: Channel,
+    members: usize,
+    learner: Learner,
+    force: usize,
     /// Three for each target that was tracked.
-    targets: Vec<Channel>,
+    targets: Vec<usize>,
 }
 
 impl Assimilation {
     /// Nothing is assimilated yet; `None` of fewer than four members.
     #[must_use]
     pub fn new(members: usize) -> Option<Self> {
-        (members >= FEWEST).then(|| Self {
-            filter: Filter::new(members),
-            force: Channel::new(LEAST_NOISE_N),
-            targets: Vec::new(),
+        (members >= FEWEST).then(|| {
+            let mut learner = Learner::new(members);
+            let force = learner.add(LEAST_NOISE_N);
+            Self { members, learner, force, targets: Vec::new() }
         })
+    }
+
+    /// Mean of the members, and what the unknowns add to it.
+    fn row(&self, of_members: &[f64]) -> (f64, Vec<f64>) {
+        let n = of_members.len() as f64;
+        let mean = of_members.iter().sum::<f64>() / n;
+        (mean, of_members.iter().map(|x| (x - mean) / (n - 1.0).sqrt()).collect())
+    }
+
+    fn reading(&self, observed: &Observed) -> (f64, Reading) {
+        let (mean, row) = self.row(&observed.members_n);
+        (mean, Reading { off: observed.measured_n - mean, row, force_n: Some(mean) })
     }
 
     /// Takes a reading of the load cell, no earlier than the one before, and gives what was forecast for it from what had been measured up to one
     /// block before; `None` in the first block and after a gap.
-    pub fn take(&mut self, observed: Observed) -> Option<Forecast> {
-        let reading = Reading { measured: observed.measured_n, members: observed.members_n };
-        self.force.take(observed.time_s, reading, &mut self.filter)
+    pub fn take(&mut self, observed: &Observed) -> Option<Forecast> {
+        let (mean, reading) = self.reading(observed);
+        self.learner.take_expected(self.force, observed.time_s, reading).map(|expected| Forecast::of(mean, expected))
     }
 
     /// Takes tracked points, no earlier than those before. What was not seen, or what a member doesn't have, says nothing.
     pub fn track(&mut self, tracked: &Tracked) {
-        self.targets.resize_with(3 * tracked.measured_m.len(), || Channel::new(LEAST_NOISE_M));
-        for (i, channel) in self.targets.iter_mut().enumerate() {
+        while self.targets.len() < 3 * tracked.measured_m.len() {
+            self.targets.push(self.learner.add(LEAST_NOISE_M));
+        }
+        for i in 0..self.targets.len() {
             let of = |points: &[[f64; 3]]| points.get(i / 3).map_or(f64::NAN, |point| point[i % 3]);
-            let measured = of(&tracked.measured_m);
             let members: Vec<f64> = tracked.members_m.iter().map(|points| of(points)).collect();
-            if measured.is_finite() && members.iter().all(|x| x.is_finite()) {
-                channel.take(tracked.time_s, Reading { measured, members }, &mut self.filter);
+            let (mean, row) = self.row(&members);
+            let off = of(&tracked.measured_m) - mean;
+            if off.is_finite() && members.len() == self.members {
+                self.learner.take(self.targets[i], tracked.time_s, Reading { off, row, force_n: None });
             }
         }
     }
@@ -142,50 +171,54 @@ impl Assimilation {
     /// A reading of the load cell at a time that has not been measured yet, if the members will have these forces; `None` where one of them is not finite.
     #[must_use]
     pub fn forecast(&self, ahead: &Observed) -> Option<Forecast> {
-        let forecast = self.force.forecast(ahead.time_s, &ahead.members_n, &self.filter);
+        let (mean, reading) = self.reading(&Observed { measured_n: 0.0, ..ahead.clone() });
+        let forecast = Forecast::of(mean, self.learner.expected(self.force, ahead.time_s, &reading));
         Some(forecast).filter(|f| f.mean_n.is_finite() && f.standard_deviation_n.is_finite())
     }
 
     /// Ends the blocks that have been begun.
     pub fn close(&mut self) {
-        self.force.close(&mut self.filter);
-        self.targets.iter_mut().for_each(|channel| channel.close(&mut self.filter));
+        self.learner.close_all();
     }
 
     /// Mean and variance of what the members have; `None` where a number is not finite.
     #[must_use]
     pub fn state(&self, of_members: &[f64]) -> Option<(f64, f64)> {
-        self.filter.state(of_members)
+        let (mean, row) = self.row(of_members);
+        let (more, variance) = self.learner.state(&row);
+        (mean.is_finite() && variance.is_finite()).then_some((mean + more, variance))
     }
 
     /// What the members would have with the values that the measurements say: their mean moved, their spread narrowed.
     #[must_use]
     pub fn analysed(&self, of_members: &[f64]) -> Vec<f64> {
-        let (mean, off) = self.filter.spread(of_members);
-        off.iter().map(|x| mean + x).collect()
+        let (mean, row) = self.row(of_members);
+        let mean = mean + self.learner.state(&row).0;
+        let one = (of_members.len() as f64 - 1.0).sqrt();
+        self.learner.narrowed(&row).into_iter().map(|off| mean + one * off).collect()
     }
 
     /// Standard deviation of what a reading of the load cell is off by beyond the members' spread, N.
     #[must_use]
     pub fn error_n(&self) -> f64 {
-        self.force.error()
+        self.learner.error(self.force)
     }
 
     /// Blocks of the load cell's readings that were seen.
     #[must_use]
-    pub const fn blocks(&self) -> usize {
-        self.force.blocks
+    pub fn blocks(&self) -> usize {
+        self.learner.tally(self.force).blocks
     }
 
     /// Blocks of them that were rejected.
     #[must_use]
-    pub const fn rejected(&self) -> usize {
-        self.force.rejected
+    pub fn rejected(&self) -> usize {
+        self.learner.tally(self.force).rejected
     }
 
     /// Whether the last block of them was rejected.
     #[must_use]
-    pub const fn rejects(&self) -> bool {
-        self.force.rejects
+    pub fn rejects(&self) -> bool {
+        self.learner.tally(self.force).rejects
     }
 }

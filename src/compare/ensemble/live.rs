@@ -189,7 +189,7 @@ impl Live {
         let members_n: Vec<f64> = used.iter().map(|k| told.forces_n[*k]).collect();
         let complete = members_n.iter().all(|f| f.is_finite()) && measured_n.is_finite();
         if complete {
-            filter.take(Observed { time_s: told.time_s, measured_n, members_n });
+            filter.take(&Observed { time_s: told.time_s, measured_n, members_n });
         }
         complete
     }

@@ -11,7 +11,6 @@ pub mod assimilate;
 mod band;
 mod crew;
 mod error;
-mod filter;
 mod live;
 mod member;
 mod path;
