@@ -3,8 +3,8 @@
 //! A [`Learner`] of three unknowns that need no run of the twin. With F the twin's force and z the load cell's reading,
 //!
 //! ```text
-//! z = F (1 + 0.5 w_a + 0.5 w_c) + 0.1 N w_b + error of the model + noise,   w: normal, mean 0, variance 1
-//! a = mu / mu_scene = 1 + 0.5 w_a,   c = C_D / C_D,scene = 1 + 0.5 w_c (no effect before the puncture),   b = 0.1 N w_b: offset
+//! z = F a c + b + error of the model + noise = F (1 + 0.5 w_a + 0.5 w_c) + 0.1 N w_b + ...,   w: normal, mean 0, variance 1
+//! a = mu / mu_scene = 1 + 0.5 w_a,   c = C_D / C_D,scene = 1 + 0.5 w_c / a (1 before the puncture),   b = 0.1 N w_b: offset
 //! ```
 //!
 //! The force is proportional to the shear modulus (quasi-static, Poisson's ratio fixed), and nearly so to the deformation
@@ -142,14 +142,27 @@ impl Identifier {
 
     /// What is learnt of a parameter, the share of the scene's value (of the offset: N), and its standard error.
     fn known(&self, parameter: Parameter) -> (f64, f64) {
-        let k = parameter.index();
-        let mut row = [0.0; 3];
-        row[k] = PRIOR[k];
-        let (mean, variance) = self.learner.state(&row);
+        let state = |row: [f64; 3]| {
+            let row: [f64; 3] = std::array::from_fn(|k| if self.wanted[k] { row[k] } else { 0.0 });
+            let (mean, variance) = self.learner.state(&row);
+            (mean, variance.sqrt())
+        };
+        let (more, error) = state([PRIOR[0], 0.0, 0.0]);
+        let stiffer = Self::share(more);
         match parameter {
-            Parameter::Offset => (mean, variance.sqrt()),
-            _ => ((1.0 + mean).clamp(0.01, 100.0), variance.sqrt()),
+            Parameter::ShearModulus => (stiffer, error),
+            Parameter::DeformationCoefficient => {
+                let more = state([0.0, PRIOR[1], 0.0]).0 / stiffer;
+                // the change of w_c / a with both
+                let error = state([-more * PRIOR[0] / stiffer, PRIOR[1] / stiffer, 0.0]).1;
+                (Self::share(more), error)
+            }
+            Parameter::Offset => state([0.0, 0.0, PRIOR[2]]),
         }
+    }
+
+    fn share(more: f64) -> f64 {
+        (1.0 + more).clamp(0.01, 100.0)
     }
 
     /// Value and standard error of a parameter, model error included; `None` if it isn't wanted.
@@ -185,7 +198,11 @@ impl Identifier {
         }
         self.clock_s += if since_s.is_finite() { since_s } else { 0.0 };
         let row = self.effects(predicted_n, inserted).to_vec();
-        self.learner.take(FORCE, self.clock_s, Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n) });
+        self.learner.take(
+            FORCE,
+            self.clock_s,
+            Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n) },
+        );
         self.judge()
     }
 

@@ -45,6 +45,29 @@ pub(super) fn forecast_csv(run: &Run) -> Option<String> {
     Some(text)
 }
 
+/// Content of `keys.csv`: `time_s,depth_m,KEY,KEY_standard_deviation,...`, what load cell and tracked points say of each uncertain key after each
+/// block of readings; `None` where nothing was measured or without members.
+#[must_use]
+pub(super) fn keys_csv(run: &Run) -> Option<String> {
+    let ensemble = run.ensemble.as_ref()?;
+    let (_, found) = ensemble.assimilated.as_ref().filter(|(_, found)| !found.history.is_empty())?;
+    let mut text = String::from("time_s,depth_m");
+    for key in &ensemble.keys {
+        push(&mut text, format_args!(",{},{}", quoted(&key.key), quoted(&format!("{}_standard_deviation", key.key))));
+    }
+    text.push('\n');
+    for (time_s, keys) in &found.history {
+        let next = run.answers.partition_point(|answer| answer.time_s < *time_s);
+        let depth_m = run.answers.get(next).or(run.answers.last()).map_or(f64::NAN, |answer| answer.depth_m);
+        push(&mut text, format_args!("{},{}", Cell(*time_s), Cell(depth_m)));
+        for number in keys.iter().flatten() {
+            push(&mut text, format_args!(",{}", Cell(*number)));
+        }
+        text.push('\n');
+    }
+    Some(text)
+}
+
 /// Content of `deformation.csv`: `time_s,depth_m,deformation_coefficient`, of a needle with friction on its way in; `None` of others.
 #[must_use]
 pub(super) fn deformation_csv(run: &Run) -> Option<String> {

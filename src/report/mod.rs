@@ -71,7 +71,7 @@ use std::path::{Path, PathBuf};
 const PNG_SCALE: f32 = 2.0;
 
 /// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`, and with members and a measured
-/// force `forecast.csv` and `reliability.svg`, with friction `deformation.csv` and `.svg`, into a folder, which is made if need be, and
+/// force `forecast.csv`, `keys.csv` and `reliability.svg`, with friction `deformation.csv` and `.svg`, into a folder, which is made if need be, and
 /// returns their paths.
 ///
 /// # Errors
@@ -88,6 +88,7 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
     ];
     let forecasts = [
         ("forecast.csv", csv::forecast_csv(run)),
+        ("keys.csv", csv::keys_csv(run)),
         ("deformation.csv", csv::deformation_csv(run)),
         ("deformation.svg", deformation_plot::deformation_plot(run).map(|picture| picture.to_svg())),
         ("reliability.svg", reliability_plot::reliability_plot(run).map(|picture| picture.to_svg())),

@@ -75,6 +75,8 @@ pub struct Assimilated {
     pub forecasts: Vec<Option<Forecast>>,
     /// Mean and standard deviation of each key after the last reading.
     pub keys: Vec<[f64; 2]>,
+    /// The same after each block that was seen, with the time of its last reading, s.
+    pub history: Vec<(f64, Vec<[f64; 2]>)>,
     /// Blocks of the load cell's readings, and how many of them were rejected.
     pub blocks: usize,
     /// See `blocks`.
@@ -90,26 +92,63 @@ pub struct Assimilated {
 #[must_use]
 pub fn assimilate(observed: &[Observed], tracked: &[Tracked], values: &[Vec<f64>]) -> Option<Assimilated> {
     let mut filter = Assimilation::new(values.len()).filter(|_| !observed.is_empty() || !tracked.is_empty())?;
+    let mut history = History { of_key: transposed(values), seen: 0, last_s: f64::NAN, rows: Vec::new() };
     let mut tracked = tracked.iter().peekable();
     let mut forecasts = Vec::with_capacity(observed.len());
     for one in observed {
         while let Some(points) = tracked.next_if(|points| points.time_s <= one.time_s) {
             filter.track(points);
+            history.see(points.time_s, &filter);
         }
         forecasts.push(filter.take(one));
+        history.see(one.time_s, &filter);
     }
-    tracked.for_each(|points| filter.track(points));
+    for points in tracked {
+        filter.track(points);
+        history.see(points.time_s, &filter);
+    }
     filter.close();
-    let key = |k: usize| filter.state(&values.iter().map(|of_member| of_member[k]).collect::<Vec<_>>());
-    let keys = (0..values[0].len()).map(|k| key(k).map_or([f64::NAN; 2], |(mean, variance)| [mean, variance.sqrt()]));
+    history.see(f64::NAN, &filter);
     Some(Assimilated {
-        keys: keys.collect(),
+        keys: history.keys(&filter),
+        history: history.rows,
         forecasts,
         blocks: filter.blocks(),
         rejected_blocks: filter.rejected(),
         tracked_blocks: filter.targets.iter().map(|c| filter.learner.tally(*c).blocks).sum(),
         rejected_tracked_blocks: filter.targets.iter().map(|c| filter.learner.tally(*c).rejected).sum(),
     })
+}
+
+/// Values of each key, of all members.
+fn transposed(values: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let keys = values.first().map_or(0, Vec::len);
+    (0..keys).map(|k| values.iter().map(|of_member| of_member[k]).collect()).collect()
+}
+
+/// Notes what the keys are after each block.
+struct History {
+    of_key: Vec<Vec<f64>>,
+    /// Blocks so far, and the time of the last reading.
+    seen: usize,
+    last_s: f64,
+    rows: Vec<(f64, Vec<[f64; 2]>)>,
+}
+
+impl History {
+    fn keys(&self, filter: &Assimilation) -> Vec<[f64; 2]> {
+        let state = |values: &Vec<f64>| filter.state(values).map_or([f64::NAN; 2], |(mean, v)| [mean, v.sqrt()]);
+        self.of_key.iter().map(state).collect()
+    }
+
+    /// A reading was taken: it has ended the blocks before it.
+    fn see(&mut self, time_s: f64, filter: &Assimilation) {
+        let blocks = filter.all_blocks();
+        if blocks > self.seen {
+            self.rows.push((self.last_s, self.keys(filter)));
+        }
+        (self.seen, self.last_s) = (blocks, time_s);
+    }
 }
 
 /// What has been assimilated so far, reading by reading. See the module.
@@ -202,6 +241,11 @@ impl Assimilation {
     #[must_use]
     pub fn error_n(&self) -> f64 {
         self.learner.error(self.force)
+    }
+
+    /// Blocks of all channels that were seen.
+    fn all_blocks(&self) -> usize {
+        self.targets.iter().map(|target| self.learner.tally(*target).blocks).sum::<usize>() + self.blocks()
     }
 
     /// Blocks of the load cell's readings that were seen.

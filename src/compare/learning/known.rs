@@ -133,7 +133,9 @@ impl Known {
             let n = self.m.len();
             let (mut p, mut b) = (DMatrix::identity(n, n), DVector::zeros(n));
             for errors in &self.errors {
-                for (process, weight) in errors.candidates.iter().zip(&errors.weights).filter(|(_, w)| **w > f64::EPSILON) {
+                for (process, weight) in
+                    errors.candidates.iter().zip(&errors.weights).filter(|(_, w)| **w > f64::EPSILON)
+                {
                     p.zip_apply(&process.g, |p, g| *p += weight * g);
                     b.axpy(*weight, &process.b, 1.0);
                 }
@@ -141,7 +143,8 @@ impl Known {
             let Some(p) = Cholesky::new(p) else { return };
             (self.m, self.c) = (p.solve(&b), p.inverse());
             for errors in &mut self.errors {
-                let misfits: Vec<f64> = errors.candidates.iter().map(|process| process.misfit(&self.m, &self.c)).collect();
+                let misfits: Vec<f64> =
+                    errors.candidates.iter().map(|process| process.misfit(&self.m, &self.c)).collect();
                 let least = misfits.iter().copied().fold(f64::INFINITY, f64::min);
                 let all: f64 = misfits.iter().map(|misfit| (0.5 * (least - misfit)).exp()).sum();
                 for (weight, misfit) in errors.weights.iter_mut().zip(misfits) {

@@ -5,9 +5,9 @@
 //! (`identifier`). What w is afterwards stands in `known`, how the error is learnt in `process`, noise in `noise`. One unknown is added: the size of
 //! the twin's own force, [`FORCE_ERROR`].
 //!
-//! Readings come in blocks of [`BLOCK_S`]. A block farther off than [`FAR`] standard deviations is **rejected**: it says nothing of the unknowns. Where
-//! what was known half a second to a second before can't explain a load cell for [`PERSISTENT`], either, its own force error allowed for, there is **trouble**:
-//! the unknowns are again what they were then, and the load cell moves them no more until it has been explained for [`RIGHT`].
+//! Readings come in blocks of [`BLOCK_S`]. A block farther off than three standard deviations is **rejected**: it says nothing of the unknowns. Where
+//! what was known half a second to a second before can't explain a load cell for two blocks, either, its own force error allowed for, there is **trouble**:
+//! the unknowns are again what they were then, and the load cell moves them no more until it has been explained for ten.
 //! Forecasts go on with all readings.
 
 mod known;
@@ -263,7 +263,8 @@ impl Learner {
             self.sudden = if self.wrong == 0 { far } else { self.sudden };
             self.wrong = if wrong { self.wrong + 1 } else { 0 };
             if self.wrong >= PERSISTENT {
-                self.trouble = Some(Trouble { kept: before.clone(), residual: off.mean, sudden: self.sudden, right: 0 });
+                self.trouble =
+                    Some(Trouble { kept: before.clone(), residual: off.mean, sudden: self.sudden, right: 0 });
                 self.wrong = 0;
                 return;
             }

@@ -89,7 +89,9 @@ impl Process {
         let rest = [self.size * self.size, 0.0, (self.size * self.rate).powi(2)];
         let [a, b, c] = [self.p[0] - rest[0], self.p[1], self.p[2] - rest[2]];
         let product = |i: usize, j: usize| {
-            f[i][0] * (a * f[j][0] + b * f[j][1]) + f[i][1] * (b * f[j][0] + c * f[j][1]) + if i == j { rest[2 * i] } else { 0.0 }
+            f[i][0] * (a * f[j][0] + b * f[j][1])
+                + f[i][1] * (b * f[j][0] + c * f[j][1])
+                + if i == j { rest[2 * i] } else { 0.0 }
         };
         [product(0, 0), product(0, 1), product(1, 1)]
     }
@@ -210,7 +212,10 @@ mod tests {
         let cross = with.view((times.len(), 0), (1, times.len())).transpose();
         let by_hand = 2.0 - 0.3 + 0.1 * 3.15 - cross.dot(&(&inverse * (&y - &h * &m)));
         let spread = with[(times.len(), times.len())] - cross.dot(&(&inverse * &cross));
-        assert!((mean - by_hand).abs() < 1e-10 && (variance - spread).abs() < 1e-10, "{mean} {by_hand}, {variance} {spread}");
+        assert!(
+            (mean - by_hand).abs() < 1e-10 && (variance - spread).abs() < 1e-10,
+            "{mean} {by_hand}, {variance} {spread}"
+        );
     }
 
     #[test]
