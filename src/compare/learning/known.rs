@@ -1,7 +1,7 @@
 //! What readings say of the unknowns: the posterior over all candidates of how the model is wrong.
 //!
 //! ```text
-//! P = I + sum_c sum_j p_cj G_cj,   C = P^-1,   m = C sum_c sum_j p_cj b_cj        unknowns: normal, mean m, covariance C (I before)
+//! P = I + sum_c sum_j p_cj G_cj,   C = P^-1,   m = C sum_c sum_j p_cj b_cj        unknowns: normal, mean m, covariance C (I before, but for the size)
 //! ln p_cj = const - 1/2 (e + c - 2 b.m + m.G m + tr(G C))_cj                      channel c, candidate j (process.rs)
 //! ```
 //!
@@ -77,13 +77,30 @@ pub(super) struct Known {
     /// The symmetric root of C.
     pub root: DMatrix<f64>,
     errors: Vec<Errors>,
+    /// The largest force that was expected, N, and what the unknowns add to it.
+    largest: (f64, DVector<f64>),
 }
 
 impl Known {
     /// Nothing, of so many unknowns.
     pub fn new(unknowns: usize) -> Self {
         let one = DMatrix::identity(unknowns, unknowns);
-        Self { m: DVector::zeros(unknowns), c: one.clone(), root: one, errors: Vec::new() }
+        let none = DVector::zeros(unknowns);
+        Self { m: none.clone(), c: one.clone(), root: one, errors: Vec::new(), largest: (0.0, none) }
+    }
+
+    /// Notes the force that was expected of a block.
+    pub fn measure(&mut self, force_n: f64, block: &Block) {
+        if force_n.abs() > self.largest.0.abs() {
+            self.largest = (force_n, block.row.rows(0, self.m.len()).into_owned());
+        }
+    }
+
+    /// Standard deviation of the last unknown, the size of the force: its effect is that of the expected force, but what is uncertain is a share of
+    /// the force as it has come out.
+    fn size(&self) -> f64 {
+        let (force_n, row) = &self.largest;
+        if *force_n == 0.0 { 1.0 } else { (1.0 + row.dot(&self.m) / force_n).abs().clamp(1e-3, 1e3) }
     }
 
     /// Adds a channel whose sensor has at least this noise.
@@ -132,6 +149,7 @@ impl Known {
         for _ in 0..TURNS {
             let n = self.m.len();
             let (mut p, mut b) = (DMatrix::identity(n, n), DVector::zeros(n));
+            p[(n - 1, n - 1)] = self.size().powi(-2);
             for errors in &self.errors {
                 for (process, weight) in
                     errors.candidates.iter().zip(&errors.weights).filter(|(_, w)| **w > f64::EPSILON)

@@ -42,6 +42,14 @@ pub struct Reading {
     pub force_n: Option<f64>,
 }
 
+impl Reading {
+    /// Effects of all unknowns, the size of the force among them, and what was measured.
+    fn effects(&self) -> DVector<f64> {
+        let size = FORCE_ERROR * self.force_n.unwrap_or(0.0);
+        DVector::from_iterator(self.row.len() + 2, self.row.iter().copied().chain([size, self.off]))
+    }
+}
+
 /// How far off the expectation a reading will be, and how far about that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
@@ -177,21 +185,10 @@ impl Learner {
 
     fn expect(&self, channel: usize, number: f64, reading: &Reading) -> Expected {
         let own = &self.channels[channel];
-        let block = Block {
-            row: self.row(&reading.row, reading.force_n, reading.off),
-            noise: own.of_one * own.of_one,
-            largest: own.largest,
-        };
+        let block = Block { row: reading.effects(), noise: own.of_one * own.of_one, largest: own.largest };
         let number = if own.last.is_finite() { number } else { 0.0 };
         let Off { mean, variance } = self.now.off(channel, number, &block);
         Expected { off: reading.off - mean, variance }
-    }
-
-    /// Effects of all unknowns and what was measured. The size of the force is that of what is known.
-    fn row(&self, effects: &[f64], force_n: Option<f64>, off: f64) -> DVector<f64> {
-        let known: f64 = effects.iter().zip(&self.now.m).map(|(a, m)| a * m).sum();
-        let size = force_n.map_or(0.0, |force_n| FORCE_ERROR * (force_n + known));
-        DVector::from_iterator(effects.len() + 2, effects.iter().copied().chain([size, off]))
     }
 
     /// Ends the blocks that have been begun.
@@ -204,7 +201,7 @@ impl Learner {
         if readings.is_empty() {
             return;
         }
-        let rows: Vec<DVector<f64>> = readings.iter().map(|r| self.row(&r.row, r.force_n, r.off)).collect();
+        let rows: Vec<DVector<f64>> = readings.iter().map(Reading::effects).collect();
         let unknowns = self.now.m.len();
         let left = |row: &DVector<f64>| row[unknowns] - row.rows(0, unknowns).dot(&self.now.m);
         let left: Vec<f64> = rows.iter().map(left).collect();
@@ -218,6 +215,7 @@ impl Learner {
             let row = rows.iter().sum::<DVector<f64>>() / count;
             let block = Block { row, noise, largest: own.largest };
             let force_n = readings.iter().filter_map(|r| r.force_n).sum::<f64>() / count;
+            self.now.measure(force_n, &block);
             self.learn(channel, number, &block, force_n);
         }
         self.channels[channel].last = number;
