@@ -19,7 +19,7 @@ use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
 use super::mass::{Extent, FundamentalMode};
 use super::pool::Pool;
 use super::settings::{Precision, SolverSettings};
-use super::state::{Constraints, Control, Moving, Path, Role, State};
+use super::state::{Constraints, Control, Moving, Path, Role, State, Tangent};
 
 /// Blocks of a half plane that are worth a thread.
 const BLOCKS_PER_THREAD: usize = 4;
@@ -352,7 +352,7 @@ fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>, half:
         moving: Moving {
             u: zero.clone(),
             q: zero.clone(),
-            tangent: vec![[[0.0; 3]; 3]; nodes],
+            tangent: Tangent([0, 1, 2].map(|_| zero.clone())),
             f: zero,
             mass_factor: 1.0,
             time: None,

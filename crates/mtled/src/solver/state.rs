@@ -83,6 +83,31 @@ cloned_field_by_field! {
     }
 }
 
+/// Tangent motions of all nodes along x, y and z, each for itself: an instrument mostly moves along one of them.
+#[derive(Debug)]
+pub(super) struct Tangent(pub [Vec<[f64; 3]>; 3]);
+
+impl Tangent {
+    /// Of one node.
+    pub fn of(&self, n: usize) -> [[f64; 3]; 3] {
+        self.0.each_ref().map(|t| t[n])
+    }
+
+    pub fn set(&mut self, n: usize, own: [[f64; 3]; 3]) {
+        self.0.iter_mut().zip(own).for_each(|(all, own)| all[n] = own);
+    }
+}
+
+impl Clone for Tangent {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+
+    fn clone_from(&mut self, other: &Self) {
+        self.0.clone_from(&other.0);
+    }
+}
+
 cloned_field_by_field! {
     /// Where the tissue is: what is kept to come back to in trouble.
     #[derive(Debug)]
@@ -92,7 +117,7 @@ cloned_field_by_field! {
         /// Velocity relative to the tangent motion, m per step.
         pub q: Vec<[f64; 3]>,
         /// Tangent motions: displacement per metre that the instrument travels along x, y and z.
-        pub tangent: Vec<[[f64; 3]; 3]>,
+        pub tangent: Tangent,
         /// Internal force at `u`, N.
         pub f: Vec<[f64; 3]>,
         /// Factor on every mass: 1, or more where the deformed tissue's stable step is smaller.
@@ -243,7 +268,7 @@ impl State {
     /// What was learnt of the motion is no longer true: the nodes stand, and go along with nothing.
     pub fn forget_motion(&mut self) {
         self.moving.q.fill([0.0; 3]);
-        self.moving.tangent.fill([[0.0; 3]; 3]);
+        self.moving.tangent.0.iter_mut().for_each(|t| t.fill([0.0; 3]));
     }
 
     /// Moves the rod along its axis, to a way in m at the end of the next advance.

@@ -127,7 +127,7 @@ impl Model {
         pool.each(nodes(moving), |i, part| {
             let mut part = Nodes::new(i, part);
             let held = held(rule.first);
-            (0..part.u.len()).for_each(|l| part.integrate(l, &held, rule.first, rule));
+            part.integrate_all(&held, rule.first, rule);
         });
         drag.step(moving, mass, rule.first, rule);
         with_kernel!((&self.kernel, shares, &mut work.scratch) => (k, shares, scratch) {
@@ -137,11 +137,11 @@ impl Model {
                 let held = held(step + 1);
                 pool.each((nodes(moving), Each::new(sums)), |i, (part, sums)| {
                     let mut part = Nodes::new(i, part);
-                    for l in 0..part.u.len() {
-                        part.f[l] = self.of_node(part.first + l, k.node_force(scratch, part.first + l));
-                        if step < rule.last {
-                            part.integrate(l, &held, step + 1, rule);
-                        }
+                    for (f, n) in part.f.iter_mut().zip(part.first..) {
+                        *f = self.of_node(n, k.node_force(scratch, n));
+                    }
+                    if step < rule.last {
+                        part.integrate_all(&held, step + 1, rule);
                     }
                     if step == rule.steps {
                         *sums = part.sums(&held, rule.mass_factor);
