@@ -81,6 +81,12 @@ pub struct Points<T> {
 const RECENT: usize = 64;
 
 impl<T: Real> Points<T> {
+    /// All of them tissue again.
+    pub(super) fn fill(&mut self) {
+        self.active.iter_mut().for_each(|active| active.fill(Lanes::of(1.0)));
+        self.changes += RECENT as u64 + 1;
+    }
+
     /// Points whose share may have changed since there were so many changes; `None`: any.
     pub(super) fn since(&self, changes: u64) -> Option<impl Iterator<Item = usize> + '_> {
         let known = self.changes - changes <= RECENT as u64;

@@ -30,6 +30,7 @@ mod points;
 mod pool;
 mod projection;
 mod relax;
+mod rest;
 mod settings;
 mod slide;
 mod slip;

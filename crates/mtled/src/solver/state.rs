@@ -109,7 +109,7 @@ impl Clone for Tangent {
 }
 
 cloned_field_by_field! {
-    /// Where the tissue is: what is kept to come back to in trouble.
+    /// Where the tissue is, and how it moves.
     #[derive(Debug)]
     pub(super) struct Moving {
         /// Nodal parameters, m.
@@ -132,6 +132,57 @@ cloned_field_by_field! {
         pub offset: [f64; 3],
         /// Slip of what a rod drags.
         pub slip: Slip,
+    }
+}
+
+cloned_field_by_field! {
+    /// What is kept of where the tissue is, to come back to in trouble: velocities that led into it are not worth keeping, and forces and
+    /// touches follow from the rest.
+    #[derive(Debug)]
+    pub(super) struct Kept {
+        u: Vec<[f64; 3]>,
+        tangent: Tangent,
+        mass_factor: f64,
+        pub time: Option<f64>,
+        memory: Vec<Memory>,
+        offset: [f64; 3],
+        slip: Slip,
+    }
+}
+
+impl Kept {
+    /// Of a state.
+    pub fn of(moving: &Moving) -> Self {
+        let Moving { u, tangent, mass_factor, time, memory, offset, slip, .. } = moving;
+        Self {
+            u: u.clone(),
+            tangent: tangent.clone(),
+            mass_factor: *mass_factor,
+            time: *time,
+            memory: memory.clone(),
+            offset: *offset,
+            slip: slip.clone(),
+        }
+    }
+
+    /// Keeps another; allocates nothing.
+    pub fn keep(&mut self, moving: &Moving) {
+        self.u.clone_from(&moving.u);
+        self.tangent.clone_from(&moving.tangent);
+        self.memory.clone_from(&moving.memory);
+        self.slip.clone_from(&moving.slip);
+        (self.mass_factor, self.time, self.offset) = (moving.mass_factor, moving.time, moving.offset);
+    }
+
+    /// Goes back to it, at rest; forces are those of [`super::Model::recover`].
+    pub fn give_back(&self, moving: &mut Moving) {
+        moving.u.clone_from(&self.u);
+        moving.tangent.clone_from(&self.tangent);
+        moving.memory.clone_from(&self.memory);
+        moving.slip.clone_from(&self.slip);
+        (moving.mass_factor, moving.time, moving.offset) = (self.mass_factor, self.time, self.offset);
+        moving.q.fill([0.0; 3]);
+        moving.touch.fill(Touch::default());
     }
 }
 

@@ -213,7 +213,7 @@ impl Model {
         *factor = if needed > *factor { needed } else { (0.98 * *factor).max(needed) };
     }
 
-    /// Masses and velocities after a return to an earlier state, whose mass factor stands.
+    /// Forces and masses after a return to an earlier state, whose mass factor stands.
     pub(super) fn recover(&self, state: &mut State, work: &mut Workspace) {
         // the estimate of the largest eigenvalue may have followed the trouble beyond all numbers
         if !state.control.probe.iter().flatten().all(|e| e.is_finite()) {
@@ -221,10 +221,13 @@ impl Model {
         }
         // masses are to be those of the earlier state: the one that was left may have had enormous ones
         self.evaluate(state, work);
+        with_kernel!((&self.kernel, &work.scratch) => (k, scratch) {
+            let f = &mut state.moving.f;
+            k.node_forces(scratch, &mut work.pool, f);
+            f.iter_mut().enumerate().for_each(|(n, f)| *f = self.of_node(n, *f));
+        });
         state.control.mass.fill(0.0);
         self.refresh_masses(state, work);
-        // velocities that led into trouble are not worth keeping
-        state.moving.q.fill([0.0; 3]);
         let Constraints { role, path, drag, .. } = &mut state.constraints;
         for ((path, role), u) in path.iter_mut().zip(role).zip(&state.moving.u) {
             path.start = if *role == Role::Dragged { aside(u, &drag.axis) } else { *u };
