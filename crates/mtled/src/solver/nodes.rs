@@ -122,16 +122,16 @@ impl<'a> Nodes<'a> {
         }
     }
 
-    /// Adds to `sums` what the node at `l` of these contributes to the balance.
+    /// Adds to `sums` what the node at `l` of these, which is not free, contributes to the balance.
     pub fn add_to(&self, sums: &mut Sums, l: usize, held: &Held<'_>, mass_factor: f64) {
         let (q, f, n) = (&self.q[l], &self.f[l], self.first + l);
-        let tangent = &self.tangent.each_ref().map(|t| t[l]);
         let place: [f64; 3] = std::array::from_fn(|k| held.points[n][k] + self.u[l][k]);
+        let tangent = || self.tangent.each_ref().map(|t| t[l]);
         match held.role[n] {
+            Role::Free => {}
             // The internal force on a held node is what its holder exerts on the tissue.
             Role::Instrument => sums.add_held(By::Instrument, &place, &f.map(|f| -f)),
             Role::Base => sums.add_held(By::Base, &place, &f.map(|f| -f)),
-            Role::Free => sums.add_free(held.mass[n] * mass_factor, q, tangent.each_ref(), f),
             Role::Surface => {
                 let touch = &self.touch[l];
                 let force = match touch.by {
@@ -140,18 +140,18 @@ impl<'a> Nodes<'a> {
                 };
                 sums.add_held(touch.by, &place, &force.map(|f| -f));
                 let left = std::array::from_fn(|k| f[k] - force[k]);
-                sums.add_free(held.mass[n] * mass_factor, q, tangent.each_ref(), &left);
+                sums.add_free(held.mass[n] * mass_factor, q, tangent().each_ref(), &left);
             }
             Role::Dragged => {
-                let node = (&self.u[l], q, tangent, f);
+                let node = (&self.u[l], q, &tangent(), f);
                 aside::sums(sums, node, &place, held.mass[n] * mass_factor, held, &held.path[n]);
             }
             Role::Guided if held.path[n].is_oblique() => {
-                let node = (&self.u[l], q, tangent, f);
+                let node = (&self.u[l], q, &tangent(), f);
                 aside::guided_sums(sums, node, &place, held.mass[n] * mass_factor, &held.path[n]);
             }
             Role::Guided => {
-                let path = &held.path[n];
+                let (path, tangent) = (&held.path[n], tangent());
                 let pulls: [f64; 2] = std::array::from_fn(|k| path.spring * (path.end[k] - self.u[l][k]));
                 sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], -f[2]]);
                 for (k, pull) in pulls.into_iter().enumerate() {
@@ -163,31 +163,36 @@ impl<'a> Nodes<'a> {
         }
     }
 
-    /// Moves the node at `l` of these through one step, from the force at its start.
-    #[inline]
+    /// Moves the node at `l` of these, which is not free, through one step, from the force at its start.
     pub fn integrate(&mut self, l: usize, held: &Held<'_>, step: u32, rule: &Rule) {
-        let mut tangent = self.tangent.each_ref().map(|t| t[l]);
-        self.move_on(l, &mut tangent, held, step, rule);
-        self.tangent.iter_mut().zip(tangent).for_each(|(all, own)| all[l] = own);
-    }
-
-    #[inline]
-    fn move_on(&mut self, l: usize, tangent: &mut [[f64; 3]; 3], held: &Held<'_>, step: u32, rule: &Rule) {
         let n = self.first + l;
-        let (u, q, f) = (&mut self.u[l], &mut self.q[l], &self.f[l]);
-        let share = f64::from(step) / f64::from(rule.steps);
-        let inverse = || 1.0 / (held.mass[n] * rule.mass_factor);
         let path = &held.path[n];
+        let share = f64::from(step) / f64::from(rule.steps);
         match held.role[n] {
             Role::Base => {}
             Role::Instrument => {
                 for k in 0..3 {
                     let next = path.at(share, k);
-                    rule.set(tangent, k, next - u[k]);
-                    u[k] = next;
+                    let moved = next - self.u[l][k];
+                    self.tangent.iter_mut().zip(rule.gain).for_each(|(t, gain)| t[l][k] = moved * gain);
+                    self.u[l][k] = next;
                 }
-                *q = [0.0; 3];
+                self.q[l] = [0.0; 3];
             }
+            _ => {
+                let mut tangent = self.tangent.each_ref().map(|t| t[l]);
+                self.move_on(l, &mut tangent, held, share, rule);
+                self.tangent.iter_mut().zip(tangent).for_each(|(all, own)| all[l] = own);
+            }
+        }
+    }
+
+    fn move_on(&mut self, l: usize, tangent: &mut [[f64; 3]; 3], held: &Held<'_>, share: f64, rule: &Rule) {
+        let n = self.first + l;
+        let (u, q, f) = (&mut self.u[l], &mut self.q[l], &self.f[l]);
+        let inverse = || 1.0 / (held.mass[n] * rule.mass_factor);
+        let path = &held.path[n];
+        match held.role[n] {
             Role::Dragged if path.spring == f64::INFINITY => {
                 aside::place((u, q, tangent), held, path, share, rule);
             }
@@ -212,16 +217,8 @@ impl<'a> Nodes<'a> {
                 (u[2], q[2]) = (next, 0.0);
                 self.keep_on_axis(l, tangent, held);
             }
-            Role::Free => {
-                let inverse = inverse();
-                for k in 0..3 {
-                    let deviation = rule.keep * q[k] - f[k] * inverse;
-                    u[k] += rule.drift(tangent, k) + deviation;
-                    q[k] = rule.teach(tangent, k, deviation);
-                }
-                self.keep_on_axis(l, tangent, held);
-            }
             Role::Surface => self.touch_or_go(l, tangent, held, rule),
+            Role::Free | Role::Base | Role::Instrument => {}
         }
     }
 

@@ -130,9 +130,10 @@ impl<T: Real> Lockstep<T> {
         if let Some(changed) = seen[member].replace(points.changes).and_then(|before| points.since(before)) {
             for point in changed {
                 let (b, slot) = common.tables.slot[point];
-                let (b, slot) = (b as usize, slot as usize);
-                let at = common.points[b].place(slot);
-                active[b][at].0[member] = points.active[b][slot / LANES].0[slot % LANES];
+                let of_block = &points.active[b as usize];
+                if let Ok(at) = common.points[b as usize].slot.binary_search(&slot) {
+                    active[b as usize][at].0[member] = of_block[slot as usize / LANES].0[slot as usize % LANES];
+                }
             }
             return;
         }

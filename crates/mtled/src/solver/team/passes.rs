@@ -72,7 +72,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
             }
             let mut f = gather::<T, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], u);
             let (active, scale) = (active[point], Lanes::splat(table.scale[point]));
-            for k in (0..9).filter(|k| !AXISYMMETRIC || k % 2 == 0) {
+            for k in 0..9 {
                 let undeformed = if k % 4 == 0 { one } else { zero };
                 f[k] = f[k].fma(scale, undeformed);
                 if AXISYMMETRIC {
@@ -191,23 +191,16 @@ fn gather<T: Real, const AXISYMMETRIC: bool>(
     u: &[Vectors<T>],
 ) -> Gradient<Lanes<T>> {
     let mut f = [Lanes::default(); 9];
-    if AXISYMMETRIC {
-        // two sums hide the latency of the additions
-        let mut odd = [Lanes::default(); 9];
-        let ((locals, last_local), (gradients, last)) = (local.as_chunks::<2>(), gradient.as_chunks::<2>());
-        for (l, g) in locals.iter().zip(gradients) {
-            add_planar(&mut f, &u[usize::from(l[0])], &g[0]);
-            add_planar(&mut odd, &u[usize::from(l[1])], &g[1]);
-        }
-        for (l, g) in last_local.iter().zip(last) {
-            add_planar(&mut f, &u[usize::from(*l)], g);
-        }
-        for k in [0, 2, 4, 6, 8] {
-            f[k] += odd[k];
-        }
-    } else {
-        for (l, g) in local.iter().zip(gradient) {
-            let (u, g) = (&u[usize::from(*l)], g.map(Lanes::splat));
+    for (l, g) in local.iter().zip(gradient) {
+        let g = g.map(Lanes::splat);
+        let u = &u[usize::from(*l)];
+        if AXISYMMETRIC {
+            f[0] = u[0].fma(g[0], f[0]);
+            f[2] = u[0].fma(g[2], f[2]);
+            f[4] = u[0].fma(g[1], f[4]);
+            f[6] = u[2].fma(g[0], f[6]);
+            f[8] = u[2].fma(g[2], f[8]);
+        } else {
             for i in 0..3 {
                 for k in 0..3 {
                     f[3 * i + k] = u[i].fma(g[k], f[3 * i + k]);
@@ -218,17 +211,6 @@ fn gather<T: Real, const AXISYMMETRIC: bool>(
     f
 }
 
-/// A node's share of that in a half plane.
-#[inline(always)]
-fn add_planar<T: Real>(f: &mut Gradient<Lanes<T>>, u: &Vectors<T>, g: &[T; 3]) {
-    let g = g.map(Lanes::splat);
-    f[0] = u[0].fma(g[0], f[0]);
-    f[2] = u[0].fma(g[2], f[2]);
-    f[4] = u[0].fma(g[1], f[4]);
-    f[6] = u[2].fma(g[0], f[6]);
-    f[8] = u[2].fma(g[2], f[8]);
-}
-
 /// f_j += V P grad phi_j, with V P times the scale of the gradients row-major.
 #[inline(always)]
 fn scatter<T: Real, const AXISYMMETRIC: bool>(
@@ -237,26 +219,16 @@ fn scatter<T: Real, const AXISYMMETRIC: bool>(
     p: &Gradient<Lanes<T>>,
     force: &mut [Vectors<T>],
 ) {
-    let ((locals, last_local), (gradients, last)) = (local.as_chunks::<2>(), gradient.as_chunks::<2>());
-    for (l, g) in locals.iter().zip(gradients) {
-        push::<T, AXISYMMETRIC>(&mut force[usize::from(l[0])], &g[0], p);
-        push::<T, AXISYMMETRIC>(&mut force[usize::from(l[1])], &g[1], p);
-    }
-    for (l, g) in last_local.iter().zip(last) {
-        push::<T, AXISYMMETRIC>(&mut force[usize::from(*l)], g, p);
-    }
-}
-
-/// A node's share of that.
-#[inline(always)]
-fn push<T: Real, const AXISYMMETRIC: bool>(force: &mut Vectors<T>, g: &[T; 3], p: &Gradient<Lanes<T>>) {
-    let g = g.map(Lanes::splat);
-    if AXISYMMETRIC {
-        force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], force[0])));
-        force[2] = p[6].fma(g[0], p[8].fma(g[2], force[2]));
-    } else {
-        for i in 0..3 {
-            force[i] = p[3 * i].fma(g[0], p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], force[i])));
+    for (l, g) in local.iter().zip(gradient) {
+        let g = g.map(Lanes::splat);
+        let force = &mut force[usize::from(*l)];
+        if AXISYMMETRIC {
+            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], force[0])));
+            force[2] = p[6].fma(g[0], p[8].fma(g[2], force[2]));
+        } else {
+            for i in 0..3 {
+                force[i] = p[3 * i].fma(g[0], p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], force[i])));
+            }
         }
     }
 }

@@ -6,7 +6,7 @@
 use super::super::block::Block;
 use crate::number::{LANES, Lanes, Real};
 
-/// One block's points, those with as many nodes side by side: the processor then knows where the loop over a point's nodes ends.
+/// One block's points in the order of their slots.
 #[derive(Debug)]
 pub struct PointTable<T> {
     /// Offsets into `local` and `gradient`, one more than points.
@@ -22,22 +22,13 @@ pub struct PointTable<T> {
     pub corners: Vec<[u16; 4]>,
     /// Slot of each point in the block.
     pub slot: Vec<u32>,
-    /// Place of each slot's point here.
-    place: Vec<u32>,
 }
 
 impl<T: Real> PointTable<T> {
     /// The points of a block.
     pub fn new(block: &Block<T>) -> Self {
         let of = |lanes: &[Lanes<T>], slot: usize| lanes[slot / LANES].0[slot % LANES];
-        let visits = |slot: usize| {
-            let group = block.start[slot / LANES] as usize..block.start[slot / LANES + 1] as usize;
-            group.filter(move |&v| block.used[v] & (1 << (slot % LANES)) != 0)
-        };
-        let mut slots: Vec<usize> = block.occupied().map(|(slot, _)| slot).collect();
-        slots.sort_by_key(|&slot| visits(slot).count());
-        let mut place = vec![0; block.point.len()];
-        (0u32..).zip(&slots).for_each(|(at, &slot)| place[slot] = at);
+        let slots: Vec<usize> = block.occupied().map(|(slot, _)| slot).collect();
         let mut table = Self {
             start: vec![0],
             local: Vec::new(),
@@ -47,12 +38,13 @@ impl<T: Real> PointTable<T> {
             squares: slots.iter().map(|&s| of(&block.squares, s)).collect(),
             corners: slots.iter().map(|&s| block.corners[s / LANES].map(|corner| corner[s % LANES])).collect(),
             slot: slots.iter().map(|&s| s as u32).collect(),
-            place,
         };
         for slot in slots {
-            for visit in visits(slot) {
+            let (group, lane) = (slot / LANES, slot % LANES);
+            let visits = block.start[group] as usize..block.start[group + 1] as usize;
+            for visit in visits.filter(|&v| block.used[v] & (1 << lane) != 0) {
                 table.local.push(block.local[visit]);
-                table.gradient.push(block.gradient[visit].map(|g| T::load(g[slot % LANES])));
+                table.gradient.push(block.gradient[visit].map(|g| T::load(g[lane])));
             }
             table.start.push(table.local.len() as u32);
         }
@@ -62,11 +54,6 @@ impl<T: Real> PointTable<T> {
     /// Number of points.
     pub fn len(&self) -> usize {
         self.volume.len()
-    }
-
-    /// Place of the point in a slot of the block.
-    pub fn place(&self, slot: usize) -> usize {
-        self.place[slot] as usize
     }
 
     /// Where a point's nodes stand.
