@@ -89,7 +89,7 @@ impl<T: Real> Points<T> {
 
     /// Points whose share may have changed since there were so many changes; `None`: any.
     pub(super) fn since(&self, changes: u64) -> Option<impl Iterator<Item = usize> + '_> {
-        let known = self.changes - changes <= RECENT as u64;
+        let known = self.changes.checked_sub(changes).is_some_and(|new| new <= RECENT as u64);
         known.then(|| (changes..self.changes).map(|c| self.recent[c as usize % RECENT] as usize))
     }
 }
