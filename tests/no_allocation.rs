@@ -5,10 +5,10 @@ mod coarse;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 
 use coarse::scene;
-use needle_twin::scene::Scene;
+use needle_twin::scene::{Override, Scene};
 use needle_twin::twin::{Phase, StampedPose, Team, Twin};
 
 /// The system's allocator, counting while told to. Freed memory counts too: a real-time loop must do neither.
@@ -17,6 +17,8 @@ struct Counting;
 static COUNTS: AtomicBool = AtomicBool::new(false);
 static CALLS: AtomicU64 = AtomicU64::new(0);
 static BYTES: AtomicU64 = AtomicU64::new(0);
+/// Bytes that are given out.
+static HELD: AtomicI64 = AtomicI64::new(0);
 /// Calls by the thread that calls [`Twin::step`].
 static OWN: AtomicU64 = AtomicU64::new(0);
 
@@ -36,18 +38,21 @@ fn count(bytes: usize) {
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size());
+        HELD.fetch_add(layout.size() as i64, Ordering::Relaxed);
         // SAFETY: the caller's promise.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
         count(0);
+        HELD.fetch_sub(layout.size() as i64, Ordering::Relaxed);
         // SAFETY: the caller's promise.
         unsafe { System.dealloc(at, layout) }
     }
 
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count(size);
+        HELD.fetch_add(size as i64 - layout.size() as i64, Ordering::Relaxed);
         // SAFETY: the caller's promise.
         unsafe { System.realloc(at, layout, size) }
     }
@@ -139,6 +144,7 @@ fn main() {
     }
     a_step_allocates_nothing();
     a_step_of_a_team_allocates_nothing();
+    a_further_member_is_a_small_part_of_a_twin();
     println!("test {NAME} ... ok");
 }
 
@@ -164,6 +170,33 @@ fn a_step_of_a_team_allocates_nothing() {
         steps += answers.iter().flatten().map(|answer| answer.as_ref().unwrap().steps).sum::<u32>();
     }
     assert!(steps > 1000, "{steps}");
+}
+
+/// What a sibling adds to the bytes of a twin, and how much of these that may be (docs/lab/uncertainty.md).
+fn a_further_member_is_a_small_part_of_a_twin() {
+    let held = || HELD.load(Ordering::SeqCst);
+    let space = ("discretisation.dimension", "full");
+    let presets: [(&str, &[_], f64); 5] = [
+        ("needle_insertion", &[], 0.18),
+        ("indentation", &[], 0.13),
+        ("compression", &[], 0.13),
+        ("layered_tissue", &[], 0.13),
+        ("needle_insertion", &[space], 0.25),
+    ];
+    for (preset, changes, most) in presets {
+        let changes: Vec<Override> = changes.iter().map(|(key, value)| Override::text(key, value, "test")).collect();
+        let scene = Scene::preset(preset).unwrap().with(&changes).unwrap();
+        let before = held();
+        // a member's steps are of one thread
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let twin = pool.install(|| Twin::new(&scene)).unwrap();
+        let between = held();
+        let sibling = pool.install(|| twin.sibling(&scene)).unwrap();
+        let [first, further] = [between - before, held() - between];
+        let share = further as f64 / first as f64;
+        println!("{preset}, {} nodes: {first} bytes, {further} for a further member, {share:.3}", sibling.nodes());
+        assert!(share < most, "{preset}: a member takes {share:.3} of a twin");
+    }
 }
 
 fn a_step_allocates_nothing() {

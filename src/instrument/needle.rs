@@ -104,6 +104,8 @@ pub struct NeedlePath {
     mirror: Option<Mirror>,
     /// Share of each node's tissue that the model has: half of it on that plane.
     share: Vec<f64>,
+    /// How far each node is held along the needle, 0 to 1: scratch memory of [`NeedlePath::fill`].
+    along: Vec<f64>,
     progress: Progress,
 }
 
@@ -160,6 +162,7 @@ impl NeedlePath {
         let effective_radius = (filled / (PI * length)).sqrt();
         Self {
             share: vec![1.0; nodes.len()],
+            along: vec![0.0; nodes.len()],
             shear_modulus: vec![0.0; nodes.len()],
             mirror: None,
             nodes,

@@ -17,6 +17,10 @@ impl NeedlePath {
         for i in 0..self.nodes.len() {
             let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
             let before = self.progress.hold[i];
+            if before == Hold::Free && depth + self.window[i] < z {
+                // the needle has not come there yet
+                continue;
+            }
             let hold = if depth + self.window[i] < z || depth < 0.0 {
                 match before {
                     Hold::Captured(c) | Hold::Left(c) if depth >= 0.0 => Hold::Left(Capture { passed: 0.0, ..c }),

@@ -9,13 +9,16 @@ use crate::instrument::puncture::largest_strain;
 impl NeedlePath {
     /// The needle takes the place of the tissue in the cells that it fills.
     pub(super) fn fill(&mut self, depth: f64, solver: &mut Solver) {
-        for ((point, corners), filled) in self.inner.iter().zip(&mut self.progress.filled) {
-            let least = corners.iter().map(|&n| match self.progress.hold[n as usize] {
-                Hold::Captured(c) if self.revolved => c.share(depth, self.window[n as usize]),
+        let holds = self.progress.hold.iter().zip(&self.window);
+        for (along, (hold, window)) in self.along.iter_mut().zip(holds) {
+            *along = match hold {
+                Hold::Captured(c) if self.revolved => c.share(depth, *window),
                 Hold::Captured(c) => c.passed,
                 Hold::Free | Hold::Indented | Hold::Left(_) => 0.0,
-            });
-            let share = least.fold(1.0, f64::min);
+            };
+        }
+        for ((point, corners), filled) in self.inner.iter().zip(&mut self.progress.filled) {
+            let share = corners.iter().map(|&n| self.along[n as usize]).fold(1.0, f64::min);
             if share != *filled {
                 *filled = share;
                 solver.set_active(*point as usize, 1.0 - share);

@@ -32,12 +32,33 @@ impl<T: Real> Lanes<T> {
         out
     }
 
-    /// One number for each lane out of a table.
+    /// In double precision.
     #[inline(always)]
-    pub fn look_up(table: &[T], at: &[u16; LANES]) -> Self {
+    pub fn wide(self) -> Lanes<f64> {
+        let mut out = Lanes::default();
+        for i in 0..LANES {
+            out.0[i] = self.0[i].get();
+        }
+        out
+    }
+
+    /// Rounded from double precision.
+    #[inline(always)]
+    pub fn narrow(wide: Lanes<f64>) -> Self {
         let mut out = Self::default();
         for i in 0..LANES {
-            out.0[i] = table[usize::from(at[i])];
+            out.0[i] = T::of(wide.0[i]);
+        }
+        out
+    }
+
+    /// Several numbers for each lane out of a table that has them side by side.
+    #[inline(always)]
+    pub fn look_up<const N: usize>(table: &[[T; N]], at: &[u16; LANES]) -> [Self; N] {
+        let mut out = [Self::default(); N];
+        for i in 0..LANES {
+            let found = table[usize::from(at[i])];
+            (0..N).for_each(|k| out[k].0[i] = found[k]);
         }
         out
     }

@@ -155,7 +155,7 @@ impl Drag {
             for p in self.layer(layer) {
                 let n = self.nodes[p] as usize;
                 let left = along(&f[n], axis) - slip.load[p];
-                let mut going = tangent[n].map(|t| along(&t, axis));
+                let mut going = tangent.of(n).map(|t| along(&t, axis));
                 if slip.held[p] {
                     // per metre into the body
                     going[2] = 1.0 / axis[2].abs();
@@ -163,7 +163,12 @@ impl Drag {
                 let place = std::array::from_fn(|k| points[n][k] + u[n][k]);
                 sums.add_held(By::Instrument, &place, &axis.map(|a| -a * slip.load[p]));
                 let with = |s: f64| axis.map(|a| s * a);
-                sums.add_free(mass[n] * mass_factor, &with(along(&q[n], axis)), &going.map(with), &with(left));
+                sums.add_free(
+                    mass[n] * mass_factor,
+                    &with(along(&q[n], axis)),
+                    going.map(with).each_ref(),
+                    &with(left),
+                );
             }
         }
         sums

@@ -13,6 +13,7 @@ use crate::approximation::{Form, ShapeTable};
 use crate::material::neo_hookean::Gradient;
 
 use super::group::groups;
+use super::strip::FIELDS;
 use super::vertices::Vertices;
 use crate::number::Real;
 use crate::number::{LANES, Lanes};
@@ -68,10 +69,10 @@ pub struct BlockScratch<T> {
     pub u: Vec<[T; 3]>,
     /// Deformation gradient of each point.
     pub deformation: Vec<Gradient<Lanes<T>>>,
-    /// Pressure at each vertex, Pa.
-    pub pressure: Vec<T>,
-    /// theta^(-2/3) - 1 at each vertex (see [`super::mixed`]); empty without it.
-    pub shrinkage: Vec<T>,
+    /// Pressure at each vertex, Pa, and theta^(-2/3) - 1 (see [`super::mixed`]): a corner reads both at once.
+    pub projected: Vec<[T; FIELDS]>,
+    /// Whether the second is there.
+    pub mixed: bool,
     /// Smallest volume ratio of the block's points at the last evaluation.
     pub min_jacobian: f64,
     /// Strain energy of the block's points less the projected volumetric part, at the last evaluation, J.
@@ -84,8 +85,8 @@ impl<T: Real> BlockScratch<T> {
         Self {
             u: vec![[T::default(); 3]; block.nodes.len()],
             deformation: vec![Default::default(); block.volume.len()],
-            pressure: vec![T::default(); block.vertices.len()],
-            shrinkage: vec![T::default(); if mixed { block.vertices.len() } else { 0 }],
+            projected: vec![[T::default(); FIELDS]; block.vertices.len()],
+            mixed,
             min_jacobian: 1.0,
             energy: 0.0,
         }

@@ -126,6 +126,11 @@ impl Offsets {
         self.0.len() - 1
     }
 
+    /// Where a run lies.
+    pub fn run(&self, i: usize) -> std::ops::Range<usize> {
+        self.0[i]..self.0[i + 1]
+    }
+
     /// Length of all runs together.
     pub fn total(&self) -> usize {
         self.0.last().copied().unwrap_or(0)
@@ -182,6 +187,7 @@ macro_rules! zipped {
     };
 }
 zipped!(A 0, B 1);
+zipped!(A 0, B 1, C 2);
 zipped!(A 0, B 1, C 2, D 3);
 zipped!(A 0, B 1, C 2, D 3, E 4);
 

@@ -180,7 +180,7 @@ impl Drag {
         for layer in self.gripped() {
             for p in self.layer(layer) {
                 let n = self.nodes[p] as usize;
-                let drift = if slip.held[p] { self.way_of(rule) } else { self.drift(rule, &tangent[n]) };
+                let drift = if slip.held[p] { self.way_of(rule) } else { self.drift(rule, &tangent.of(n)) };
                 slip.step[p] = drift + rule.keep * along(&q[n], &self.axis)
                     - along(&f[n], &self.axis) / (mass[n] * rule.mass_factor);
                 slip.load[p] = 0.0;
@@ -341,8 +341,10 @@ impl Drag {
             }
             let pushed = !sticks && self.is_pushed(slip, at.layer, p);
             slip.held[p] = sticks || pushed;
-            let deviation = moved - self.drift(rule, &tangent[n]);
-            let left: [f64; 3] = std::array::from_fn(|k| rule.teach(&mut tangent[n], k, deviation * self.axis[k]));
+            let mut known = tangent.of(n);
+            let deviation = moved - self.drift(rule, &known);
+            let left: [f64; 3] = std::array::from_fn(|k| rule.teach(&mut known, k, deviation * self.axis[k]));
+            tangent.set(n, known);
             let left = match (sticks, pushed) {
                 (true, _) => keep * (moved - rod),
                 // what the end holds would swing past its limit, and stay cut

@@ -10,7 +10,7 @@ use super::drag::{End, Wall};
 use super::model::{Model, Workspace, with_kernel};
 use super::settings::SolverSettings;
 use super::slip::Slip;
-use super::state::{Moving, Role, State};
+use super::state::{Kept, Moving, Role, State};
 use super::step::{Advance, Balance};
 use super::work::StepWork;
 
@@ -20,7 +20,7 @@ pub struct Solver {
     pub(super) model: Arc<Model>,
     pub(super) state: State,
     pub(super) work: Workspace,
-    saved: Moving,
+    saved: Kept,
     /// What a [`super::Team`] found at the last evaluation, if it was that which evaluated.
     pub(super) told: Option<Told>,
 }
@@ -49,10 +49,10 @@ impl Solver {
     /// The undeformed state of a model, and memory to step it on so many threads.
     #[must_use]
     pub fn of(model: Arc<Model>, threads: usize) -> Self {
-        let state = model.undeformed().clone();
+        let state = model.undeformed();
         let mut work = Workspace::new(&model, threads);
         model.evaluate(&state, &mut work);
-        Self { saved: state.moving.clone(), state, work, model, told: None }
+        Self { saved: Kept::of(&state.moving), state, work, model, told: None }
     }
 
     /// Another solver of the same model, with a copy of the state, on the caller's thread alone.
@@ -295,13 +295,13 @@ impl Solver {
 
     /// Keeps the present state, to come back to with [`Solver::restore`].
     pub fn save(&mut self) {
-        self.saved.clone_from(&self.state.moving);
+        self.saved.keep(&self.state.moving);
     }
 
     /// Back to the kept state, with every present mass multiplied by `factor` from there on.
     pub fn restore(&mut self, factor: f64) {
         let mass_factor = factor * self.state.moving.mass_factor;
-        self.state.moving.clone_from(&self.saved);
+        self.saved.give_back(&mut self.state.moving);
         self.state.moving.mass_factor = mass_factor;
         self.told = None;
         self.model.recover(&mut self.state, &mut self.work);
@@ -309,7 +309,7 @@ impl Solver {
 
     /// Back to the undeformed state, with the roles of the start.
     pub fn reset(&mut self) {
-        self.state.clone_from(self.model.undeformed());
+        self.model.undeform(&mut self.state);
         self.settle();
     }
 

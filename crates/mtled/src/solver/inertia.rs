@@ -69,10 +69,11 @@ impl Sums {
         }
     }
 
-    /// A free node of a mass with what is left of the internal force on it.
-    pub fn add_free(&mut self, mass: f64, q: &[f64; 3], tangent: &[[f64; 3]; 3], left: &[f64; 3]) {
+    /// A free node of a mass with what is left of the internal force on it; tangent motions along the last directions.
+    #[inline(always)]
+    pub fn add_free<const N: usize>(&mut self, mass: f64, q: &[f64; 3], tangent: [&[f64; 3]; N], left: &[f64; 3]) {
         self.kinetic += 0.5 * mass * dot(q, q);
-        (0..3).for_each(|k| self.learnt[k] += dot(&tangent[k], left));
+        self.learnt.iter_mut().skip(3 - N).zip(tangent).for_each(|(learnt, tangent)| *learnt += dot(tangent, left));
         self.present += dot(q, left);
     }
 
@@ -105,6 +106,7 @@ pub(super) fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+#[inline(always)]
 pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

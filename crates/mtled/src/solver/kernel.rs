@@ -51,7 +51,7 @@ pub(super) struct Tables<T: Real> {
     dilation_runs: Offsets,
     pub dilation_shares: Shares,
     pub projection: Projection<T>,
-    nodes: usize,
+    pub nodes: usize,
     volume_ratio: VolumeRatio,
 }
 
@@ -73,16 +73,36 @@ pub struct Points<T> {
     pub(super) active: Vec<Vec<Lanes<T>>>,
     /// How often that has changed.
     pub(super) changes: u64,
+    /// Points of the last changes, each at its number over the length.
+    pub(super) recent: [u32; RECENT],
+}
+
+/// Changes that are known one by one: some poses' of a needle.
+const RECENT: usize = 64;
+
+impl<T: Real> Points<T> {
+    /// All of them tissue again.
+    pub(super) fn fill(&mut self) {
+        self.active.iter_mut().for_each(|active| active.fill(Lanes::of(1.0)));
+        self.changes += RECENT as u64 + 1;
+    }
+
+    /// Points whose share may have changed since there were so many changes; `None`: any.
+    pub(super) fn since(&self, changes: u64) -> Option<impl Iterator<Item = usize> + '_> {
+        let known = self.changes.checked_sub(changes).is_some_and(|new| new <= RECENT as u64);
+        known.then(|| (changes..self.changes).map(|c| self.recent[c as usize % RECENT] as usize))
+    }
 }
 
 impl<T: Clone> Clone for Points<T> {
     fn clone(&self) -> Self {
-        Self { active: self.active.clone(), changes: self.changes }
+        Self { active: self.active.clone(), changes: self.changes, recent: self.recent }
     }
 
     fn clone_from(&mut self, other: &Self) {
         self.active.clone_from(&other.active);
-        self.changes += 1;
+        // more than are known one by one
+        self.changes += RECENT as u64 + 1;
     }
 }
 
@@ -92,10 +112,9 @@ pub struct Scratch<T: Real> {
     blocks: Vec<BlockScratch<T>>,
     /// Internal force of each block on each of its nodes, block after block, N.
     force: Vec<[T; 3]>,
-    /// V (J - 1) of each block at each of its vertices, block after block, m^3.
-    dilation: Vec<T>,
-    /// V (I1 - 3), where the law is [mixed](super::mixed); or empty.
-    distortion: Vec<T>,
+    /// V (J - 1) of each block at each of its vertices, block after block, m^3, and V (I1 - 3) where the law is [mixed](super::mixed): a
+    /// corner adds to both at once.
+    strained: Vec<[T; FIELDS]>,
     projection: ProjectionScratch<T>,
     /// Of each thread.
     lanes: Vec<ForceOfLane<T>>,
@@ -185,7 +204,8 @@ impl<T: Real> Kernel<T> {
 
     /// All points tissue.
     pub(super) fn points(&self) -> Points<T> {
-        Points { active: self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect(), changes: 0 }
+        let active = self.tables.blocks.iter().map(|b| vec![Lanes::of(1.0); b.volume.len()]).collect();
+        Points { active, changes: 0, recent: [0; RECENT] }
     }
 
     /// What a material that relaxes remembers at first, by block.
@@ -199,8 +219,7 @@ impl<T: Real> Kernel<T> {
         Scratch {
             blocks: self.tables.blocks.iter().map(|b| BlockScratch::new(b, self.of(b).mixed)).collect(),
             force: vec![[T::default(); 3]; self.tables.force_runs.total()],
-            dilation: vec![T::default(); self.tables.dilation_runs.total()],
-            distortion: vec![T::default(); if self.mixes() { self.tables.dilation_runs.total() } else { 0 }],
+            strained: vec![[T::default(); FIELDS]; self.tables.dilation_runs.total()],
             projection: self.tables.projection.scratch(self.mixes()),
             lanes: vec![vec![Default::default(); most]; threads.max(1)],
         }
@@ -210,6 +229,7 @@ impl<T: Real> Kernel<T> {
     pub(super) fn set_active(&self, points: &mut Points<T>, point: usize, share: f64) {
         let (b, s) = self.tables.slot[point];
         points.active[b as usize][s as usize / LANES].0[s as usize % LANES] = T::of(share);
+        points.recent[points.changes as usize % RECENT] = point as u32;
         points.changes += 1;
     }
 
@@ -269,22 +289,24 @@ impl<T: Real> Kernel<T> {
     ) {
         let active = &points.active;
         let Tables { blocks, projection, dilation_runs: runs, dilation_shares: shares, .. } = &*self.tables;
-        let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.dilation, runs));
+        let deform = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.strained, runs));
+        let mixed = self.mixes();
+        pool.each(deform, |b, (scratch, strained)| blocks[b].deform(&active[b], u, mixed, scratch, strained));
+        let strained = &scratch.strained;
         // of all cells at a node, m^3
-        let sum = |x: &[T], n: usize| T::of(shares.of_index(n).iter().map(|&at| x[at as usize].get()).sum());
-        let projected: [&[T]; FIELDS] = if self.mixes() {
-            let deform = (deform, Runs::new(&mut scratch.distortion, runs));
-            pool.each(deform, |b, ((scratch, j), i1)| blocks[b].deform(&active[b], u, scratch, j, i1));
-            let (j, i1) = (&scratch.dilation, &scratch.distortion);
-            projection.project_mixed(&mut scratch.projection, pool, &self.constants, |n| [sum(j, n), sum(i1, n)])
-        } else {
-            pool.each(deform, |b, (scratch, j)| blocks[b].deform(&active[b], u, scratch, j, &mut []));
-            if self.projects() {
-                let j = &scratch.dilation;
-                projection.project(&mut scratch.projection, pool, &self.constants, |n| sum(j, n))
-            } else {
-                [&[]; FIELDS]
+        let sum = |n: usize| {
+            let mut sum = [0.0; FIELDS];
+            for &at in shares.of_index(n) {
+                sum.iter_mut().zip(strained[at as usize]).for_each(|(sum, share)| *sum += share.get());
             }
+            sum.map(T::of)
+        };
+        let projected: [&[T]; FIELDS] = if mixed {
+            projection.project_mixed(&mut scratch.projection, pool, &self.constants, sum)
+        } else if self.projects() {
+            projection.project(&mut scratch.projection, pool, &self.constants, |n| sum(n)[0])
+        } else {
+            [&[]; FIELDS]
         };
         let blocks = (Each::new(&mut scratch.blocks), Runs::new(&mut scratch.force, &self.tables.force_runs));
         pool.each_with(&mut scratch.lanes, blocks, |lanes, i, (scratch, force)| {

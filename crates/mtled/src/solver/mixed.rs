@@ -36,27 +36,29 @@ pub(super) struct Mixed<T> {
 
 /// What a coarse node hands on.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Coarse {
+pub(super) struct Coarse<N> {
     /// q + mu, Pa.
-    pub pressure: f64,
+    pub pressure: N,
     /// r - 1.
-    pub shrinkage: f64,
+    pub shrinkage: N,
     /// Energy density without that of volume, J/m^3.
-    pub energy: f64,
+    pub energy: N,
 }
 
 /// Of mu (Pa), the pressure of volume (kappa - kappa_s) u' (Pa), theta - 1 and I_P - 3.
-pub(super) fn coarse(mu: f64, pressure: f64, dilation: f64, square: f64) -> Coarse {
-    let theta = 1.0 + dilation;
-    let larger = theta.max(LEAST_RATIO);
+#[inline(always)]
+pub(super) fn coarse<N: Number>(mu: N, pressure: N, dilation: N, square: N) -> Coarse<N> {
+    let (one, three) = (N::of(1.0), N::of(3.0));
+    let theta = one + dilation;
+    let larger = theta.max(N::of(LEAST_RATIO));
     let root = larger.inverse_cube_root();
     let r = root * root;
-    let i1 = 3.0 + square;
-    let phi = r * (1.0 + 2.0 / 3.0 * (larger - theta) / larger);
+    let i1 = three + square;
+    let phi = r * (one + N::of(2.0 / 3.0) * (larger - theta) / larger);
     Coarse {
-        pressure: pressure + mu * (1.0 - r / larger * i1 / 3.0),
-        shrinkage: phi - 1.0,
-        energy: 0.5 * mu * (phi * i1 - 3.0),
+        pressure: pressure + mu * (one - r / larger * i1 / three),
+        shrinkage: phi - one,
+        energy: N::of(0.5) * mu * (phi * i1 - three),
     }
 }
 

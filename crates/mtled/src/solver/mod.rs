@@ -11,6 +11,7 @@ mod dilatation;
 mod disjoint;
 mod drag;
 mod explicit;
+mod free;
 #[allow(unsafe_code)] // what the owner of a phase tells its helpers
 mod gate;
 mod group;
@@ -29,6 +30,7 @@ mod points;
 mod pool;
 mod projection;
 mod relax;
+mod rest;
 mod settings;
 mod slide;
 mod slip;

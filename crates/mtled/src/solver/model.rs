@@ -11,15 +11,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::approximation::{Form, ShapeTable};
 use crate::material::Law;
 
-use super::contact::{Surface, Touch};
+use super::contact::Surface;
 use super::drag::Drag;
 use super::half::Half;
-use super::inertia::{Motion, Sums};
-use super::kernel::{Kernel, NODES_PER_CHUNK, Points, Scratch};
+use super::kernel::{Kernel, Scratch};
 use super::mass::{Extent, FundamentalMode};
 use super::pool::Pool;
+use super::rest::Rest;
 use super::settings::{Precision, SolverSettings};
-use super::state::{Constraints, Control, Moving, Path, Role, State};
+use super::state::{Moving, Role, State};
 
 /// Blocks of a half plane that are worth a thread.
 const BLOCKS_PER_THREAD: usize = 4;
@@ -86,8 +86,8 @@ pub struct Model {
     threads: usize,
     /// Undeformed places of the nodes, m.
     pub(super) points: Arc<[[f64; 3]]>,
-    /// The undeformed state.
-    pub(super) rest: State,
+    /// What the undeformed state has that is not zero.
+    pub(super) rest: Rest,
 }
 
 /// Scratch memory of a step, and its team of threads. What the last evaluation of the internal force found stands here:
@@ -111,7 +111,7 @@ impl Workspace {
             Precise::F32(k) => Precise::F32(k.scratch(pool.threads())),
             Precise::F64(k) => Precise::F64(k.scratch(pool.threads())),
         };
-        Self { pool, scratch, image: vec![[0.0; 3]; model.rest.moving.u.len()], stop: Arc::default() }
+        Self { pool, scratch, image: vec![[0.0; 3]; model.points.len()], stop: Arc::default() }
     }
 
     /// Watches a flag: once it is set, an advance ends within 24 steps.
@@ -173,7 +173,7 @@ impl Model {
         let extent = extent(table, cells, points, laws.len());
         let mut model = Self {
             points: Arc::clone(&extent.points),
-            rest: undeformed(&kernel, role, half.as_deref()),
+            rest: Rest::new(&kernel, role, half.as_deref()),
             half,
             kernel,
             form: table.form,
@@ -195,10 +195,7 @@ impl Model {
             Precise::F32(k) => Precise::F32(k.with_laws(laws)),
             Precise::F64(k) => Precise::F64(k.with_laws(laws)),
         };
-        let Constraints { role, instrument, base, drag, .. } = &self.rest.constraints;
-        let mut rest = undeformed(&kernel, role.clone(), self.half.as_deref());
-        rest.constraints = Constraints { instrument: *instrument, base: *base, drag: drag.clone(), ..rest.constraints };
-        rest.moving.slip = self.rest.moving.slip.clone();
+        let rest = self.rest.of_materials(&kernel, self.half.as_deref());
         let mut model = Self {
             mode: FundamentalMode::of(&self.extent, &moduli(self.form, laws)),
             kernel,
@@ -228,7 +225,7 @@ impl Model {
     /// Surfaces that nodes of [`Role::Surface`] may not pass, as [`Model::with_surfaces`] has them.
     #[must_use]
     pub fn surfaces(&self) -> [Option<Surface>; 2] {
-        [self.rest.constraints.instrument, self.rest.constraints.base]
+        [self.rest.instrument, self.rest.base]
     }
 
     /// With nodes at other places than those for which the table was fitted: its gradients and volumes are of these.
@@ -241,7 +238,7 @@ impl Model {
     /// With surfaces that nodes of [`Role::Surface`] may not pass: the instrument's, and one that the body stands on.
     #[must_use]
     pub fn with_surfaces(mut self, instrument: Option<Surface>, base: Option<Surface>) -> Self {
-        (self.rest.constraints.instrument, self.rest.constraints.base) = (instrument, base);
+        (self.rest.instrument, self.rest.base) = (instrument, base);
         self
     }
 
@@ -258,13 +255,13 @@ impl Model {
         flattening: f64,
     ) -> Self {
         let drag = Drag::new(axis, nodes, ring_sizes, areas, flattening);
-        (self.rest.moving.slip, self.rest.constraints.drag) = (drag.slip(), drag);
+        self.rest.drag = drag;
         self
     }
 
     /// Finds the masses' scale, the largest eigenvalue at rest, and its eigenvector.
     fn scale_masses(&mut self) {
-        let (mut state, mut work) = (self.rest.clone(), Workspace::new(self, self.threads));
+        let (mut state, mut work) = (self.undeformed(), Workspace::new(self, self.threads));
         self.evaluate(&state, &mut work);
         self.refresh_masses(&mut state, &mut work);
         let mut before = [0.0; SETTLED];
@@ -282,13 +279,7 @@ impl Model {
         control.largest /= scale;
         control.slowest = self.mode.frequency(control.mass.iter().copied());
         self.mass_scale = scale;
-        self.rest = state;
-    }
-
-    /// The undeformed state.
-    #[must_use]
-    pub fn undeformed(&self) -> &State {
-        &self.rest
+        self.rest.control = state.control;
     }
 
     /// Says which share of an integration point is tissue, 0 to 1; the rest carries no stress.
@@ -337,59 +328,4 @@ fn extent(table: &ShapeTable, cells: &[[u32; 4]], points: &[[f64; 3]], materials
     let part = |p: usize| (height(p), table.volume[p], table.region_of(p));
     let parts = if materials == 1 { 0 } else { table.volume.len() };
     Extent { points: points.into(), volume: table.volume.iter().sum(), parts: (0..parts).map(part).collect() }
-}
-
-/// No displacement, no mass.
-fn undeformed(kernel: &Precise<Kernel<f32>, Kernel<f64>>, role: Vec<Role>, half: Option<&Half>) -> State {
-    let nodes = role.len();
-    let zero = vec![[0.0; 3]; nodes];
-    let points = match kernel {
-        Precise::F32(k) => Precise::<Points<f32>, Points<f64>>::F32(k.points()),
-        Precise::F64(k) => Precise::F64(k.points()),
-    };
-    let nothing = Drag::new([0.0, 0.0, -1.0], Vec::new(), &[], Vec::new(), 1.0);
-    State {
-        moving: Moving {
-            u: zero.clone(),
-            q: zero.clone(),
-            tangent: vec![[[0.0; 3]; 3]; nodes],
-            f: zero,
-            mass_factor: 1.0,
-            time: None,
-            memory: with_kernel!((kernel) => (k) { k.memory() }),
-            touch: vec![Touch::default(); nodes],
-            offset: [0.0; 3],
-            slip: nothing.slip(),
-        },
-        control: Control {
-            mass: vec![0.0; nodes],
-            slowest: 0.0,
-            probe: noise(&role, half),
-            largest: 0.0,
-            steps_since_refresh: 0,
-            usual_travel: 0.0,
-            motion: Motion::default(),
-            sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],
-            dragged: Sums::default(),
-        },
-        constraints: Constraints {
-            role,
-            path: vec![Path::default(); nodes],
-            instrument: None,
-            way: Path::default(),
-            base: None,
-            drag: nothing,
-        },
-        points,
-    }
-}
-
-/// A fixed vector with no symmetry but the body's own, zero on held nodes.
-fn noise(role: &[Role], half: Option<&Half>) -> Vec<[f64; 3]> {
-    let value = |i: usize| ((i.wrapping_mul(2_654_435_761) >> 7) % 1009) as f64 / 1009.0 - 0.5;
-    let free = |(i, r): (usize, &Role)| {
-        let v = std::array::from_fn(|k| if r.frees(k) { value(3 * i + k) } else { 0.0 });
-        half.map_or(v, |half| half.of_node(i, v))
-    };
-    role.iter().enumerate().map(free).collect()
 }

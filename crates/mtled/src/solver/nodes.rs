@@ -66,18 +66,27 @@ pub struct Held<'a> {
     pub surfaces: [Option<Moved<'a>>; 2],
 }
 
+impl Held<'_> {
+    /// Whether a node is on the axis of a half plane.
+    #[inline]
+    pub fn keeps_on_axis(&self, n: usize) -> bool {
+        self.revolved && self.points[n][0] == 0.0
+    }
+}
+
 pub type Vectors<'a> = &'a mut [[f64; 3]];
 pub type OfNodes<'a> = Chunks<'a, [f64; 3]>;
-pub type Tangents<'a> = &'a mut [[[f64; 3]; 3]];
-pub type OfTangents<'a> = Chunks<'a, [[f64; 3]; 3]>;
+pub type Tangents<'a> = (Vectors<'a>, Vectors<'a>, Vectors<'a>);
+pub type OfTangents<'a> = (OfNodes<'a>, OfNodes<'a>, OfNodes<'a>);
 pub type Parts<'a> = (Vectors<'a>, Vectors<'a>, Tangents<'a>, Vectors<'a>, &'a mut [Touch]);
 
 /// The state's nodes, cut up for the team: u, q, tangent, f, touch.
 pub fn nodes(state: &mut Moving) -> (OfNodes<'_>, OfNodes<'_>, OfTangents<'_>, OfNodes<'_>, Chunks<'_, Touch>) {
+    let [x, y, z] = state.tangent.0.each_mut().map(|t| Chunks::new(t, NODES_PER_CHUNK));
     (
         Chunks::new(&mut state.u, NODES_PER_CHUNK),
         Chunks::new(&mut state.q, NODES_PER_CHUNK),
-        Chunks::new(&mut state.tangent, NODES_PER_CHUNK),
+        (x, y, z),
         Chunks::new(&mut state.f, NODES_PER_CHUNK),
         Chunks::new(&mut state.touch, NODES_PER_CHUNK),
     )
@@ -88,16 +97,17 @@ pub struct Nodes<'a> {
     /// Index of the first.
     pub first: usize,
     pub u: Vectors<'a>,
-    q: Vectors<'a>,
-    tangent: Tangents<'a>,
+    pub q: Vectors<'a>,
+    /// Along x, y and z.
+    pub tangent: [Vectors<'a>; 3],
     pub f: Vectors<'a>,
     touch: &'a mut [Touch],
 }
 
 impl<'a> Nodes<'a> {
     /// Part `i` of [`nodes`].
-    pub fn new(i: usize, (u, q, tangent, f, touch): Parts<'a>) -> Self {
-        Self { first: i * NODES_PER_CHUNK, u, q, tangent, f, touch }
+    pub fn new(i: usize, (u, q, (x, y, z), f, touch): Parts<'a>) -> Self {
+        Self { first: i * NODES_PER_CHUNK, u, q, tangent: [x, y, z], f, touch }
     }
 
     /// All nodes of a state.
@@ -106,133 +116,128 @@ impl<'a> Nodes<'a> {
             first: 0,
             u: &mut state.u,
             q: &mut state.q,
-            tangent: &mut state.tangent,
+            tangent: state.tangent.0.each_mut().map(Vec::as_mut_slice),
             f: &mut state.f,
             touch: &mut state.touch,
         }
     }
 
-    /// What these nodes contribute to the balance.
-    pub fn sums(&self, held: &Held<'_>, mass_factor: f64) -> Sums {
-        let mut sums = Sums::default();
-        for l in 0..self.u.len() {
-            let (q, tangent, f, n) = (&self.q[l], &self.tangent[l], &self.f[l], self.first + l);
-            let place: [f64; 3] = std::array::from_fn(|k| held.points[n][k] + self.u[l][k]);
-            match held.role[n] {
-                // The internal force on a held node is what its holder exerts on the tissue.
-                Role::Instrument => sums.add_held(By::Instrument, &place, &f.map(|f| -f)),
-                Role::Base => sums.add_held(By::Base, &place, &f.map(|f| -f)),
-                Role::Free => sums.add_free(held.mass[n] * mass_factor, q, tangent, f),
-                Role::Surface => {
-                    let touch = &self.touch[l];
-                    let force = match touch.by {
-                        By::Nobody => [0.0; 3],
-                        By::Instrument | By::Base => touch.force(f),
-                    };
-                    sums.add_held(touch.by, &place, &force.map(|f| -f));
-                    let left = std::array::from_fn(|k| f[k] - force[k]);
-                    sums.add_free(held.mass[n] * mass_factor, q, tangent, &left);
-                }
-                Role::Dragged => {
-                    let node = (&self.u[l], q, tangent, f);
-                    aside::sums(&mut sums, node, &place, held.mass[n] * mass_factor, held, &held.path[n]);
-                }
-                Role::Guided if held.path[n].is_oblique() => {
-                    let node = (&self.u[l], q, tangent, f);
-                    aside::guided_sums(&mut sums, node, &place, held.mass[n] * mass_factor, &held.path[n]);
-                }
-                Role::Guided => {
-                    let path = &held.path[n];
-                    let pulls: [f64; 2] = std::array::from_fn(|k| path.spring * (path.end[k] - self.u[l][k]));
-                    sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], -f[2]]);
-                    for (k, pull) in pulls.into_iter().enumerate() {
-                        sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
-                        (0..3).for_each(|d| sums.learnt[d] += tangent[d][k] * (f[k] - pull));
-                        sums.present += q[k] * (f[k] - pull);
-                    }
+    /// Adds to `sums` what the node at `l` of these, which is not free, contributes to the balance.
+    pub fn add_to(&self, sums: &mut Sums, l: usize, held: &Held<'_>, mass_factor: f64) {
+        let (q, f, n) = (&self.q[l], &self.f[l], self.first + l);
+        let place: [f64; 3] = std::array::from_fn(|k| held.points[n][k] + self.u[l][k]);
+        let tangent = || self.tangent.each_ref().map(|t| t[l]);
+        match held.role[n] {
+            Role::Free => {}
+            // The internal force on a held node is what its holder exerts on the tissue.
+            Role::Instrument => sums.add_held(By::Instrument, &place, &f.map(|f| -f)),
+            Role::Base => sums.add_held(By::Base, &place, &f.map(|f| -f)),
+            Role::Surface => {
+                let touch = &self.touch[l];
+                let force = match touch.by {
+                    By::Nobody => [0.0; 3],
+                    By::Instrument | By::Base => touch.force(f),
+                };
+                sums.add_held(touch.by, &place, &force.map(|f| -f));
+                let left = std::array::from_fn(|k| f[k] - force[k]);
+                sums.add_free(held.mass[n] * mass_factor, q, tangent().each_ref(), &left);
+            }
+            Role::Dragged => {
+                let node = (&self.u[l], q, &tangent(), f);
+                aside::sums(sums, node, &place, held.mass[n] * mass_factor, held, &held.path[n]);
+            }
+            Role::Guided if held.path[n].is_oblique() => {
+                let node = (&self.u[l], q, &tangent(), f);
+                aside::guided_sums(sums, node, &place, held.mass[n] * mass_factor, &held.path[n]);
+            }
+            Role::Guided => {
+                let (path, tangent) = (&held.path[n], tangent());
+                let pulls: [f64; 2] = std::array::from_fn(|k| path.spring * (path.end[k] - self.u[l][k]));
+                sums.add_held(By::Instrument, &place, &[-pulls[0], -pulls[1], -f[2]]);
+                for (k, pull) in pulls.into_iter().enumerate() {
+                    sums.kinetic += 0.5 * held.mass[n] * mass_factor * q[k] * q[k];
+                    (0..3).for_each(|d| sums.learnt[d] += tangent[d][k] * (f[k] - pull));
+                    sums.present += q[k] * (f[k] - pull);
                 }
             }
         }
-        sums
     }
 
-    /// Moves the node at `l` of these through one step, from the force at its start.
-    #[inline]
+    /// Moves the node at `l` of these, which is not free, through one step, from the force at its start.
     pub fn integrate(&mut self, l: usize, held: &Held<'_>, step: u32, rule: &Rule) {
         let n = self.first + l;
-        let (u, q, tangent, f) = (&mut self.u[l], &mut self.q[l], &mut self.tangent[l], &self.f[l]);
+        let path = &held.path[n];
+        let share = f64::from(step) / f64::from(rule.steps);
         match held.role[n] {
             Role::Base => {}
             Role::Instrument => {
-                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
                 for k in 0..3 {
-                    let next = path.at(s, k);
-                    rule.set(tangent, k, next - u[k]);
-                    u[k] = next;
+                    let next = path.at(share, k);
+                    let moved = next - self.u[l][k];
+                    self.tangent.iter_mut().zip(rule.gain).for_each(|(t, gain)| t[l][k] = moved * gain);
+                    self.u[l][k] = next;
                 }
-                *q = [0.0; 3];
+                self.q[l] = [0.0; 3];
+            }
+            _ => {
+                let mut tangent = self.tangent.each_ref().map(|t| t[l]);
+                self.move_on(l, &mut tangent, held, share, rule);
+                self.tangent.iter_mut().zip(tangent).for_each(|(all, own)| all[l] = own);
+            }
+        }
+    }
+
+    fn move_on(&mut self, l: usize, tangent: &mut [[f64; 3]; 3], held: &Held<'_>, share: f64, rule: &Rule) {
+        let n = self.first + l;
+        let (u, q, f) = (&mut self.u[l], &mut self.q[l], &self.f[l]);
+        let inverse = || 1.0 / (held.mass[n] * rule.mass_factor);
+        let path = &held.path[n];
+        match held.role[n] {
+            Role::Dragged if path.spring == f64::INFINITY => {
+                aside::place((u, q, tangent), held, path, share, rule);
             }
             Role::Dragged => {
-                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
-                if path.spring == f64::INFINITY {
-                    aside::place((u, q, tangent), held, path, s, rule);
-                    return;
-                }
-                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
-                aside::pull((&mut *u, &mut *q, &mut *tangent), f, inverse, held, path, s, rule);
-                self.keep_on_axis(l, held);
+                aside::pull((u, q, tangent), f, inverse(), held, path, share, rule);
+                self.keep_on_axis(l, tangent, held);
             }
-            Role::Guided if held.path[n].is_oblique() => {
-                let s = f64::from(step) / f64::from(rule.steps);
-                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
-                aside::guide((u, q, tangent), f, inverse, &held.path[n], s, rule);
-            }
+            Role::Guided if path.is_oblique() => aside::guide((u, q, tangent), f, inverse(), path, share, rule),
             Role::Guided => {
-                let (path, s) = (&held.path[n], f64::from(step) / f64::from(rule.steps));
-                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
+                let inverse = inverse();
                 // the spring at the end of the step, so that it is stable however stiff it is
                 let spring = path.spring * inverse;
                 for k in 0..2 {
                     let drift = rule.drift(tangent, k);
                     let free = drift + rule.keep * q[k] - f[k] * inverse;
-                    let v = (free + spring * (path.at(s, k) - u[k])) / (1.0 + spring);
+                    let v = (free + spring * (path.at(share, k) - u[k])) / (1.0 + spring);
                     u[k] += v;
                     q[k] = rule.teach(tangent, k, v - drift);
                 }
-                let next = path.at(s, 2);
+                let next = path.at(share, 2);
                 rule.set(tangent, 2, next - u[2]);
                 (u[2], q[2]) = (next, 0.0);
-                self.keep_on_axis(l, held);
+                self.keep_on_axis(l, tangent, held);
             }
-            Role::Free => {
-                let inverse = 1.0 / (held.mass[n] * rule.mass_factor);
-                for k in 0..3 {
-                    let deviation = rule.keep * q[k] - f[k] * inverse;
-                    u[k] += rule.drift(tangent, k) + deviation;
-                    q[k] = rule.teach(tangent, k, deviation);
-                }
-                self.keep_on_axis(l, held);
-            }
-            Role::Surface => self.touch_or_go(l, held, rule),
+            Role::Surface => self.touch_or_go(l, tangent, held, rule),
+            Role::Free | Role::Base | Role::Instrument => {}
         }
     }
 
     /// The radial parameter of a node on the axis drops out of the field and has no force but round-off, with which it would drift.
     #[inline]
-    fn keep_on_axis(&mut self, l: usize, held: &Held<'_>) {
-        if held.revolved && held.points[self.first + l][0] == 0.0 {
+    fn keep_on_axis(&mut self, l: usize, tangent: &mut [[f64; 3]; 3], held: &Held<'_>) {
+        if held.keeps_on_axis(self.first + l) {
             (self.u[l][0], self.q[l][0]) = (0.0, 0.0);
-            self.tangent[l].iter_mut().for_each(|t| t[0] = 0.0);
+            tangent.iter_mut().for_each(|t| t[0] = 0.0);
         }
     }
 
     /// Moves a node that may meet a surface (see [`super::contact`]).
-    fn touch_or_go(&mut self, l: usize, held: &Held<'_>, rule: &Rule) {
+    fn touch_or_go(&mut self, l: usize, tangent: &mut [[f64; 3]; 3], held: &Held<'_>, rule: &Rule) {
         let n = self.first + l;
-        let (u, q, tangent, f) = (&mut self.u[l], &mut self.q[l], &mut self.tangent[l], &self.f[l]);
+        let (u, q, f) = (&mut self.u[l], &mut self.q[l], &self.f[l]);
         let mass = held.mass[n] * rule.mass_factor;
         let mut deviation: [f64; 3] = std::array::from_fn(|k| rule.keep * q[k] - f[k] / mass);
-        if held.revolved && held.points[n][0] == 0.0 {
+        if held.keeps_on_axis(n) {
             // the radial parameter of a node on the axis has no force
             deviation[0] = 0.0;
         }

@@ -6,6 +6,7 @@ use crate::material::neo_hookean::{Gradient, cofactor, determinant};
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::memory::Memory;
 use super::points::{Constants, PointLaw, Projected, Relaxing};
+use super::strip::FIELDS;
 use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
 
@@ -14,28 +15,27 @@ use crate::number::{Number, Real};
 const VISITS_AHEAD: usize = 40;
 
 impl<T: Real> Block<T> {
-    /// Pass 1. `active`: share of each point that is tissue; `dilation`: sum over the block's points of V (J - 1) over the
-    /// number of corners, at each vertex, m^3; `distortion`: the same of V (I1 - 3) where the law is [mixed](super::mixed), or empty.
+    /// Pass 1. `active`: share of each point that is tissue; `strained`: sum over the block's points of V (J - 1) over the
+    /// number of corners, at each vertex, m^3, and the same of V (I1 - 3) where the law is [mixed](super::mixed).
     pub(super) fn deform(
         &self,
         active: &[Lanes<T>],
         u: &[[f64; 3]],
+        mixed: bool,
         scratch: &mut BlockScratch<T>,
-        dilation: &mut [T],
-        distortion: &mut [T],
+        strained: &mut [[T; FIELDS]],
     ) {
         // Relative to one of the block's own nodes: gradients of a constant vanish, and a rigid translation of the
         // whole sample costs no digits in single precision.
         let origin = u[self.nodes[0] as usize];
-        dilation.fill(T::default());
-        distortion.fill(T::default());
+        strained.fill([T::default(); FIELDS]);
         match self.form {
             Form::Full => {
                 for (local, &n) in scratch.u.iter_mut().zip(&self.nodes) {
                     let u = u[n as usize];
                     *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
                 }
-                self.gradients::<false>(active, scratch, dilation, distortion);
+                self.gradients::<false>(active, mixed, scratch, strained);
             }
             Form::Mirrored(mirror) => {
                 for (l, (local, &n)) in scratch.u.iter_mut().zip(&self.nodes).enumerate() {
@@ -43,11 +43,11 @@ impl<T: Real> Block<T> {
                     let u = if l < self.originals { *u } else { mirror.image(u) };
                     *local = std::array::from_fn(|k| T::of(u[k] - origin[k]));
                 }
-                self.gradients::<false>(active, scratch, dilation, distortion);
+                self.gradients::<false>(active, mixed, scratch, strained);
             }
             Form::Axisymmetric => {
                 self.copy_meridian(u, origin[2], &mut scratch.u);
-                self.gradients::<true>(active, scratch, dilation, distortion);
+                self.gradients::<true>(active, mixed, scratch, strained);
             }
         }
     }
@@ -55,14 +55,14 @@ impl<T: Real> Block<T> {
     fn gradients<const AXISYMMETRIC: bool>(
         &self,
         active: &[Lanes<T>],
+        mixed: bool,
         scratch: &mut BlockScratch<T>,
-        dilation: &mut [T],
-        distortion: &mut [T],
+        strained: &mut [[T; FIELDS]],
     ) {
-        if distortion.is_empty() {
-            run(Deform::<_, AXISYMMETRIC, false> { block: self, active, scratch, dilation, distortion });
+        if mixed {
+            run(Deform::<_, AXISYMMETRIC, true> { block: self, active, scratch, strained });
         } else {
-            run(Deform::<_, AXISYMMETRIC, true> { block: self, active, scratch, dilation, distortion });
+            run(Deform::<_, AXISYMMETRIC, false> { block: self, active, scratch, strained });
         }
     }
 
@@ -81,16 +81,14 @@ impl<T: Real> Block<T> {
         &self,
         active: &[Lanes<T>],
         memory: &Memory,
-        [pressure, shrinkage]: [&[T]; 2],
+        [pressure, shrinkage]: [&[T]; FIELDS],
         constants: &Constants,
         scratch: &mut BlockScratch<T>,
         lanes: &mut ForceOfLane<T>,
         force: &mut [[T; 3]],
     ) {
-        for (local, all) in [(&mut scratch.pressure, pressure), (&mut scratch.shrinkage, shrinkage)] {
-            if !all.is_empty() {
-                local.iter_mut().zip(&self.vertices).for_each(|(local, &n)| *local = all[n as usize]);
-            }
+        for (k, all) in [pressure, shrinkage].into_iter().enumerate().filter(|(_, all)| !all.is_empty()) {
+            scratch.projected.iter_mut().zip(&self.vertices).for_each(|(local, &n)| local[k] = all[n as usize]);
         }
         // the usual law has a loop of its own, with no choices in it
         if let Some(mixed) = constants.of_mixed() {
@@ -127,23 +125,12 @@ impl<T: Real> Block<T> {
     /// What a group's points get from the coarse nodes.
     #[inline(always)]
     pub(super) fn projected(&self, scratch: &BlockScratch<T>, group: usize) -> Projected<Lanes<T>> {
-        let mixed = !scratch.shrinkage.is_empty();
-        Projected {
-            pressure: self.mean_of_corners(&scratch.pressure, group),
-            shrinkage: if mixed { self.mean_of_corners(&scratch.shrinkage, group) } else { Lanes::default() },
-        }
-    }
-
-    /// Mean over the corners of each point's cell of what stands at the vertices.
-    #[inline(always)]
-    fn mean_of_corners(&self, vertices: &[T], group: usize) -> Lanes<T> {
-        let [a, b, c, d] = &self.corners[group];
-        let two = Lanes::look_up(vertices, a) + Lanes::look_up(vertices, b);
-        let third = Lanes::look_up(vertices, c);
-        match self.form {
-            Form::Full | Form::Mirrored(_) => Lanes::of(0.25) * (two + (third + Lanes::look_up(vertices, d))),
-            Form::Axisymmetric => Lanes::of(1.0 / 3.0) * (two + third),
-        }
+        let [a, b, c, d] = self.corners[group].each_ref().map(|corner| Lanes::look_up(&scratch.projected, corner));
+        let mean = |k: usize| match self.form {
+            Form::Full | Form::Mirrored(_) => Lanes::of(0.25) * ((a[k] + b[k]) + (c[k] + d[k])),
+            Form::Axisymmetric => Lanes::of(1.0 / 3.0) * ((a[k] + b[k]) + c[k]),
+        };
+        Projected { pressure: mean(0), shrinkage: if scratch.mixed { mean(1) } else { Lanes::default() } }
     }
 
     /// What the point in one slot gets from the coarse nodes.
@@ -158,14 +145,13 @@ struct Deform<'a, T: Real, const AXISYMMETRIC: bool, const MIXED: bool> {
     block: &'a Block<T>,
     active: &'a [Lanes<T>],
     scratch: &'a mut BlockScratch<T>,
-    dilation: &'a mut [T],
-    distortion: &'a mut [T],
+    strained: &'a mut [[T; FIELDS]],
 }
 
 impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Loop for Deform<'_, T, AXISYMMETRIC, MIXED> {
     #[inline(always)]
     fn go(self) {
-        let Self { block, active, scratch, dilation, distortion } = self;
+        let Self { block, active, scratch, strained } = self;
         let (one, zero) = (Lanes::of(1.0), Lanes::default());
         let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
         let mut min = Lanes::of(f64::MAX);
@@ -192,23 +178,31 @@ impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Loop for Deform<'_, T
             min = j.where_positive(active, min).min(min);
             let volume = share_of_corner * active * block.volume[group];
             let corners = &block.corners[group][..if AXISYMMETRIC { 3 } else { 4 }];
-            share_out(dilation, corners, volume * (j - one));
+            let dilation = volume * (j - one);
+            let mut square = Lanes::of(-3.0);
             if MIXED {
-                let mut square = Lanes::of(-3.0);
                 f.iter().for_each(|f| square = f.fma(*f, square));
-                share_out(distortion, corners, volume * square);
             }
+            share_out::<T, MIXED>(strained, corners, [dilation, volume * square]);
         }
         scratch.min_jacobian = min.0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
     }
 }
 
-/// Adds a share of each lane to each of its corners.
+/// Adds a share of each lane to each of its corners; of the first field alone unless `BOTH`.
 #[inline(always)]
-fn share_out<T: Real>(sums: &mut [T], corners: &[[u16; LANES]], share: Lanes<T>) {
+fn share_out<T: Real, const BOTH: bool>(
+    sums: &mut [[T; FIELDS]],
+    corners: &[[u16; LANES]],
+    shares: [Lanes<T>; FIELDS],
+) {
     for corner in corners {
-        for (&c, share) in corner.iter().zip(share.0) {
-            sums[usize::from(c)] += share;
+        for (lane, &c) in corner.iter().enumerate() {
+            let sum = &mut sums[usize::from(c)];
+            sum[0] += shares[0].0[lane];
+            if BOTH {
+                sum[1] += shares[1].0[lane];
+            }
         }
     }
 }

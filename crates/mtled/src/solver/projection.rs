@@ -22,14 +22,14 @@ const COARSE_PER_CHUNK: usize = if cfg!(miri) { 4 } else { 64 };
 #[derive(Debug)]
 pub(super) struct Projection<T> {
     /// N_aP, [`NODES_PER_CHUNK`] nodes each; none with the pointwise volume ratio.
-    strips: Vec<Strip<T>>,
+    pub strips: Vec<Strip<T>>,
     /// Where the sums of each strip begin.
     runs: Offsets,
     shares: Shares,
     /// V_P, m^3.
-    volume: Vec<f64>,
+    pub volume: Vec<f64>,
     /// Region of each coarse node.
-    region: Vec<u8>,
+    pub region: Vec<u8>,
 }
 
 /// Scratch memory of a projection; the second field is there where the law is [mixed](super::mixed).
@@ -153,6 +153,16 @@ impl<T: Real> Projection<T> {
         scratch.nodal.each_ref().map(Vec::as_slice)
     }
 
+    /// Number of the sums of all strips, and where those of each begin.
+    pub fn runs(&self) -> &Offsets {
+        &self.runs
+    }
+
+    /// Positions of a coarse node's sums.
+    pub fn sums_of(&self, coarse: usize) -> &[u32] {
+        self.shares.of_index(coarse)
+    }
+
     /// Of the strips' sums to a coarse node.
     fn sum(&self, sums: &[T], coarse: usize) -> f64 {
         self.shares.of_index(coarse).iter().map(|&at| sums[at as usize].get()).sum()
@@ -160,7 +170,7 @@ impl<T: Real> Projection<T> {
 }
 
 /// What a coarse node hands on, from its sums and V_P, m^3.
-fn mixed_state(constants: &Constants, [dilation, square]: [f64; 2], volume: f64) -> Coarse {
+fn mixed_state(constants: &Constants, [dilation, square]: [f64; 2], volume: f64) -> Coarse<f64> {
     let p = pressure(constants, dilation, volume);
     if volume <= 0.0 || !constants.mixed {
         return Coarse { pressure: p, ..Coarse::default() };

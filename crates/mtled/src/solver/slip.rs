@@ -42,6 +42,17 @@ impl Slip {
     pub fn forces(&self) -> [f64; 2] {
         [self.pull.iter().sum(), self.push.iter().sum()]
     }
+
+    /// Nothing slipped; allocates nothing.
+    pub(super) fn forget(&mut self) {
+        let Self { at, wall, end, wall_floor, end_floor, began, pull, push, broken, dissipated, held, step, load } =
+            self;
+        for numbers in [wall, end, wall_floor, end_floor, began, pull, push, step, load] {
+            numbers.fill(0.0);
+        }
+        held.fill(false);
+        (*at, *broken, *dissipated) = (0.0, None, 0.0);
+    }
 }
 
 impl Drag {

@@ -83,8 +83,33 @@ cloned_field_by_field! {
     }
 }
 
+/// Tangent motions of all nodes along x, y and z, each for itself: an instrument mostly moves along one of them.
+#[derive(Debug)]
+pub(super) struct Tangent(pub [Vec<[f64; 3]>; 3]);
+
+impl Tangent {
+    /// Of one node.
+    pub fn of(&self, n: usize) -> [[f64; 3]; 3] {
+        self.0.each_ref().map(|t| t[n])
+    }
+
+    pub fn set(&mut self, n: usize, own: [[f64; 3]; 3]) {
+        self.0.iter_mut().zip(own).for_each(|(all, own)| all[n] = own);
+    }
+}
+
+impl Clone for Tangent {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+
+    fn clone_from(&mut self, other: &Self) {
+        self.0.clone_from(&other.0);
+    }
+}
+
 cloned_field_by_field! {
-    /// Where the tissue is: what is kept to come back to in trouble.
+    /// Where the tissue is, and how it moves.
     #[derive(Debug)]
     pub(super) struct Moving {
         /// Nodal parameters, m.
@@ -92,7 +117,7 @@ cloned_field_by_field! {
         /// Velocity relative to the tangent motion, m per step.
         pub q: Vec<[f64; 3]>,
         /// Tangent motions: displacement per metre that the instrument travels along x, y and z.
-        pub tangent: Vec<[[f64; 3]; 3]>,
+        pub tangent: Tangent,
         /// Internal force at `u`, N.
         pub f: Vec<[f64; 3]>,
         /// Factor on every mass: 1, or more where the deformed tissue's stable step is smaller.
@@ -107,6 +132,57 @@ cloned_field_by_field! {
         pub offset: [f64; 3],
         /// Slip of what a rod drags.
         pub slip: Slip,
+    }
+}
+
+cloned_field_by_field! {
+    /// What is kept of where the tissue is, to come back to in trouble: velocities that led into it are not worth keeping, and forces and
+    /// touches follow from the rest.
+    #[derive(Debug)]
+    pub(super) struct Kept {
+        u: Vec<[f64; 3]>,
+        tangent: Tangent,
+        mass_factor: f64,
+        pub time: Option<f64>,
+        memory: Vec<Memory>,
+        offset: [f64; 3],
+        slip: Slip,
+    }
+}
+
+impl Kept {
+    /// Of a state.
+    pub fn of(moving: &Moving) -> Self {
+        let Moving { u, tangent, mass_factor, time, memory, offset, slip, .. } = moving;
+        Self {
+            u: u.clone(),
+            tangent: tangent.clone(),
+            mass_factor: *mass_factor,
+            time: *time,
+            memory: memory.clone(),
+            offset: *offset,
+            slip: slip.clone(),
+        }
+    }
+
+    /// Keeps another; allocates nothing.
+    pub fn keep(&mut self, moving: &Moving) {
+        self.u.clone_from(&moving.u);
+        self.tangent.clone_from(&moving.tangent);
+        self.memory.clone_from(&moving.memory);
+        self.slip.clone_from(&moving.slip);
+        (self.mass_factor, self.time, self.offset) = (moving.mass_factor, moving.time, moving.offset);
+    }
+
+    /// Goes back to it, at rest; forces are those of [`super::Model::recover`].
+    pub fn give_back(&self, moving: &mut Moving) {
+        moving.u.clone_from(&self.u);
+        moving.tangent.clone_from(&self.tangent);
+        moving.memory.clone_from(&self.memory);
+        moving.slip.clone_from(&self.slip);
+        (moving.mass_factor, moving.time, moving.offset) = (self.mass_factor, self.time, self.offset);
+        moving.q.fill([0.0; 3]);
+        moving.touch.fill(Touch::default());
     }
 }
 
@@ -243,7 +319,7 @@ impl State {
     /// What was learnt of the motion is no longer true: the nodes stand, and go along with nothing.
     pub fn forget_motion(&mut self) {
         self.moving.q.fill([0.0; 3]);
-        self.moving.tangent.fill([[0.0; 3]; 3]);
+        self.moving.tangent.0.iter_mut().for_each(|t| t.fill([0.0; 3]));
     }
 
     /// Moves the rod along its axis, to a way in m at the end of the next advance.

@@ -127,7 +127,7 @@ impl Model {
         pool.each(nodes(moving), |i, part| {
             let mut part = Nodes::new(i, part);
             let held = held(rule.first);
-            (0..part.u.len()).for_each(|l| part.integrate(l, &held, rule.first, rule));
+            part.integrate_all(&held, rule.first, rule);
         });
         drag.step(moving, mass, rule.first, rule);
         with_kernel!((&self.kernel, shares, &mut work.scratch) => (k, shares, scratch) {
@@ -137,11 +137,11 @@ impl Model {
                 let held = held(step + 1);
                 pool.each((nodes(moving), Each::new(sums)), |i, (part, sums)| {
                     let mut part = Nodes::new(i, part);
-                    for l in 0..part.u.len() {
-                        part.f[l] = self.of_node(part.first + l, k.node_force(scratch, part.first + l));
-                        if step < rule.last {
-                            part.integrate(l, &held, step + 1, rule);
-                        }
+                    for (f, n) in part.f.iter_mut().zip(part.first..) {
+                        *f = self.of_node(n, k.node_force(scratch, n));
+                    }
+                    if step < rule.last {
+                        part.integrate_all(&held, step + 1, rule);
                     }
                     if step == rule.steps {
                         *sums = part.sums(&held, rule.mass_factor);
@@ -213,7 +213,7 @@ impl Model {
         *factor = if needed > *factor { needed } else { (0.98 * *factor).max(needed) };
     }
 
-    /// Masses and velocities after a return to an earlier state, whose mass factor stands.
+    /// Forces and masses after a return to an earlier state, whose mass factor stands.
     pub(super) fn recover(&self, state: &mut State, work: &mut Workspace) {
         // the estimate of the largest eigenvalue may have followed the trouble beyond all numbers
         if !state.control.probe.iter().flatten().all(|e| e.is_finite()) {
@@ -221,10 +221,13 @@ impl Model {
         }
         // masses are to be those of the earlier state: the one that was left may have had enormous ones
         self.evaluate(state, work);
+        with_kernel!((&self.kernel, &work.scratch) => (k, scratch) {
+            let f = &mut state.moving.f;
+            k.node_forces(scratch, &mut work.pool, f);
+            f.iter_mut().enumerate().for_each(|(n, f)| *f = self.of_node(n, *f));
+        });
         state.control.mass.fill(0.0);
         self.refresh_masses(state, work);
-        // velocities that led into trouble are not worth keeping
-        state.moving.q.fill([0.0; 3]);
         let Constraints { role, path, drag, .. } = &mut state.constraints;
         for ((path, role), u) in path.iter_mut().zip(role).zip(&state.moving.u) {
             path.start = if *role == Role::Dragged { aside(u, &drag.axis) } else { *u };

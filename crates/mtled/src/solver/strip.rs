@@ -130,6 +130,39 @@ impl<T: Real> Strip<T> {
             (0..N).for_each(|k| out[k][group] = (sums[k][0] + sums[k][1]).0);
         }
     }
+
+    /// The first product for a number of each member of a team: x of all nodes, and sums that are zero.
+    #[inline(always)]
+    pub fn sum_members(&self, x: &[Lanes<T>], sums: &mut [Lanes<T>]) {
+        for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
+            let mut here = [Lanes::default(); LANES];
+            here.iter_mut().zip(&x[first..self.nodes.end]).for_each(|(here, x)| *here = *x);
+            let range = self.start[group] as usize..self.start[group + 1] as usize;
+            for (&l, value) in self.local[range.clone()].iter().zip(&self.value[range]) {
+                let mut sum = sums[usize::from(l)];
+                for (x, value) in here.iter().zip(value.0) {
+                    sum = x.fma(Lanes::splat(value), sum);
+                }
+                sums[usize::from(l)] = sum;
+            }
+        }
+    }
+
+    /// The second product likewise: p of all coarse nodes, to x of the run's nodes.
+    #[inline(always)]
+    pub fn hand_to_members(&self, p: &[Lanes<T>], x: &mut [Lanes<T>]) {
+        for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
+            let mut sums = [Lanes::default(); LANES];
+            let range = self.start[group] as usize..self.start[group + 1] as usize;
+            for (&l, value) in self.local[range.clone()].iter().zip(&self.value[range]) {
+                let handed = p[self.coarse[usize::from(l)] as usize];
+                for (sum, value) in sums.iter_mut().zip(value.0) {
+                    *sum = handed.fma(Lanes::splat(value), *sum);
+                }
+            }
+            x[first..self.nodes.end].iter_mut().zip(sums).for_each(|(x, sum)| *x = sum);
+        }
+    }
 }
 
 #[cfg(test)]

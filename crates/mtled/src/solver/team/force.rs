@@ -7,14 +7,13 @@ use super::super::kernel::{Kernel, Points, Tables};
 use super::super::lane_law::{LaneLaw, NeoHookean};
 use super::super::mixed::Mixed;
 use super::super::points::Constants;
-use super::super::pool::Pool;
-use super::super::projection::ProjectionScratch;
 use super::super::strip::FIELDS;
 use super::passes::{Bound, Deform, Laws, Stress, Vectors};
+use super::projection::Projected;
 use super::table::PointTable;
+use super::transfer::{AddUp, Load, Store, mirrored};
 use crate::approximation::Form;
 use crate::material::neo_hookean::Gradient;
-use crate::mirror::Mirror;
 use crate::number::lanes::{LANES, Lanes, run};
 use crate::number::{Number, Real};
 
@@ -29,10 +28,7 @@ pub struct Common<T: Real> {
 #[derive(Debug)]
 pub struct Lockstep<T: Real> {
     common: Arc<Common<T>>,
-    members: usize,
     laws: OfRegions<T>,
-    /// Of each member by region.
-    constants: Vec<Vec<Constants>>,
     /// At which of its changes a member's shares of the points were taken over.
     seen: [Option<u64>; LANES],
     /// Share of each point that is tissue, by block.
@@ -42,7 +38,7 @@ pub struct Lockstep<T: Real> {
     sums: [Vec<Lanes<T>>; FIELDS],
     /// Pressure at all vertices, Pa, and r - 1.
     coarse: [Vec<Lanes<T>>; FIELDS],
-    projection: Vec<ProjectionScratch<T>>,
+    projection: Projected<T>,
     min_jacobian: Lanes<T>,
     /// Of each block, J.
     energy: Vec<Lanes<T>>,
@@ -50,6 +46,8 @@ pub struct Lockstep<T: Real> {
     local_u: Vec<Vectors<T>>,
     at_vertices: [Vec<Lanes<T>>; FIELDS],
     local_force: Vec<Vectors<T>>,
+    /// On all nodes, N.
+    force: Vec<Vectors<f64>>,
 }
 
 /// Laws of each region: all mixed or none.
@@ -100,22 +98,22 @@ impl<T: Real> Lockstep<T> {
         let common = common.unwrap_or_else(|| Arc::new(Common::new(first)));
         let (tables, points) = (&common.tables, &common.points);
         let zero = Lanes::default();
+        let constants: Vec<Vec<Constants>> = kernels.iter().map(|k| k.constants.clone()).collect();
         let vertices = tables.dilation_shares.start.len() - 1;
         let most = |size: fn(&Block<T>) -> usize| tables.blocks.iter().map(size).max().unwrap_or(0);
         Some(Self {
-            members: kernels.len(),
             seen: [None; LANES],
             laws,
-            constants: kernels.iter().map(|k| k.constants.clone()).collect(),
             active: points.iter().map(|p| vec![Lanes::of(1.0); p.len()]).collect(),
             deformation: points.iter().map(|p| vec![[zero; 9]; p.len()]).collect(),
             sums: fields(vertices),
             coarse: fields(vertices),
-            projection: kernels.iter().map(|_| tables.projection.scratch(mixed)).collect(),
+            projection: Projected::new(&tables.projection, &constants, mixed),
             min_jacobian: Lanes::of(1.0),
             energy: vec![zero; points.len()],
             local_u: vec![[zero; 3]; most(|b| b.nodes.len())],
             local_force: vec![[zero; 3]; most(|b| b.nodes.len())],
+            force: vec![[Lanes::default(); 3]; tables.nodes],
             at_vertices: fields(most(|b| b.vertices.len())),
             common,
         })
@@ -128,10 +126,18 @@ impl<T: Real> Lockstep<T> {
 
     /// Takes over which share of each point is tissue to a member.
     pub fn set_active(&mut self, member: usize, points: &Points<T>) {
-        if self.seen[member].replace(points.changes) == Some(points.changes) {
+        let Self { common, active, seen, .. } = self;
+        if let Some(changed) = seen[member].replace(points.changes).and_then(|before| points.since(before)) {
+            for point in changed {
+                let (b, slot) = common.tables.slot[point];
+                let of_block = &points.active[b as usize];
+                if let Ok(at) = common.points[b as usize].slot.binary_search(&slot) {
+                    active[b as usize][at].0[member] = of_block[slot as usize / LANES].0[slot as usize % LANES];
+                }
+            }
             return;
         }
-        for ((active, table), of_block) in self.active.iter_mut().zip(&self.common.points).zip(&points.active) {
+        for ((active, table), of_block) in active.iter_mut().zip(&common.points).zip(&points.active) {
             for (active, &slot) in active.iter_mut().zip(&table.slot) {
                 active.0[member] = of_block[slot as usize / LANES].0[slot as usize % LANES];
             }
@@ -145,42 +151,38 @@ impl<T: Real> Lockstep<T> {
 
     /// Strain energy of a member at the last evaluation, J.
     pub fn energy(&self, member: usize) -> f64 {
-        let constants = &self.constants[member];
-        let projected = if constants.iter().any(|c| c.projected > 0.0) {
-            self.common.tables.projection.energy(&self.projection[member], constants)
-        } else {
-            0.0
-        };
-        self.energy.iter().map(|e| e.0[member].get()).sum::<f64>() + projected
+        self.energy.iter().map(|e| e.0[member].get()).sum::<f64>() + self.projection.energy.0[member]
     }
 
     /// First half of an evaluation, for each member's nodal parameters, m: deformation gradients, and pressures.
-    pub fn deform(&mut self, pool: &mut Pool, u: &[&[[f64; 3]]; LANES]) {
+    pub fn deform(&mut self, u: &[&[[f64; 3]]; LANES]) {
         self.gather(u);
-        self.project(pool);
+        let Self { common, sums, coarse, projection, .. } = self;
+        projection.project(&common.tables.projection, sums, coarse);
     }
 
     /// Second half: internal force of each member, N.
     pub fn force(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
-        self.clear(f);
+        self.force.fill([Lanes::default(); 3]);
         for b in 0..self.common.points.len() {
-            let nodes = self.common.tables.blocks[b].nodes.len();
-            self.local_force[..nodes].fill([Lanes::default(); 3]);
+            self.clear(b);
             self.load_coarse(b);
             self.stress(b);
-            mirror_back(&self.common.tables.blocks[b], &mut self.local_force[..nodes]);
-            self.hand_out(b, f);
+            let block = &self.common.tables.blocks[b];
+            mirror_back(block, &mut self.local_force[..block.nodes.len()]);
+            self.add_up(b);
         }
+        run(Store { from: &self.force, to: f });
     }
 
     /// Shares of the masses, over s, at the last evaluation, in the first component of `f`.
     pub fn bound(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
-        self.clear(f);
+        self.force.fill([Lanes::default(); 3]);
         for b in 0..self.common.points.len() {
+            self.clear(b);
+            self.load_coarse(b);
             let block = &self.common.tables.blocks[b];
             let (nodes, region) = (block.nodes.len(), usize::from(block.region));
-            self.local_force[..nodes].fill([Lanes::default(); 3]);
-            self.load_coarse(b);
             let Self { common, laws, deformation, at_vertices, local_force, .. } = self;
             let coarse = at_vertices.each_ref().map(Vec::as_slice);
             let (table, deformation, force) = (&common.points[b], &deformation[b][..], &mut local_force[..nodes]);
@@ -189,12 +191,14 @@ impl<T: Real> Lockstep<T> {
                 OfRegions::Plain(l) => bound(planar, table, &l[region], deformation, coarse, force),
                 OfRegions::Mixed(l) => bound(planar, table, &l[region], deformation, coarse, force),
             }
-            self.hand_out(b, f);
+            self.add_up(b);
         }
+        run(Store { from: &self.force, to: f });
     }
 
-    fn clear(&self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
-        f.iter_mut().flatten().for_each(|f| f.fill([0.0; 3]));
+    fn clear(&mut self, b: usize) {
+        let nodes = self.common.tables.blocks[b].nodes.len();
+        self.local_force[..nodes].fill([Lanes::default(); 3]);
     }
 
     /// Pass 1 over all blocks.
@@ -204,7 +208,7 @@ impl<T: Real> Lockstep<T> {
         for b in 0..self.common.points.len() {
             let Self { common, active, deformation, sums, min_jacobian, local_u, at_vertices, .. } = self;
             let block = &common.tables.blocks[b];
-            load(block, u, local_u);
+            run(Load { block, from: u, to: local_u });
             at_vertices.iter_mut().for_each(|here| here.fill(Lanes::default()));
             let here = at_vertices.each_mut().map(Vec::as_mut_slice);
             let (table, active, u, deformation) =
@@ -217,25 +221,6 @@ impl<T: Real> Lockstep<T> {
                 for (&n, here) in block.vertices.iter().zip(here) {
                     sums[n as usize] += *here;
                 }
-            }
-        }
-    }
-
-    /// What the coarse nodes hand on, at the vertices.
-    fn project(&mut self, pool: &mut Pool) {
-        let Self { common, constants, sums: [j, i1], coarse, projection, members, laws, .. } = self;
-        let of_all = &common.tables.projection;
-        for k in 0..*members {
-            let (scratch, constants) = (&mut projection[k], &constants[k][..]);
-            if constants.iter().all(|c| c.projected <= 0.0 && !c.mixed) {
-                continue;
-            }
-            let nodal = match laws {
-                OfRegions::Plain(_) => of_all.project(scratch, pool, constants, |n| j[n].0[k]),
-                OfRegions::Mixed(_) => of_all.project_mixed(scratch, pool, constants, |n| [j[n].0[k], i1[n].0[k]]),
-            };
-            for (coarse, nodal) in coarse.iter_mut().zip(nodal) {
-                coarse.iter_mut().zip(nodal).for_each(|(coarse, nodal)| coarse.0[k] = *nodal);
             }
         }
     }
@@ -270,16 +255,10 @@ impl<T: Real> Lockstep<T> {
         }
     }
 
-    /// Adds a block's forces to those of the members.
-    fn hand_out(&self, b: usize, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+    /// Adds a block's forces to those of all.
+    fn add_up(&mut self, b: usize) {
         let nodes = &self.common.tables.blocks[b].nodes;
-        for (k, f) in f.iter_mut().enumerate() {
-            let Some(f) = f else { continue };
-            for (&n, force) in nodes.iter().zip(&self.local_force) {
-                let sum = &mut f[n as usize];
-                (0..3).for_each(|c| sum[c] += force[c].0[k].get());
-            }
-        }
+        run(AddUp { nodes, from: &self.local_force, to: &mut self.force });
     }
 }
 
@@ -304,43 +283,12 @@ fn block_form<T: Real>(block: &Block<T>) -> bool {
     matches!(block.form, Form::Axisymmetric)
 }
 
-/// Displacements of a block's nodes and images, relative to its first node as in [`Block::deform`].
-fn load<T: Real>(block: &Block<T>, u: &[&[[f64; 3]]; LANES], local: &mut [Vectors<T>]) {
-    for (k, u) in u.iter().enumerate() {
-        let origin = u[block.nodes[0] as usize];
-        for (l, (local, &n)) in local.iter_mut().zip(&block.nodes).enumerate() {
-            let image = l >= block.originals;
-            let v = match block.form {
-                Form::Full => relative(&u[n as usize], &origin),
-                Form::Mirrored(mirror) if image => relative(&mirror.image(&u[n as usize]), &origin),
-                Form::Mirrored(_) => relative(&u[n as usize], &origin),
-                Form::Axisymmetric => {
-                    let [radial, _, axial] = u[n as usize];
-                    [if image { -radial } else { radial }, 0.0, axial - origin[2]]
-                }
-            };
-            (0..3).for_each(|c| local[c].0[k] = T::of(v[c]));
-        }
-    }
-}
-
-fn relative(u: &[f64; 3], origin: &[f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| u[k] - origin[k])
-}
-
 /// What pulls an image pulls its node the mirrored way.
 fn mirror_back<T: Real>(block: &Block<T>, force: &mut [Vectors<T>]) {
     for force in &mut force[block.originals..] {
         match block.form {
-            Form::Mirrored(mirror) => mirrored(&mirror, force),
+            Form::Mirrored(mirror) => *force = mirrored(&mirror, &force.map(Lanes::wide)).map(Lanes::narrow),
             Form::Full | Form::Axisymmetric => force[0] = -force[0],
         }
-    }
-}
-
-fn mirrored<T: Real>(mirror: &Mirror, force: &mut Vectors<T>) {
-    for k in 0..LANES {
-        let image = mirror.image(&[0, 1, 2].map(|c| force[c].0[k].get()));
-        (0..3).for_each(|c| force[c].0[k] = T::of(image[c]));
     }
 }

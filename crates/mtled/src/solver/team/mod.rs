@@ -7,7 +7,9 @@
 mod force;
 mod passes;
 mod point;
+mod projection;
 mod table;
+mod transfer;
 
 use crate::number::LANES;
 
@@ -15,7 +17,6 @@ use super::explicit::{Solver, Told};
 use super::inertia::Sums;
 use super::model::{Model, Precise, with_kernel};
 use super::nodes::{Nodes, Rule};
-use super::pool::Pool;
 use super::state::{Control, State};
 use super::step::{Advance, REFRESH};
 use force::Lockstep;
@@ -27,8 +28,6 @@ pub type Members<'a> = [Option<&'a mut Solver>; LANES];
 #[derive(Debug)]
 pub struct Team {
     lanes: Precise<Lockstep<f32>, Lockstep<f64>>,
-    /// Of no threads but the caller's: what is single takes a pool.
-    pool: Pool,
     /// Whether the last evaluation of each place was of the member that stands there.
     holds: [bool; LANES],
 }
@@ -56,7 +55,7 @@ impl Team {
                 Precise::F64(Lockstep::new(&kernels, common)?)
             }
         };
-        Some(Self { lanes, pool: Pool::new(1), holds: [false; LANES] })
+        Some(Self { lanes, holds: [false; LANES] })
     }
 
     /// Takes every member's own advance, each in its own number of steps ([`Solver::refresh_if_due`] and [`Solver::advance`]); one without
@@ -145,7 +144,7 @@ impl Team {
     fn deform(&mut self, members: &Members<'_>, u: fn(&Solver) -> &[[f64; 3]]) {
         let Some(any) = members.iter().flatten().next() else { return };
         let u = members.each_ref().map(|m| u(m.as_deref().unwrap_or(any)));
-        with_kernel!((&mut self.lanes) => (lanes) { lanes.deform(&mut self.pool, &u) });
+        with_kernel!((&mut self.lanes) => (lanes) { lanes.deform(&u) });
         self.holds = members.each_ref().map(Option::is_some);
     }
 
@@ -213,8 +212,7 @@ impl Model {
     fn integrate(&self, state: &mut State, step: u32, rule: &Rule) {
         let State { moving, constraints, control, .. } = state;
         let held = self.held(constraints, &control.mass, step, rule.steps);
-        let mut all = Nodes::all(moving);
-        (0..all.u.len()).for_each(|n| all.integrate(n, &held, step, rule));
+        Nodes::all(moving).integrate_all(&held, step, rule);
         constraints.drag.step(moving, &control.mass, step, rule);
     }
 

@@ -1,0 +1,114 @@
+//! Members' own fields into the lanes and back.
+
+use super::super::block::Block;
+use super::passes::Vectors;
+use crate::approximation::Form;
+use crate::mirror::Mirror;
+use crate::number::Real;
+use crate::number::lanes::{LANES, Lanes, Loop};
+
+/// Displacements of a block's nodes and images, relative to its first node as in [`Block::deform`].
+pub struct Load<'a, T: Real> {
+    pub block: &'a Block<T>,
+    pub from: &'a [&'a [[f64; 3]]; LANES],
+    pub to: &'a mut [Vectors<T>],
+}
+
+impl<T: Real> Loop for Load<'_, T> {
+    #[inline(always)]
+    fn go(self) {
+        let Self { block, from, to } = self;
+        // all of one length, which is compared once
+        let nodes = from[0].len();
+        let from = from.map(|u| &u[..nodes]);
+        let (own, images) = block.nodes.split_at(block.originals);
+        let (to, of_images) = to[..block.nodes.len()].split_at_mut(own.len());
+        let mut origin = gathered(&from, block.nodes[0]);
+        match block.form {
+            Form::Full => load(&from, &origin, own, to),
+            Form::Mirrored(mirror) => {
+                load(&from, &origin, own, to);
+                for (to, &n) in of_images.iter_mut().zip(images) {
+                    let image = mirrored(&mirror, &gathered(&from, n));
+                    *to = std::array::from_fn(|c| Lanes::narrow(image[c] - origin[c]));
+                }
+            }
+            Form::Axisymmetric => {
+                // only a motion along the axis is rigid
+                origin[0] = Lanes::default();
+                load(&from, &origin, own, to);
+                load(&from, &origin, images, of_images);
+                of_images.iter_mut().for_each(|to| to[0] = -to[0]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn load<T: Real>(from: &[&[[f64; 3]]; LANES], origin: &Vectors<f64>, nodes: &[u32], to: &mut [Vectors<T>]) {
+    for (to, &n) in to.iter_mut().zip(nodes) {
+        let u = gathered(from, n);
+        for c in 0..3 {
+            to[c] = Lanes::narrow(u[c] - origin[c]);
+        }
+    }
+}
+
+/// A node's vector of each member.
+#[inline(always)]
+fn gathered(from: &[&[[f64; 3]]; LANES], n: u32) -> Vectors<f64> {
+    let mut all = [Lanes::default(); 3];
+    for k in 0..LANES {
+        let [x, y, z] = from[k][n as usize];
+        (all[0].0[k], all[1].0[k], all[2].0[k]) = (x, y, z);
+    }
+    all
+}
+
+/// Adds a block's vectors to those of all nodes.
+pub struct AddUp<'a, T: Real> {
+    pub nodes: &'a [u32],
+    pub from: &'a [Vectors<T>],
+    pub to: &'a mut [Vectors<f64>],
+}
+
+impl<T: Real> Loop for AddUp<'_, T> {
+    #[inline(always)]
+    fn go(self) {
+        for (&n, from) in self.nodes.iter().zip(self.from) {
+            let to = &mut self.to[n as usize];
+            for c in 0..3 {
+                to[c] += from[c].wide();
+            }
+        }
+    }
+}
+
+/// Each member's own of all nodes.
+pub struct Store<'a, 'f> {
+    pub from: &'a [Vectors<f64>],
+    pub to: &'a mut [Option<&'f mut [[f64; 3]]>; LANES],
+}
+
+impl Loop for Store<'_, '_> {
+    #[inline(always)]
+    fn go(self) {
+        for (k, to) in self.to.iter_mut().enumerate() {
+            let Some(to) = to else { continue };
+            for (to, from) in to.iter_mut().zip(self.from) {
+                *to = [from[0].0[k], from[1].0[k], from[2].0[k]];
+            }
+        }
+    }
+}
+
+/// The image of each member's vector.
+#[inline(always)]
+pub fn mirrored(mirror: &Mirror, v: &Vectors<f64>) -> Vectors<f64> {
+    let mut out = *v;
+    for k in 0..LANES {
+        let image = mirror.image(&[v[0].0[k], v[1].0[k], v[2].0[k]]);
+        (0..3).for_each(|c| out[c].0[k] = image[c]);
+    }
+    out
+}
