@@ -27,8 +27,8 @@
 //!
 //! Capture is continuous: while the tip approaches, a node is moved along the axis from its present displacement to the one that
 //! the rule prescribes, on a linear ramp over the capture window that ends when the tip reaches the node. So everything behind
-//! the tip follows the rule exactly, and the held length grows without a jump. A window shorter than a layer
-//! of nodes leaves a saw-tooth of up to 3.5 % in the force at the distance of the layers, a smoother ramp one of 2 to 4 %. A ramp that ends half a layer later makes
+//! the tip follows the rule exactly, and the held length grows without a jump. A window of one layer of nodes, or a smoother
+//! ramp, leaves a saw-tooth of 2 to 4 % in the force at the distance of the layers. A ramp that ends half a layer later makes
 //! the force 3 % larger at a depth of 2 mm, since tissue ahead of the tip is dragged along and released late.
 //! In a half plane, where nothing moves sideways, the radial displacement is on that ramp, too.
 
@@ -46,27 +46,12 @@ use mtled::solver::{Role, Solver};
 use super::capture::Hold;
 use super::puncture::{Strained, is_withdrawn};
 
-/// Capture window that a needle has by default in space, in capture radii. The problem has none: tissue ahead of the tip is free. Held
-/// along the needle over this length it takes 0.5 % of the force at a depth of four radii, 0.2 % at six.
-const WINDOW: f64 = 0.25;
-/// The same in layers of nodes, where they are longer: over one layer nothing ahead of a tip that is at a layer is held, so clouds differ by
-/// their discretisation alone; over less there is a part of each
-/// layer in which nothing is being captured, a saw-tooth of up to 3.5 %.
-const LEAST_WINDOW: f64 = 1.0;
-/// Both in a half plane, whose layers are finer where the needle enters: a window of half a radius costs 1 % of the force at 1 mm, one of a
-/// whole radius 2 %.
-const WINDOW_IN_HALF_PLANE: f64 = 0.375;
+/// Capture window that a needle has by default, in capture radii. Tissue in the window is held along the needle where the problem
+/// has it free: a window of half a radius costs 1 % of the force at 1 mm, one of a whole radius 2 %.
+const SHORT_WINDOW: f64 = 0.375;
+/// The same in layers of nodes, where they are longer: in space, and in a half plane, whose layers are finer where the needle enters.
+const LEAST_WINDOW: f64 = 1.5;
 const LEAST_WINDOW_IN_HALF_PLANE: f64 = 2.0;
-
-/// Default capture window: in capture radii, and in layers of nodes where those are longer.
-#[derive(Clone, Copy, Debug)]
-struct Usual {
-    radii: f64,
-    layers: f64,
-}
-
-const IN_SPACE: Usual = Usual { radii: WINDOW, layers: LEAST_WINDOW };
-const IN_HALF_PLANE: Usual = Usual { radii: WINDOW_IN_HALF_PLANE, layers: LEAST_WINDOW_IN_HALF_PLANE };
 
 /// How far above the tissue the wall goes at the puncture, m.
 const AWAY: f64 = 1.0;
@@ -74,12 +59,12 @@ const AWAY: f64 = 1.0;
 /// Nodes whose depths differ by less are of one layer, m: rounding.
 const SAME_LAYER: f64 = 1e-9;
 
-/// Vertical length of the capture window of a node whose layer is that far from the next, m.
-fn window(needle: &Needle, layer: f64, usual: Usual) -> f64 {
+/// Vertical length of the capture window of a node whose layer is that far from the next, m; `least`: in layers.
+fn window(needle: &Needle, layer: f64, least: f64) -> f64 {
     let slope = needle.slope();
     let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
     match needle.capture_window.get() {
-        0.0 => (usual.radii * needle.capture_radius.get() / secant).max(usual.layers * layer),
+        0.0 => (SHORT_WINDOW * needle.capture_radius.get() / secant).max(least * layer),
         length => length / secant,
     }
 }
@@ -164,7 +149,7 @@ impl NeedlePath {
         let slope = needle.slope();
         let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
         let end = length / secant * (1.0 + 1e-9);
-        let window = vec![window(&needle, layer, IN_SPACE); nodes.len()];
+        let window = vec![window(&needle, layer, LEAST_WINDOW); nodes.len()];
         let mut inner = Vec::new();
         let mut filled = 0.0;
         for (point, (c, volume)) in (0u32..).zip(cells) {
@@ -221,7 +206,7 @@ impl NeedlePath {
     /// The same path in a half plane: its nodes are rings, which never move sideways.
     #[must_use]
     pub fn revolved(self) -> Self {
-        let window = vec![window(&self.needle, self.layer, IN_HALF_PLANE); self.nodes.len()];
+        let window = vec![window(&self.needle, self.layer, LEAST_WINDOW_IN_HALF_PLANE); self.nodes.len()];
         Self { revolved: true, window, ..self }
     }
 
@@ -235,8 +220,8 @@ impl NeedlePath {
             let below = depths.partition_point(|d| *d < z - SAME_LAYER).max(1);
             depths.get(below).map_or(self.layer, |d| d - depths[below - 1])
         };
-        let usual = if self.revolved { IN_HALF_PLANE } else { IN_SPACE };
-        let window = self.nodes.iter().map(|(_, z)| window(&self.needle, layer(*z).min(self.layer), usual)).collect();
+        let least = if self.revolved { LEAST_WINDOW_IN_HALF_PLANE } else { LEAST_WINDOW };
+        let window = self.nodes.iter().map(|(_, z)| window(&self.needle, layer(*z).min(self.layer), least)).collect();
         Self { window, ..self }
     }
 

@@ -61,9 +61,8 @@ section! {
         diameter: Metres = DIAMETER,
         /// Material within this distance of the axis and behind the tip moves with the needle.
         capture_radius: Metres = Key::real("instrument.capture_radius_m", LENGTH, "m"),
-        /// Way of the tip over which material ahead of it is captured along the needle; 0 takes a quarter of the capture radius, or
-        /// one layer of nodes where those are farther apart (3/8, or two layers, in a half plane), since a longer window holds tissue that is
-        /// free and a shorter one makes a saw-tooth.
+        /// Way of the tip over which material ahead of it is captured along the needle; 0 takes 3/8 of the capture radius, or two layers
+        /// of nodes where those are longer, since a longer window holds tissue that is free and a shorter one makes a saw-tooth.
         capture_window: Metres = Key::real("instrument.capture_window_m", Range::closed(0.0, 10.0), "m").or("0.0"),
         /// C_D: fraction of the needle's displacement that captured material follows.
         deformation_coefficient: f64 = Key::real("instrument.deformation_coefficient", SHARE, "").or("0.4").live(),

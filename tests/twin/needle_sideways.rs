@@ -179,51 +179,6 @@ fn the_force_of_an_oblique_needle_does_not_depend_on_the_cloud() {
     }
 }
 
-/// The same in the half beside the plane of symmetry, which `auto` takes, with the window that every cloud has by default: one insertion with a rest at
-/// each depth, the vector within 1 % of that of a quarter of the capture radius. At four radii half a radius between nodes leaves up to
-/// 1.2 %, all of it across the path.
-#[test]
-fn the_force_vector_in_the_mirrored_half_does_not_depend_on_the_cloud() {
-    let [half, third, quarter] = ["0.1073", "0.0715", "0.0536"];
-    let depths = [2e-3, 3e-3, 3.1e-3, 4.5e-3];
-    let size = |f: [f64; 3]| f.iter().map(|x| x * x).sum::<f64>().sqrt();
-    for (tilt, refinements) in
-        [("0.15", &[half, quarter][..]), ("0.26", &[half, third, quarter]), ("0.35", &[half, quarter])]
-    {
-        let forces = |refinement: &&str| {
-            let changes = [
-                ("discretisation.dimension", "auto"),
-                ("instrument.tilt_rad", tilt),
-                ("motion.depth_m", "0.0055"),
-                ("discretisation.edge_refinement", *refinement),
-            ];
-            let mut twin = needle(&changes);
-            let mut from = 0.0;
-            depths.map(|depth| {
-                travel(&mut twin, from, depth, ((depth - from) / 2e-5).round() as u32);
-                from = depth;
-                let pose = twin.pose_at_depth(depth);
-                rest(&mut twin, pose).force_n
-            })
-        };
-        let found: Vec<_> = refinements.iter().map(forces).collect();
-        let last = found[found.len() - 1];
-        for (refinement, forces) in refinements.iter().zip(&found) {
-            for ((f, last), depth) in forces.iter().zip(&last).zip(depths) {
-                let apart = size(std::array::from_fn(|k| f[k] - last[k])) / size(*last);
-                let lateral = f[0] / last[0] - 1.0;
-                println!(
-                    "tilt {tilt}, {refinement}, {:.1} mm: {apart:.4} from the finest, lateral {lateral:+.4}",
-                    1e3 * depth
-                );
-                let most = if *refinement == half && depth == 2e-3 { 0.013 } else { 0.01 };
-                assert!(apart < most, "{tilt} {refinement} {depth}: {f:?} {last:?}");
-                assert!(lateral.abs() < 0.05, "lateral, {tilt} {refinement} {depth}: {f:?} {last:?}");
-            }
-        }
-    }
-}
-
 /// A needle that has been moved sideways goes on through tissue that was not: what it pierces further down is less and less aside.
 #[test]
 fn what_a_shifted_needle_pierces_further_down_is_not_aside() {
@@ -293,8 +248,7 @@ fn a_lateral_force_with_inertia_in_it_is_told() {
     }
 }
 
-/// The capture window is a length: by default a quarter of the capture radius, and on a cloud as coarse as this one the distance between
-/// its layers, 0.5 mm; and not another where a key says the same.
+/// The capture window is a length: by default one and a half layers of this cloud, 0.5 mm apart, and not another where a key says the same.
 #[test]
 fn the_capture_window_is_a_length() {
     let force = |window: &str| {
@@ -305,6 +259,6 @@ fn the_capture_window_is_a_length() {
     };
     let own = force("0");
     println!("{:?}", own.last());
-    let of = ["0.0004", "0.0005", "0.0006"].map(|window| force(window) == own);
+    let of = ["0.00065", "0.00075", "0.00085"].map(|window| force(window) == own);
     assert_eq!(of, [false, true, false]);
 }
