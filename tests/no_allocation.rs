@@ -128,7 +128,7 @@ const FRICTIONAL: [(&str, &str); 7] = [
     ("instrument.cutting_rate_exponent", "0.3"),
 ];
 
-/// What a state has: 20 vectors, what surfaces do, and a few numbers per node; per point a deformation gradient in single precision, and
+/// What a state has at most: 20 vectors, what surfaces do, and a few numbers per node; per point a deformation gradient in single precision, and
 /// with a Prony series of two terms H, Pi and two h_i, all of them twice, since a good state is kept to come back to.
 fn state_bytes(twin: &Twin, relaxing: bool) -> u64 {
     let per_point = if relaxing { 40 + 2 * 4 * 48 } else { 40 };
