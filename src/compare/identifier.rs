@@ -97,8 +97,6 @@ pub const CONVERGED_SHARE: f64 = 0.03;
 const PRIOR: [f64; 3] = [0.5, 0.5, 0.1];
 /// Smallest noise that is assumed, N: quantised readings can repeat exactly.
 const LEAST_NOISE_N: f64 = 1e-5;
-/// The load cell's place among the sensors.
-const FORCE: usize = 0;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -107,6 +105,8 @@ pub struct Identifier {
     /// Values of the scene: what the shares are of.
     unit: [f64; 3],
     learner: Learner,
+    /// The load cell's number.
+    force: usize,
     /// The load cell is at fault, until what is learnt goes on.
     fault: bool,
     state: State,
@@ -125,8 +125,8 @@ impl Identifier {
 
     fn fresh(wanted: [bool; 3], unit: [f64; 3]) -> Self {
         let mut learner = Learner::new(3);
-        learner.add(LEAST_NOISE_N);
-        Self { wanted, unit, learner, fault: false, state: State::Learning, last_s: None, clock_s: 0.0 }
+        let force = learner.add(LEAST_NOISE_N);
+        Self { wanted, unit, learner, force, fault: false, state: State::Learning, last_s: None, clock_s: 0.0 }
     }
 
     /// Begins anew with the same parameters.
@@ -230,7 +230,8 @@ impl Identifier {
     fn is_known(&self) -> bool {
         let known = |parameter: Parameter| {
             let (value, error) = self.known(parameter);
-            let most = if parameter == Parameter::Offset { self.learner.noise(FORCE) } else { CONVERGED_SHARE * value };
+            let most =
+                if parameter == Parameter::Offset { self.learner.noise(self.force) } else { CONVERGED_SHARE * value };
             !self.wanted[parameter.index()] || error <= most
         };
         Parameter::ALL.into_iter().all(known)

@@ -13,10 +13,10 @@
 //! is not known of the members, of the error of the model, and the noise.
 
 use super::Band;
-use crate::compare::learning::{BLOCK_S, Expected, Learner, Reading};
-
 /// How far ahead the force is forecast, s.
-pub const HORIZON_S: f64 = BLOCK_S;
+pub use crate::compare::learning::BLOCK_S as HORIZON_S;
+use crate::compare::learning::{Expected, Learner, Reading};
+
 /// Noise that every load cell has, N.
 const LEAST_NOISE_N: f64 = 1e-6;
 /// Noise that every tracker has, m.
