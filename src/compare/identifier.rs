@@ -199,7 +199,7 @@ impl Identifier {
         self.clock_s += if since_s.is_finite() { since_s } else { 0.0 };
         let row = self.effects(predicted_n, inserted).to_vec();
         self.learner.take(
-            FORCE,
+            self.force,
             self.clock_s,
             Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n) },
         );
