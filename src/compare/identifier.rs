@@ -1,11 +1,10 @@
 //! Identification while it runs: stiffness, needle coefficient and load-cell offset, reading by reading.
 //!
-//! An extended Kalman filter (Gelb, Applied Optimal Estimation, 1974, chapter 6) of the load cell's reading z, with F the
-//! twin's force and a, c, b what is estimated:
+//! A [`Learner`] of three unknowns that need no run of the twin. With F the twin's force and z the load cell's reading,
 //!
 //! ```text
-//! z = F a c + b + noise       a = mu / mu_scene,   c = C_D / C_D,scene (1 before the puncture),   b: offset, N
-//! H = (F c, F a, 1)           x += K (z - h(x)),   K = P H^T / (H P H^T + R),   P = (I - K H) P + Q dt
+//! z = F a c + b + error of the model + noise = F (1 + 0.5 w_a + 0.5 w_c) + 0.1 N w_b + ...,   w: normal, mean 0, variance 1
+//! a = mu / mu_scene = 1 + 0.5 w_a,   c = C_D / C_D,scene = 1 + 0.5 w_c / a (1 before the puncture),   b = 0.1 N w_b: offset
 //! ```
 //!
 //! The force is proportional to the shear modulus (quasi-static, Poisson's ratio fixed), and nearly so to the deformation
@@ -13,13 +12,10 @@
 //! nearly linear. `tests/ros/identify.rs` holds both against runs of the twin. So the two have the same effect on a needle's
 //! force: only one of them can be found from it.
 //!
-//! R is the noise as it is seen in second differences of the residual. A residual that jumps, or that stays outside what noise and
-//! model error explain, shows that the model does not hold (slip, puncture, a fault of the sensor): nothing is learnt then, and
-//! what was learnt shortly before is discarded. Plain numbers: nothing is allocated per reading.
+//! A residual that jumps, or that stays outside what noise and model error explain, shows that the model does not hold (slip, puncture, a fault of the
+//! sensor): nothing is learnt then, and what was learnt shortly before is discarded ([`learning`](super::learning)).
 
-use nalgebra::{Matrix3, Vector3};
-
-use super::uncertainty::FORCE_ERROR;
+use super::learning::{Learner, Reading};
 
 /// What can be identified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,34 +95,8 @@ impl std::fmt::Display for Cause {
 pub const CONVERGED_SHARE: f64 = 0.03;
 /// Standard deviations before the first reading: shares of the scene's values, N.
 const PRIOR: [f64; 3] = [0.5, 0.5, 0.1];
-/// Process noise: standard deviation of the drift of the true values in a second: shares, N.
-const WANDER: [f64; 3] = [1e-3, 1e-3, 5e-5];
-/// Readings at the start that are used only to estimate the noise.
-const WARM_UP: u32 = 20;
-/// Time over which the noise is averaged, s.
-const NOISE_S: f64 = 1.0;
 /// Smallest noise that is assumed, N: quantised readings can repeat exactly.
 const LEAST_NOISE_N: f64 = 1e-5;
-/// Residuals of neighbouring readings are correlated: so many readings count as one independent reading.
-const CORRELATED: f64 = 2.0;
-/// A reading farther off than this, in standard deviations, counts less.
-const OUTLIER: f64 = 3.0;
-/// Times over which the residual is averaged, s: the present one, and the one before it.
-const AVERAGE_S: [f64; 2] = [0.02, 0.2];
-/// A residual is unexplained beyond so many standard deviations plus such a share of the force: for its level, for a jump.
-const WRONG: [(f64, f64); 2] = [(5.0, 0.05), (5.0, 0.02)];
-/// It has to be unexplained for so long to freeze, s; and explained (within half of that) for so long to continue, s.
-const PERSISTENT_S: [f64; 2] = [0.1, 0.5];
-/// Interval at which the estimate is saved, s; a freeze goes back to the last but one.
-const ASIDE_S: f64 = 0.5;
-/// After a longer gap between readings the residual before it is not used, s.
-const GAP_S: f64 = 0.5;
-
-#[derive(Clone, Copy, Debug)]
-struct Learnt {
-    x: Vector3<f64>,
-    p: Matrix3<f64>,
-}
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -134,20 +104,15 @@ pub struct Identifier {
     wanted: [bool; 3],
     /// Values of the scene: what the shares are of.
     unit: [f64; 3],
-    learnt: Learnt,
-    aside: [Learnt; 2],
-    aside_at_s: f64,
+    learner: Learner,
+    /// The load cell's number.
+    force: usize,
+    /// The load cell is at fault, until what is learnt goes on.
+    fault: bool,
     state: State,
+    /// Time of the last reading, and that since the first one, s.
     last_s: Option<f64>,
-    readings: u32,
-    residuals: [f64; 2],
-    variance: f64,
-    average: [f64; 2],
-    /// How long it has been wrong, and right, s.
-    wrong_s: f64,
-    right_s: f64,
-    /// Largest jump since it has been wrong, N.
-    jump_n: f64,
+    clock_s: f64,
 }
 
 impl Identifier {
@@ -159,27 +124,9 @@ impl Identifier {
     }
 
     fn fresh(wanted: [bool; 3], unit: [f64; 3]) -> Self {
-        let mut p = Matrix3::zeros();
-        for k in (0..3).filter(|&k| wanted[k]) {
-            p[(k, k)] = PRIOR[k] * PRIOR[k];
-        }
-        let learnt = Learnt { x: Vector3::new(1.0, 1.0, 0.0), p };
-        Self {
-            wanted,
-            unit,
-            learnt,
-            aside: [learnt; 2],
-            aside_at_s: 0.0,
-            state: State::Learning,
-            last_s: None,
-            readings: 0,
-            residuals: [0.0; 2],
-            variance: 0.0,
-            average: [0.0; 2],
-            wrong_s: 0.0,
-            right_s: 0.0,
-            jump_n: 0.0,
-        }
+        let mut learner = Learner::new(3);
+        let force = learner.add(LEAST_NOISE_N);
+        Self { wanted, unit, learner, force, fault: false, state: State::Learning, last_s: None, clock_s: 0.0 }
     }
 
     /// Begins anew with the same parameters.
@@ -193,20 +140,49 @@ impl Identifier {
         self.state
     }
 
+    /// What is learnt of a parameter, the share of the scene's value (of the offset: N), and its standard error.
+    fn known(&self, parameter: Parameter) -> (f64, f64) {
+        let state = |row: [f64; 3]| {
+            let row: [f64; 3] = std::array::from_fn(|k| if self.wanted[k] { row[k] } else { 0.0 });
+            let (mean, variance) = self.learner.state(&row);
+            (mean, variance.sqrt())
+        };
+        let (more, error) = state([PRIOR[0], 0.0, 0.0]);
+        let stiffer = Self::share(more);
+        match parameter {
+            Parameter::ShearModulus => (stiffer, error),
+            Parameter::DeformationCoefficient => {
+                let more = state([0.0, PRIOR[1], 0.0]).0 / stiffer;
+                // the change of w_c / a with both
+                let error = state([-more * PRIOR[0] / stiffer, PRIOR[1] / stiffer, 0.0]).1;
+                (Self::share(more), error)
+            }
+            Parameter::Offset => state([0.0, 0.0, PRIOR[2]]),
+        }
+    }
+
+    fn share(more: f64) -> f64 {
+        (1.0 + more).clamp(0.01, 100.0)
+    }
+
     /// Value and standard error of a parameter, model error included; `None` if it isn't wanted.
     #[must_use]
     pub fn estimate(&self, parameter: Parameter) -> Option<(f64, f64)> {
         let k = parameter.index();
-        let share = if parameter == Parameter::Offset { 0.0 } else { FORCE_ERROR * self.learnt.x[k] };
-        let error = self.learnt.p[(k, k)].max(0.0).sqrt().hypot(share);
-        self.wanted[k].then(|| (self.learnt.x[k] * self.unit[k], error * self.unit[k]))
+        let (value, error) = self.known(parameter);
+        self.wanted[k].then_some((value * self.unit[k], error * self.unit[k]))
     }
 
     /// What the load cell should read at a predicted force, N, with what was learnt.
     #[must_use]
     pub fn expected_n(&self, predicted_n: f64, inserted: bool) -> f64 {
-        let x = &self.learnt.x;
-        predicted_n * x[0] * if inserted { x[1] } else { 1.0 } + x[2]
+        predicted_n + self.learner.state(&self.effects(predicted_n, inserted)).0
+    }
+
+    /// What each of the three adds to a reading for one standard deviation, N.
+    fn effects(&self, predicted_n: f64, inserted: bool) -> [f64; 3] {
+        let of = [predicted_n, if inserted { predicted_n } else { 0.0 }, 1.0];
+        std::array::from_fn(|k| if self.wanted[k] { PRIOR[k] * of[k] } else { 0.0 })
     }
 
     /// Takes a reading: the twin's force and the measured one at the same time, N. `inserted`: the needle has punctured
@@ -215,138 +191,50 @@ impl Identifier {
         if !(time_s.is_finite() && predicted_n.is_finite() && measured_n.is_finite()) {
             return None;
         }
-        let dt = self.elapsed(time_s)?;
-        let x = self.learnt.x;
-        let second = if inserted { x[1] } else { 1.0 };
-        let h = Vector3::new(predicted_n * second, if inserted { predicted_n * x[0] } else { 0.0 }, 1.0);
-        let residual = measured_n - self.expected_n(predicted_n, inserted);
-        self.see_noise(residual, dt);
-        self.readings += 1;
-        if self.readings <= WARM_UP {
-            self.average = [residual; 2];
+        // a clock that goes back says nothing, and goes on from there
+        let since_s = time_s - self.last_s.replace(time_s).unwrap_or(f64::NEG_INFINITY);
+        if since_s <= 0.0 {
             return None;
         }
-        for (average, over) in self.average.iter_mut().zip(AVERAGE_S) {
-            *average += (residual - *average) * (dt / over).min(1.0);
-        }
-        let before = self.state;
-        let own = (h.transpose() * self.learnt.p * h)[0].max(0.0).sqrt();
-        self.judge(dt, own, (measured_n - x[2]).abs().max(predicted_n.abs()));
-        if !matches!(self.state, State::Frozen(_)) {
-            self.learn(time_s, dt, &h, residual);
-        }
-        (before != self.state && !same_trouble(before, self.state)).then_some(self.state)
+        self.clock_s += if since_s.is_finite() { since_s } else { 0.0 };
+        let row = self.effects(predicted_n, inserted).to_vec();
+        self.learner.take(
+            self.force,
+            self.clock_s,
+            Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n) },
+        );
+        self.judge()
     }
 
     /// Takes note that the load cell is at fault. Gives the state if it has changed.
     pub fn fault(&mut self) -> Option<State> {
-        self.right_s = 0.0;
-        let new = !matches!(self.state, State::Frozen(_));
-        self.freeze(Cause::Sensor);
-        new.then_some(self.state)
+        let healthy = !matches!(self.state, State::Frozen(_));
+        self.fault |= healthy;
+        self.learner.fault();
+        if healthy { self.judge() } else { None }
     }
 
-    /// Time since the last reading, s; `None` for one that isn't later.
-    fn elapsed(&mut self, time_s: f64) -> Option<f64> {
-        let last = self.last_s.replace(time_s).unwrap_or(time_s);
-        let dt = time_s - last;
-        if !(0.0..=GAP_S).contains(&dt) {
-            self.readings = self.readings.min(WARM_UP - 3);
-        }
-        (dt > 0.0 || self.readings == 0).then_some(dt.clamp(0.0, GAP_S))
-    }
-
-    /// Noise of one reading: for white noise the second difference has six times its variance.
-    fn see_noise(&mut self, residual: f64, dt: f64) {
-        let [one, two] = self.residuals;
-        self.residuals = [residual, one];
-        if self.readings < 2 {
-            return;
-        }
-        let seen = (residual - 2.0 * one + two).powi(2) / 6.0;
-        if self.readings <= WARM_UP {
-            self.variance += (seen - self.variance) / f64::from(self.readings - 1);
-        } else {
-            let most = OUTLIER * OUTLIER * self.variance.max(LEAST_NOISE_N * LEAST_NOISE_N);
-            self.variance += (seen.min(most) - self.variance) * (dt / NOISE_S).min(1.0);
-        }
-    }
-
-    fn noise(&self) -> f64 {
-        self.variance.sqrt().max(LEAST_NOISE_N)
-    }
-
-    /// Whether noise, model error and what is not known yet explain the residual.
-    fn judge(&mut self, dt: f64, own: f64, force_n: f64) {
-        let most = |(deviations, share): (f64, f64)| {
-            deviations * CORRELATED.sqrt() * self.noise() + share * force_n + OUTLIER * own
+    fn judge(&mut self) -> Option<State> {
+        let before = self.state;
+        self.fault &= self.learner.trouble().is_some();
+        self.state = match self.learner.trouble() {
+            Some(_) if self.fault => State::Frozen(Cause::Sensor),
+            Some((residual_n, true)) => State::Frozen(Cause::Jump(residual_n)),
+            Some((residual_n, false)) => State::Frozen(Cause::Level(residual_n)),
+            None if self.is_known() => State::Converged,
+            None => State::Learning,
         };
-        let level = self.average[0];
-        let jump = self.average[0] - self.average[1];
-        let far = [level / most(WRONG[0]), jump / most(WRONG[1])].map(f64::abs);
-        let wrong = far[0] > 1.0 || far[1] > 1.0;
-        self.wrong_s = if wrong { self.wrong_s + dt } else { 0.0 };
-        if !wrong {
-            self.jump_n = 0.0;
-        } else if far[1] > 1.0 && jump.abs() > self.jump_n.abs() {
-            self.jump_n = jump;
-        }
-        self.right_s = if far[0] < 0.5 { self.right_s + dt } else { 0.0 };
-        if matches!(self.state, State::Frozen(_)) {
-            if self.right_s >= PERSISTENT_S[1] {
-                self.state = State::Learning;
-            }
-        } else if self.wrong_s >= PERSISTENT_S[0] {
-            self.freeze(if self.jump_n == 0.0 { Cause::Level(level) } else { Cause::Jump(self.jump_n) });
-        }
-    }
-
-    /// Stops learning and goes back to a saved estimate.
-    fn freeze(&mut self, cause: Cause) {
-        if !matches!(self.state, State::Frozen(_)) {
-            self.learnt = self.aside[1];
-            self.aside = [self.learnt; 2];
-            self.right_s = 0.0;
-            self.state = State::Frozen(cause);
-        }
-    }
-
-    fn learn(&mut self, time_s: f64, dt: f64, h: &Vector3<f64>, residual: f64) {
-        if time_s - self.aside_at_s >= ASIDE_S || time_s < self.aside_at_s {
-            self.aside = [self.learnt, self.aside[0]];
-            self.aside_at_s = time_s;
-        }
-        let Learnt { x, p } = &mut self.learnt;
-        for k in (0..3).filter(|&k| self.wanted[k]) {
-            p[(k, k)] += WANDER[k] * WANDER[k] * dt;
-        }
-        let noise = CORRELATED * self.variance.max(LEAST_NOISE_N * LEAST_NOISE_N);
-        let spread = (h.transpose() * *p * h)[0] + noise;
-        // Huber's weight: an outlier has no more influence than a reading at the threshold
-        let weight = (OUTLIER * spread.sqrt() / residual.abs()).min(1.0);
-        let spread = spread + noise * (1.0 / weight - 1.0);
-        let gain = *p * h / spread;
-        *x += gain * residual;
-        // earlier residuals as the present estimate would have made them, so that an update does not look like a jump
-        let learnt = (h.transpose() * gain)[0] * residual;
-        for earlier in self.average.iter_mut().chain(&mut self.residuals) {
-            *earlier -= learnt;
-        }
-        let left = Matrix3::identity() - gain * h.transpose();
-        // Joseph's form keeps P symmetric and positive
-        *p = left * *p * left.transpose() + gain * gain.transpose() * (noise / weight);
-        for k in 0..2 {
-            x[k] = x[k].clamp(0.01, 100.0);
-        }
-        self.state = if self.is_known() { State::Converged } else { State::Learning };
+        (before != self.state && !same_trouble(before, self.state)).then_some(self.state)
     }
 
     fn is_known(&self) -> bool {
-        let known = |k: usize| {
-            let error = self.learnt.p[(k, k)].sqrt();
-            !self.wanted[k] || error <= if k == 2 { self.noise() } else { CONVERGED_SHARE * self.learnt.x[k] }
+        let known = |parameter: Parameter| {
+            let (value, error) = self.known(parameter);
+            let most =
+                if parameter == Parameter::Offset { self.learner.noise(self.force) } else { CONVERGED_SHARE * value };
+            !self.wanted[parameter.index()] || error <= most
         };
-        (0..3).all(known)
+        Parameter::ALL.into_iter().all(known)
     }
 }
 

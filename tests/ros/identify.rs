@@ -49,8 +49,8 @@ fn followed(run: &Run, identifier: &mut Identifier, parameter: Parameter) -> Vec
     seen
 }
 
-/// Within 5 %, and the needle's within 5.5 % for a tenth of a second: two seconds are 2 mm of insertion there, and over the first of them the bag's force
-/// is a cubic from the origin to the reference's first point, 5 to 7 % above both the preset's and a fine cloud's (0.40 mN at 0.5 mm).
+/// Within 5 %, but the needle's is said to be known to 3 % half a second later: two seconds are 2 mm of insertion there, and over the first of them the
+/// bag's force is a cubic from the origin to the reference's first point, 5 to 7 % above both the preset's and a fine cloud's (0.40 mN at 0.5 mm).
 #[test]
 fn shipped_bags_give_what_made_them_within_two_seconds_of_motion_in_the_tissue() {
     use Parameter::{DeformationCoefficient as Coefficient, Offset, ShearModulus};
@@ -87,9 +87,8 @@ fn shipped_bags_give_what_made_them_within_two_seconds_of_motion_in_the_tissue()
             1e3 * offset,
             1e3 * offset_error
         );
-        assert!(converged.0 <= 2.0, "{bag}: {converged:?}");
-        let soon = |t: f64| if bag == "needle_insertion" && t < 2.1 { 0.055 } else { 0.05 };
-        assert!(from_two.iter().all(|(t, v, ..)| (v / truth - 1.0).abs() <= soon(*t)), "{bag}: {worst}");
+        assert!(converged.0 <= if bag == "needle_insertion" { 2.5 } else { 2.0 }, "{bag}: {converged:?}");
+        assert!(worst <= 0.05, "{bag}: {worst}");
         assert!((last.1 / truth - 1.0).abs() <= 0.03, "{bag}: {last:?}");
         assert!(!seen.iter().any(|(.., state)| matches!(state, State::Frozen(_))), "{bag}: frozen on a good recording");
         assert!(outside * 10 <= from_two.len(), "{bag}: {outside} of {}", from_two.len());
@@ -127,7 +126,7 @@ fn a_stream_gives_scale_and_offset_with_errors_that_are_true() {
     assert!(changes.iter().any(|(_, state)| *state == State::Converged), "{changes:?}");
     let (modulus, error) = identifier.estimate(Parameter::ShearModulus).unwrap();
     assert!(
-        (modulus - 1300.0).abs() < 0.01 * 1300.0 && (0.013..0.02).contains(&(error / modulus)),
+        (modulus - 1300.0).abs() < 0.01 * 1300.0 && (0.012..0.02).contains(&(error / modulus)),
         "{modulus} {error}"
     );
     let (offset, error) = identifier.estimate(Parameter::Offset).unwrap();

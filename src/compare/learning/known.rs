@@ -1,16 +1,20 @@
 //! What readings say of the unknowns: the posterior over all candidates of how the model is wrong.
 //!
 //! ```text
-//! P = I + sum_c sum_j p_cj G_cj,   C = P^-1,   m = C sum_c sum_j p_cj b_cj        unknowns: normal, mean m, covariance C (I before, but for the size)
-//! ln p_cj = const - 1/2 (e + c - 2 b.m + m.G m + tr(G C))_cj                      channel c, candidate j (process.rs)
+//! P_j = P + G_j,   C_j = P_j^-1,   m_j = C_j (b + b_j)                candidate j of a channel (process.rs)
+//! -2 ln p_j = const + e_j + c_j - (b + b_j) . m_j + ln |P_j|
+//! m = sum_j p_j m_j,   C = sum_j p_j (C_j + (m_j - m)(m_j - m)')      unknowns: mean m, covariance C
 //! ```
 //!
-//! are the two halves of variational Bayes (Bishop, Pattern Recognition and Machine Learning, 2006, section 10.1), taken in turn. So the size and
-//! the time of errors come from all readings at once: when they turn out larger than they had seemed, what was learnt before counts for less, too.
+//! P is the identity before the first reading, but for the size of the force, and b is 0. Each p_j is how likely all readings are with that candidate,
+//! the unknowns integrated out (Rasmussen and Williams, Gaussian Processes, 2006, section 2.7), so the size and the time of errors come from all readings
+//! at once: when errors turn out larger than they had seemed, what was learnt before counts for less, too. With one channel this is exact. With more, P
+//! and b hold the means of G_j and b_j of the others, and C what their m_j differ by, too.
+//! No candidate is larger than the largest force so far: it would be the same for all sizes, an error in proportion to the force, and so a modulus.
 //! Candidates lie a factor of four apart in both, from a sensor's least noise up: no error that a blocks' mean can show lies between two of them, so a
 //! finer grid gives the same.
 
-use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::process::{Block, Process};
 
@@ -20,26 +24,44 @@ const STEP: f64 = 4.0;
 const SIZES: i32 = 12;
 /// Number of times, from a few blocks on.
 const TIMES: i32 = 4;
-/// The two halves are taken so often for each block; the next block goes on from there.
-const TURNS: usize = 3;
+/// A candidate less likely than this says nothing that is seen in double precision.
+const LEAST_WEIGHT: f64 = 1e-9;
+
+/// What a candidate makes of the unknowns.
+#[derive(Clone, Debug)]
+struct View {
+    weight: f64,
+    m: DVector<f64>,
+    c: DMatrix<f64>,
+}
 
 /// Candidates of one channel.
 #[derive(Clone, Debug)]
 struct Errors {
     candidates: Vec<Process>,
-    weights: Vec<f64>,
+    /// The smallest size that is not none.
+    least: f64,
+    /// Of each candidate; `None` for one that is too unlikely.
+    views: Vec<Option<View>>,
+    /// Means of G and b.
+    g: DMatrix<f64>,
+    b: DVector<f64>,
+    /// What the means differ by.
+    spread: DMatrix<f64>,
     /// Number of the last block.
     last: f64,
 }
 
 impl Errors {
-    fn new(unknowns: usize, least: f64) -> Self {
+    fn new(unknowns: usize, least: f64, m: &DVector<f64>, c: &DMatrix<f64>) -> Self {
         let right = Process::new(unknowns, 0.0, 1.0);
         let wrong = (0..SIZES).flat_map(|size| (1..=TIMES).map(move |time| (size, time)));
         let wrong = wrong.map(|(size, time)| Process::new(unknowns, least * STEP.powi(size), STEP.powi(time)));
         let candidates: Vec<Process> = std::iter::once(right).chain(wrong).collect();
-        let weights = vec![1.0 / candidates.len() as f64; candidates.len()];
-        Self { candidates, weights, last: 0.0 }
+        let weight = 1.0 / candidates.len() as f64;
+        let views = candidates.iter().map(|_| Some(View { weight, m: m.clone(), c: c.clone() })).collect();
+        let none = DMatrix::zeros(unknowns, unknowns);
+        Self { candidates, least, views, g: none.clone(), b: DVector::zeros(unknowns), spread: none, last: 0.0 }
     }
 
     fn advance(&mut self, number: f64) {
@@ -50,8 +72,45 @@ impl Errors {
         self.last = number;
     }
 
-    fn mean(&self, of: impl Fn(&Process) -> f64) -> f64 {
-        self.candidates.iter().zip(&self.weights).map(|(process, weight)| weight * of(process)).sum()
+    fn seen(&self) -> impl Iterator<Item = (&Process, &View)> {
+        self.candidates.iter().zip(&self.views).filter_map(|(process, view)| Some((process, view.as_ref()?)))
+    }
+
+    /// The module's formulas, with P and b; mean and covariance of the unknowns. `None`, and nothing is learnt, where double precision can't tell.
+    fn learn(&mut self, largest: f64, p: &DMatrix<f64>, b: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let possible = |process: &Process| process.size <= largest.max(self.least);
+        let posterior = |process: &Process| possible(process).then(|| process.posterior(p, b)).flatten();
+        let each: Vec<_> = self.candidates.iter().map(posterior).collect();
+        let least = each.iter().flatten().map(|posterior| posterior.misfit).fold(f64::INFINITY, f64::min);
+        if least == f64::INFINITY {
+            return None;
+        }
+        let likely = |misfit: f64| (0.5 * (least - misfit)).exp();
+        let all: f64 = each.iter().flatten().map(|posterior| likely(posterior.misfit)).sum();
+        self.views = each
+            .into_iter()
+            .map(|posterior| {
+                let posterior = posterior?;
+                let weight = likely(posterior.misfit) / all;
+                (weight > LEAST_WEIGHT).then(|| View { weight, m: posterior.m, c: posterior.p.inverse() })
+            })
+            .collect();
+        let n = b.len();
+        let (mut g, mut own, mut m) = (DMatrix::zeros(n, n), DVector::zeros(n), DVector::zeros(n));
+        for (process, view) in self.seen() {
+            g.zip_apply(&process.g, |mean, g| *mean += view.weight * g);
+            own.axpy(view.weight, &process.b, 1.0);
+            m.axpy(view.weight, &view.m, 1.0);
+        }
+        let (mut c, mut spread) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+        for (_, view) in self.seen() {
+            let d = &view.m - &m;
+            spread.ger(view.weight, &d, &d, 1.0);
+            c.zip_apply(&view.c, |mean, c| *mean += view.weight * c);
+        }
+        c += &spread;
+        (self.g, self.b, self.spread) = (g, own, spread);
+        Some((m, c))
     }
 }
 
@@ -105,22 +164,23 @@ impl Known {
 
     /// Adds a channel whose sensor has at least this noise.
     pub fn add(&mut self, least: f64) {
-        self.errors.push(Errors::new(self.m.len(), least));
+        self.errors.push(Errors::new(self.m.len(), least, &self.m, &self.c));
     }
 
     /// How far off a block of a number, or a reading in it, is.
     pub fn off(&self, channel: usize, number: f64, block: &Block) -> Off {
         let errors = &self.errors[channel];
-        let each: Vec<(f64, f64)> =
-            errors.candidates.iter().map(|p| p.off(number - errors.last, block, &self.m, &self.c)).collect();
-        let mean: f64 = each.iter().zip(&errors.weights).map(|((off, _), weight)| weight * off).sum();
-        let spread = |((off, variance), weight): (&(f64, f64), &f64)| weight * (variance + (off - mean).powi(2));
-        Off { mean, variance: each.iter().zip(&errors.weights).map(spread).sum() }
+        let k = number - errors.last;
+        let each: Vec<_> =
+            errors.seen().map(|(process, view)| (view.weight, process.off(k, block, &view.m, &view.c))).collect();
+        let mean: f64 = each.iter().map(|(weight, (off, _))| weight * off).sum();
+        let spread = |(weight, (off, variance)): &(f64, (f64, f64))| weight * (variance + (off - mean).powi(2));
+        Off { mean, variance: each.iter().map(spread).sum() }
     }
 
     /// Mean square of what the model is off by in the block after the last, without noise and what is not known of the unknowns.
     pub fn error(&self, channel: usize, largest: f64) -> f64 {
-        self.errors[channel].mean(|process| process.error(1.0, largest, &self.m))
+        self.errors[channel].seen().map(|(process, view)| view.weight * process.error(1.0, largest, &view.m)).sum()
     }
 
     /// Takes in a block.
@@ -128,7 +188,7 @@ impl Known {
         let errors = &mut self.errors[channel];
         errors.advance(number);
         errors.candidates.iter_mut().for_each(|process| process.take(block));
-        self.learn();
+        self.learn(channel, block.largest);
     }
 
     /// Takes a block that is more than `far` standard deviations off for the beginning of another error. It counts as one that is just as far off as
@@ -137,39 +197,27 @@ impl Known {
         let most = far * self.off(channel, number, block).variance.sqrt();
         let errors = &mut self.errors[channel];
         errors.advance(number);
-        for process in &mut errors.candidates {
-            let (off, variance) = process.off(0.0, block, &self.m, &self.c);
+        for (process, view) in errors.candidates.iter_mut().zip(&errors.views) {
+            let (m, c) = view.as_ref().map_or((&self.m, &self.c), |view| (&view.m, &view.c));
+            let (off, variance) = process.off(0.0, block, m, c);
             process.pass(block, off.clamp(-most, most), variance);
         }
-        self.learn();
+        self.learn(channel, block.largest);
     }
 
-    /// The module's two halves.
-    fn learn(&mut self) {
-        for _ in 0..TURNS {
-            let n = self.m.len();
-            let (mut p, mut b) = (DMatrix::identity(n, n), DVector::zeros(n));
-            p[(n - 1, n - 1)] = self.size().powi(-2);
-            for errors in &self.errors {
-                for (process, weight) in
-                    errors.candidates.iter().zip(&errors.weights).filter(|(_, w)| **w > f64::EPSILON)
-                {
-                    p.zip_apply(&process.g, |p, g| *p += weight * g);
-                    b.axpy(*weight, &process.b, 1.0);
-                }
-            }
-            let Some(p) = Cholesky::new(p) else { return };
-            (self.m, self.c) = (p.solve(&b), p.inverse());
-            for errors in &mut self.errors {
-                let misfits: Vec<f64> =
-                    errors.candidates.iter().map(|process| process.misfit(&self.m, &self.c)).collect();
-                let least = misfits.iter().copied().fold(f64::INFINITY, f64::min);
-                let all: f64 = misfits.iter().map(|misfit| (0.5 * (least - misfit)).exp()).sum();
-                for (weight, misfit) in errors.weights.iter_mut().zip(misfits) {
-                    *weight = (0.5 * (least - misfit)).exp() / all;
-                }
-            }
+    /// What is known after a block of a channel.
+    fn learn(&mut self, channel: usize, largest: f64) {
+        let n = self.m.len();
+        let (mut p, mut b) = (DMatrix::identity(n, n), DVector::zeros(n));
+        p[(n - 1, n - 1)] = self.size().powi(-2);
+        let mut spread = DMatrix::zeros(n, n);
+        for (_, other) in self.errors.iter().enumerate().filter(|(k, _)| *k != channel) {
+            p += &other.g;
+            b += &other.b;
+            spread += &other.spread;
         }
+        let Some((m, c)) = self.errors[channel].learn(largest, &p, &b) else { return };
+        (self.m, self.c) = (m, c + spread);
         let eigen = SymmetricEigen::new(self.c.clone());
         let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
         self.root = &eigen.eigenvectors * roots * eigen.eigenvectors.transpose();

@@ -1,7 +1,8 @@
 //! What readings say of unknown values, while they come: Bayesian linear regression with errors of the model that are learnt as well.
 //!
 //! A reading y is what was expected, plus a row a of effects of unknowns w, each of which is normal with mean 0 and variance 1 before the first reading,
-//! plus the error of the model, plus noise. Members of an ensemble are such unknowns (`ensemble::assimilate`). What w is afterwards stands in `known`, how the error is learnt in `process`, noise in `noise`. One unknown is added: the size of
+//! plus the error of the model, plus noise. Members of an ensemble are such unknowns (`ensemble::assimilate`), and so are a modulus and a zero
+//! (`identifier`). What w is afterwards stands in `known`, how the error is learnt in `process`, noise in `noise`. One unknown is added: the size of
 //! the twin's own force, [`FORCE_ERROR`].
 //!
 //! Readings come in blocks of [`BLOCK_S`]. A block farther off than three standard deviations is **rejected**: it says nothing of the unknowns. Where
@@ -90,6 +91,9 @@ pub struct Tally {
 #[derive(Clone, Debug)]
 struct Trouble {
     kept: Known,
+    /// What the residual was when it was noticed, and whether it came from one block to the next.
+    residual: f64,
+    sudden: bool,
     right: usize,
 }
 
@@ -102,8 +106,9 @@ pub struct Learner {
     saved: [Option<Known>; 2],
     saved_at: f64,
     trouble: Option<Trouble>,
-    /// Blocks of the load cell that what was saved has not explained, one after the other.
+    /// Blocks of the load cell that what was saved has not explained, one after the other, and whether the first was rejected.
     wrong: usize,
+    sudden: bool,
 }
 
 /// Number of the block at a time after the first reading, s.
@@ -122,6 +127,7 @@ impl Learner {
             saved_at: f64::NEG_INFINITY,
             trouble: None,
             wrong: 0,
+            sudden: false,
         }
     }
 
@@ -219,7 +225,7 @@ impl Learner {
         let first = self.channels[channel].tally.blocks == 0;
         let far = !first && self.now.off(channel, number, block).deviations(0.0) > FAR;
         if channel == 0 {
-            self.watch(number, block, FORCE_ERROR * force_n);
+            self.watch(number, block, FORCE_ERROR * force_n, far);
         }
         if far {
             self.now.pass(channel, number, block, FAR);
@@ -236,7 +242,7 @@ impl Learner {
     }
 
     /// Whether what was known before explains a block of the load cell, with an error of the force of this standard deviation.
-    fn watch(&mut self, number: f64, block: &Block, force_error: f64) {
+    fn watch(&mut self, number: f64, block: &Block, force_error: f64, far: bool) {
         let more = force_error * force_error;
         if let Some(trouble) = &mut self.trouble {
             let right = trouble.kept.off(0, number, block).deviations(more) < 0.5 * FAR;
@@ -250,10 +256,13 @@ impl Learner {
             return;
         }
         if let Some(before) = &self.saved[1] {
-            let wrong = before.off(0, number, block).deviations(more) > FAR;
+            let off = before.off(0, number, block);
+            let wrong = off.deviations(more) > FAR;
+            self.sudden = if self.wrong == 0 { far } else { self.sudden };
             self.wrong = if wrong { self.wrong + 1 } else { 0 };
             if self.wrong >= PERSISTENT {
-                self.trouble = Some(Trouble { kept: before.clone(), right: 0 });
+                self.trouble =
+                    Some(Trouble { kept: before.clone(), residual: off.mean, sudden: self.sudden, right: 0 });
                 self.wrong = 0;
                 return;
             }
@@ -267,6 +276,23 @@ impl Learner {
         self.saved.swap(0, 1);
         self.saved[0] = Some(self.now.clone());
         self.saved_at = number;
+    }
+
+    /// Takes note that the load cell is at fault: what it taught last is forgotten, and it teaches nothing until it has been explained for a while.
+    pub fn fault(&mut self) {
+        match &mut self.trouble {
+            Some(trouble) => trouble.right = 0,
+            None => {
+                let kept = self.saved[1].as_ref().or(self.saved[0].as_ref()).unwrap_or(&self.now).clone();
+                self.trouble = Some(Trouble { kept, residual: 0.0, sudden: false, right: 0 });
+            }
+        }
+    }
+
+    /// What the residual was when there was trouble, and whether it came from one block to the next; `None` without trouble.
+    #[must_use]
+    pub fn trouble(&self) -> Option<(f64, bool)> {
+        self.trouble.as_ref().map(|trouble| (trouble.residual, trouble.sudden))
     }
 
     /// What the unknowns are known to be by all that is believed.
@@ -296,6 +322,12 @@ impl Learner {
     pub fn error(&self, channel: usize) -> f64 {
         let own = &self.channels[channel];
         (own.of_one.powi(2) + self.now.error(channel, own.largest)).sqrt()
+    }
+
+    /// Noise of a reading, standard deviation.
+    #[must_use]
+    pub fn noise(&self, channel: usize) -> f64 {
+        self.channels[channel].of_one
     }
 
     /// Blocks of a channel.

@@ -13,7 +13,7 @@
 //! The filter is linear, so it runs on the rows as on the readings. G, b, c and e are all that the posterior of w needs, so no reading is kept.
 //! g = min(1, largest force so far / s): a model is not off by more than it has said, and before the first contact by nothing.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Variance over what is known, for a state that is to be forgotten: six digits are left to double precision.
 const FORGOTTEN: f64 = 1e6;
@@ -41,7 +41,7 @@ impl Block {
 #[derive(Clone, Debug)]
 pub(super) struct Process {
     /// s, in the sensor's unit; 0: the model is right.
-    size: f64,
+    pub size: f64,
     /// sqrt(3) / tau, over a block.
     rate: f64,
     /// x and x' of the row.
@@ -52,6 +52,16 @@ pub(super) struct Process {
     pub b: DVector<f64>,
     pub c: f64,
     pub e: f64,
+}
+
+/// What a candidate makes of the unknowns.
+pub(super) struct Posterior {
+    /// Their mean.
+    pub m: DVector<f64>,
+    /// Their precision.
+    pub p: Cholesky<f64, Dyn>,
+    /// -2 ln of how likely the readings are with this candidate, whatever the unknowns; but for a constant.
+    pub misfit: f64,
 }
 
 /// State of a process some blocks on.
@@ -164,10 +174,14 @@ impl Process {
         self.p = [p0 - gain[0] * g * p0, p1 - gain[0] * g * p1, p2 - gain[1] * g * p1];
     }
 
-    /// -2 ln of how likely the readings are with this process, the unknowns having mean m and covariance C.
-    pub fn misfit(&self, m: &DVector<f64>, c: &DMatrix<f64>) -> f64 {
-        let trace = self.g.dot(c);
-        self.e + self.c - 2.0 * self.b.dot(m) + m.dot(&(&self.g * m)) + trace
+    /// The unknowns, and how likely the readings are, from what else is known of the unknowns: their precision, and precision times mean. `None`
+    /// where double precision can't tell.
+    pub fn posterior(&self, precision: &DMatrix<f64>, weighed: &DVector<f64>) -> Option<Posterior> {
+        let p = Cholesky::new(precision + &self.g)?;
+        let b = weighed + &self.b;
+        let m = p.solve(&b);
+        let misfit = self.e + self.c - b.dot(&m) + p.ln_determinant();
+        misfit.is_finite().then_some(Posterior { m, p, misfit })
     }
 }
 

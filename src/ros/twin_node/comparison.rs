@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::identification::Identification;
 use super::solver::Answer;
+use crate::compare::rows::LetGo;
 use crate::instrument::reading::is_force;
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Header;
@@ -48,6 +49,7 @@ pub(super) struct Comparator {
     not_finite_nanos: Option<i64>,
     same_since: Option<(Reading, f64)>,
     identification: Option<Identification>,
+    tissue: LetGo,
 }
 
 fn axial(force: [f64; 3], axis: [f64; 3]) -> f64 {
@@ -188,7 +190,8 @@ impl Comparator {
         message.rmse_vector_n = self.rmse_vector();
         if let Some(identification) = &mut self.identification {
             let inserted = matches!(answer.prediction.phase, Phase::Penetration | Phase::Retraction);
-            identification.take(&mut message, stamp, inserted);
+            let swings = self.tissue.swings(answer.pose.time_s, answer.prediction.phase);
+            identification.take(&mut message, stamp, inserted, swings);
         }
         message
     }
