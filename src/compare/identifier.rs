@@ -186,9 +186,17 @@ impl Identifier {
     }
 
     /// Takes a reading: the twin's force and the measured one at the same time, N. `inserted`: the needle has punctured
-    /// the surface. Gives the state where it has changed.
-    pub fn update(&mut self, time_s: f64, predicted_n: f64, inserted: bool, measured_n: f64) -> Option<State> {
-        if !(time_s.is_finite() && predicted_n.is_finite() && measured_n.is_finite()) {
+    /// the surface. `doubt_n`: how far the twin's force may be off because its tissue swings ([`Swing`](super::learning::Swing)), N. Gives the state where
+    /// it has changed.
+    pub fn update(
+        &mut self,
+        time_s: f64,
+        predicted_n: f64,
+        inserted: bool,
+        measured_n: f64,
+        doubt_n: f64,
+    ) -> Option<State> {
+        if ![time_s, predicted_n, measured_n, doubt_n].iter().all(|x| x.is_finite()) {
             return None;
         }
         // a clock that goes back says nothing, and goes on from there
@@ -201,7 +209,7 @@ impl Identifier {
         self.learner.take(
             self.force,
             self.clock_s,
-            Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n) },
+            Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n), doubt: doubt_n },
         );
         self.judge()
     }

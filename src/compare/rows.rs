@@ -4,7 +4,7 @@ use super::{Answer, Run};
 use crate::twin::Phase;
 
 /// After a bonded instrument has lifted off, the twin's tissue oscillates for less than this, s; the force is not quasi-static then.
-const SWINGS_S: f64 = 0.3;
+pub(super) const SWINGS_S: f64 = 0.3;
 /// Fewest readings before the contact that tell the load cell's zero.
 const LEAST_IDLE: usize = 8;
 
@@ -158,26 +158,12 @@ impl Rows {
 /// Which answers are not of a tissue that an instrument has just let go.
 #[must_use]
 pub fn at_rest(answers: &[Answer]) -> Vec<bool> {
-    let mut tissue = LetGo::default();
-    answers.iter().map(|a| !tissue.swings(a.time_s, a.phase)).collect()
-}
-
-/// A tissue that an instrument has let go, answer by answer.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct LetGo {
-    held: bool,
-    /// When it was let go, s.
-    at_s: Option<f64>,
-}
-
-impl LetGo {
-    /// Whether the tissue swings at an answer, each later than the one before.
-    pub fn swings(&mut self, time_s: f64, phase: Phase) -> bool {
-        if phase != Phase::Approach {
-            (self.held, self.at_s) = (true, None);
-        } else if std::mem::take(&mut self.held) {
-            self.at_s = Some(time_s);
+    let mut left_s = f64::NEG_INFINITY;
+    let mut at_rest = |a: &Answer| {
+        if a.phase != Phase::Approach {
+            left_s = a.time_s;
         }
-        self.at_s.is_some_and(|at_s| time_s - at_s <= SWINGS_S)
-    }
+        a.phase != Phase::Approach || a.time_s - left_s > SWINGS_S
+    };
+    answers.iter().map(&mut at_rest).collect()
 }

@@ -42,7 +42,7 @@ fn followed(run: &Run, identifier: &mut Identifier, parameter: Parameter) -> Vec
     let mut seen = Vec::new();
     for (a, measured_n) in readings {
         let inserted = matches!(a.phase, Phase::Penetration | Phase::Retraction);
-        identifier.update(a.time_s, a.predicted_n, inserted, measured_n);
+        identifier.update(a.time_s, a.predicted_n, inserted, measured_n, 0.0);
         let (value, error) = identifier.estimate(parameter).unwrap();
         seen.push((a.time_s - contact, value, error, identifier.state()));
     }
@@ -110,7 +110,7 @@ fn stream(identifier: &mut Identifier, span_s: [f64; 2], truth: impl Fn(f64, f64
         let time_s = span_s[0] + f64::from(i) / 200.0;
         let noise: f64 = StandardNormal.sample(&mut generator);
         let measured = truth(time_s, predicted(time_s)) + 4e-4 * noise;
-        changes.extend(identifier.update(time_s, predicted(time_s), true, measured).map(|state| (time_s, state)));
+        changes.extend(identifier.update(time_s, predicted(time_s), true, measured, 0.0).map(|state| (time_s, state)));
     }
     changes
 }
@@ -209,8 +209,8 @@ fn it_goes_on_when_the_residual_is_right_again_and_a_fault_of_the_cell_stops_it_
     assert!(matches!(again[..], [(t, State::Converged)] if (7.45..7.6).contains(&t)), "{again:?}");
     // nonsense changes nothing
     let before = identifier.estimate(Parameter::ShearModulus);
-    assert_eq!(identifier.update(f64::NAN, 0.1, true, 0.1), None);
-    assert_eq!(identifier.update(9.0, 0.1, true, f64::INFINITY), None);
+    assert_eq!(identifier.update(f64::NAN, 0.1, true, 0.1, 0.0), None);
+    assert_eq!(identifier.update(9.0, 0.1, true, f64::INFINITY, 0.0), None);
     assert_eq!(identifier.estimate(Parameter::ShearModulus), before);
 }
 

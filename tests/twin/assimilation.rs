@@ -35,7 +35,12 @@ fn recorded(seed: u64, rate_hz: f64, error: impl Fn(f64) -> f64) -> (Vec<Observe
         .map(|i| {
             let time_s = i as f64 / rate_hz;
             let measured_n = force(TRUTH, time_s) + error(time_s) + zero + NOISE_N * normal(&mut random);
-            Observed { time_s, measured_n, members_n: values.iter().map(|v| force(v[0], time_s) + v[1]).collect() }
+            Observed {
+                time_s,
+                measured_n,
+                members_n: values.iter().map(|v| force(v[0], time_s) + v[1]).collect(),
+                doubt_n: 0.0,
+            }
         })
         .collect();
     let found = assimilate(&observed, &[], &values).unwrap();
@@ -130,7 +135,12 @@ fn shipped_bags_hold_the_truth_with_wide_priors() {
         let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
         let row = |(i, reading): (usize, &Reading)| {
             let members_n = forces.iter().map(|f| f[i]).collect();
-            Some(Observed { time_s: reading.time_s, measured_n: measured.at(reading.time_s)?[2], members_n })
+            Some(Observed {
+                time_s: reading.time_s,
+                measured_n: measured.at(reading.time_s)?[2],
+                members_n,
+                doubt_n: 0.0,
+            })
         };
         let observed: Vec<Observed> = readings.iter().enumerate().filter_map(row).collect();
         let found = assimilate(&observed, &[], &values).unwrap();
@@ -267,6 +277,7 @@ fn bands_over_seeds_and_samples() {
                 time_s: readings[i].time_s,
                 measured_n: force[i] + zero + NOISE_N * normal(&mut random),
                 members_n: forces.iter().map(|f| f[i]).collect(),
+                doubt_n: 0.0,
             };
             let observed: Vec<Observed> = (0..force.len()).map(row).collect();
             let found = assimilate(&observed, &[], &values).unwrap();

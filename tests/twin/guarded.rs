@@ -196,7 +196,7 @@ impl Campaign {
                 let noise: f64 = StandardNormal.sample(random);
                 measured_n = force_n + NOISE_N * noise;
                 let members_n = self.members.iter().map(|member| member.force(depth_m)).collect();
-                filter.take(&Observed { time_s, measured_n, members_n });
+                filter.take(&Observed { time_s, measured_n, members_n, doubt_n: 0.0 });
             }
             if rule == Rule::Probability && time_s - looked_s >= OUTLOOK_S {
                 looked_s = time_s;

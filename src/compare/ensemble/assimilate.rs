@@ -33,6 +33,8 @@ pub struct Observed {
     pub measured_n: f64,
     /// Of each member, N.
     pub members_n: Vec<f64>,
+    /// How far the members may be off because their tissue swings ([`Swing`](crate::compare::learning::Swing)), N.
+    pub doubt_n: f64,
 }
 
 /// Tracked points inside the sample, and where the members have them.
@@ -181,7 +183,7 @@ impl Assimilation {
 
     fn reading(&self, observed: &Observed) -> (f64, Reading) {
         let (mean, row) = self.row(&observed.members_n);
-        (mean, Reading { off: observed.measured_n - mean, row, force_n: Some(mean) })
+        (mean, Reading { off: observed.measured_n - mean, row, force_n: Some(mean), doubt: observed.doubt_n })
     }
 
     /// Takes a reading of the load cell, no earlier than the one before, and gives what was forecast for it from what had been measured up to one
@@ -202,7 +204,7 @@ impl Assimilation {
             let (mean, row) = self.row(&members);
             let off = of(&tracked.measured_m) - mean;
             if off.is_finite() && members.len() == self.members {
-                self.learner.take(self.targets[i], tracked.time_s, Reading { off, row, force_n: None });
+                self.learner.take(self.targets[i], tracked.time_s, Reading { off, row, force_n: None, doubt: 0.0 });
             }
         }
     }

@@ -4,6 +4,7 @@ use super::assimilate::{Assimilation, Observed, Tracked};
 use super::path::{between, distinct};
 use super::together::Together;
 use super::{Band, EnsembleError, Member, Spread};
+use crate::compare::learning::Swing;
 use crate::scene::Recorded;
 use crate::twin::{Halt, Motion, Places, Pose, Prediction, StampedPose, Team, Twin};
 
@@ -23,6 +24,9 @@ pub struct Live {
     members: Vec<(usize, f64, f64)>,
     /// Force of each twin at the last pose, N; not a number where there is none.
     force_n: Vec<f64>,
+    /// How far it may be off, N, by the one of them that swings most.
+    swing: Swing,
+    doubt_n: f64,
     /// Positions of targets, m.
     positions: Vec<Vec<[f64; 3]>>,
     /// Why a twin has no answer to the last pose, of the first that has none.
@@ -55,6 +59,8 @@ pub struct Told {
     pub forces_n: Vec<f64>,
     /// Targets of each member, m; none where it has no answer, or where they were not asked for.
     pub targets_m: Vec<Vec<[f64; 3]>>,
+    /// How far their forces may be off because tissue swings, N.
+    pub doubt_n: f64,
 }
 
 /// Whether members can follow poses as they come.
@@ -85,6 +91,8 @@ impl Live {
         }
         Ok(Self {
             force_n: vec![f64::NAN; built.len()],
+            swing: Swing::default(),
+            doubt_n: 0.0,
             positions: vec![Vec::new(); built.len()],
             doubles: Vec::new(),
             teams: Together::all_of(&built),
@@ -145,6 +153,9 @@ impl Live {
     /// Notes the answer of one twin.
     fn answered(&mut self, k: usize, pose: &StampedPose, answer: Result<Prediction, Halt>) {
         self.force_n[k] = answer.as_ref().map_or(f64::NAN, |p| against(p, pose));
+        if let Ok(prediction) = &answer {
+            self.doubt_n = self.swing.see(pose.time_s, self.force_n[k], &prediction.health);
+        }
         self.halt = self.halt.take().or(answer.err());
         self.positions[k].clear();
         if let (Some(twin), true) = (&self.twins[k].0, self.force_n[k].is_finite()) {
@@ -170,7 +181,8 @@ impl Live {
             true => self.members.iter().map(|(k, ..)| self.positions[*k].clone()).collect(),
             false => Vec::new(),
         };
-        Told { time_s: self.last.map_or(f64::NAN, |pose| pose.time_s), forces_n: self.forces().collect(), targets_m }
+        let time_s = self.last.map_or(f64::NAN, |pose| pose.time_s);
+        Told { time_s, forces_n: self.forces().collect(), targets_m, doubt_n: self.doubt_n }
     }
 
     /// The filter and its members, which are those that have an answer now if nothing has been learnt yet.
@@ -189,7 +201,7 @@ impl Live {
         let members_n: Vec<f64> = used.iter().map(|k| told.forces_n[*k]).collect();
         let complete = members_n.iter().all(|f| f.is_finite()) && measured_n.is_finite();
         if complete {
-            filter.take(&Observed { time_s: told.time_s, measured_n, members_n });
+            filter.take(&Observed { time_s: told.time_s, measured_n, members_n, doubt_n: told.doubt_n });
         }
         complete
     }
@@ -223,7 +235,8 @@ impl Live {
         if let Some((filter, used)) = &self.learnt {
             let of_members = used.iter().map(|k| all[*k]).collect();
             let time_s = self.last.map_or(f64::NAN, |pose| pose.time_s);
-            let forecast = filter.forecast(&Observed { time_s, measured_n: f64::NAN, members_n: of_members });
+            let (members_n, doubt_n) = (of_members, self.doubt_n);
+            let forecast = filter.forecast(&Observed { time_s, measured_n: f64::NAN, members_n, doubt_n });
             return forecast.map(|f| (Band::normal(f.mean_n, f.standard_deviation_n), count));
         }
         Band::of(all.into_iter()).map(|band| (band, count))
@@ -301,6 +314,7 @@ impl Live {
         self.force_n.fill(f64::NAN);
         self.positions.iter_mut().for_each(Vec::clear);
         (self.halt, self.last, self.learnt) = (None, None, None);
+        (self.swing, self.doubt_n) = (Swing::default(), 0.0);
     }
 }
 

@@ -170,7 +170,7 @@ fn measured(
         let members_n: Vec<f64> = used.iter().map(|(_, path)| path.force_n[at[i]]).collect();
         let measured_n = answer.measured_n.filter(|m| m.is_finite() && at_rest)?;
         let complete = members_n.iter().all(|f| f.is_finite());
-        complete.then_some((i, Observed { time_s: answer.time_s, measured_n, members_n }))
+        complete.then_some((i, Observed { time_s: answer.time_s, measured_n, members_n, doubt_n: 0.0 }))
     };
     let rests = at_rest(&run.answers);
     let (answers, observed): (Vec<usize>, Vec<Observed>) =

@@ -22,8 +22,8 @@ use super::process::{Block, Process};
 const STEP: f64 = 4.0;
 /// Number of sizes, from the least noise on: seven powers of ten.
 const SIZES: i32 = 12;
-/// Number of times, from a few blocks on.
-const TIMES: i32 = 4;
+/// Number of times, from one block on.
+const TIMES: i32 = 5;
 /// A candidate less likely than this says nothing that is seen in double precision.
 const LEAST_WEIGHT: f64 = 1e-9;
 
@@ -50,18 +50,29 @@ struct Errors {
     spread: DMatrix<f64>,
     /// Number of the last block.
     last: f64,
+    /// Largest force when it was learnt last, N.
+    largest: f64,
 }
 
 impl Errors {
     fn new(unknowns: usize, least: f64, m: &DVector<f64>, c: &DMatrix<f64>) -> Self {
         let right = Process::new(unknowns, 0.0, 1.0);
-        let wrong = (0..SIZES).flat_map(|size| (1..=TIMES).map(move |time| (size, time)));
+        let wrong = (0..SIZES).flat_map(|size| (0..TIMES).map(move |time| (size, time)));
         let wrong = wrong.map(|(size, time)| Process::new(unknowns, least * STEP.powi(size), STEP.powi(time)));
         let candidates: Vec<Process> = std::iter::once(right).chain(wrong).collect();
         let weight = 1.0 / candidates.len() as f64;
         let views = candidates.iter().map(|_| Some(View { weight, m: m.clone(), c: c.clone() })).collect();
         let none = DMatrix::zeros(unknowns, unknowns);
-        Self { candidates, least, views, g: none.clone(), b: DVector::zeros(unknowns), spread: none, last: 0.0 }
+        Self {
+            candidates,
+            least,
+            views,
+            g: none.clone(),
+            b: DVector::zeros(unknowns),
+            spread: none,
+            last: 0.0,
+            largest: 0.0,
+        }
     }
 
     fn advance(&mut self, number: f64) {
@@ -76,10 +87,20 @@ impl Errors {
         self.candidates.iter().zip(&self.views).filter_map(|(process, view)| Some((process, view.as_ref()?)))
     }
 
+    /// Whether an error of this size is one of those that are looked for.
+    fn possible(&self, process: &Process, largest: f64) -> bool {
+        process.size <= largest.max(self.least)
+    }
+
+    /// Whether there are more of them at a larger force.
+    fn widens(&self, largest: f64) -> bool {
+        self.candidates.iter().any(|process| self.possible(process, largest) && !self.possible(process, self.largest))
+    }
+
     /// The module's formulas, with P and b; mean and covariance of the unknowns. `None`, and nothing is learnt, where double precision can't tell.
     fn learn(&mut self, largest: f64, p: &DMatrix<f64>, b: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let possible = |process: &Process| process.size <= largest.max(self.least);
-        let posterior = |process: &Process| possible(process).then(|| process.posterior(p, b)).flatten();
+        self.largest = largest;
+        let posterior = |process: &Process| self.possible(process, largest).then(|| process.posterior(p, b)).flatten();
         let each: Vec<_> = self.candidates.iter().map(posterior).collect();
         let least = each.iter().flatten().map(|posterior| posterior.misfit).fold(f64::INFINITY, f64::min);
         if least == f64::INFINITY {
@@ -203,6 +224,13 @@ impl Known {
             process.pass(block, off.clamp(-most, most), variance);
         }
         self.learn(channel, block.largest);
+    }
+
+    /// The same readings, seen with errors as large as the force has become.
+    pub fn widen(&mut self, channel: usize, largest: f64) {
+        if self.errors[channel].widens(largest) {
+            self.learn(channel, largest);
+        }
     }
 
     /// What is known after a block of a channel.

@@ -13,6 +13,7 @@
 mod known;
 mod noise;
 mod process;
+mod swing;
 
 use nalgebra::DVector;
 
@@ -20,6 +21,7 @@ use super::uncertainty::FORCE_ERROR;
 use known::{Known, Off};
 use noise::Noise;
 use process::Block;
+pub use swing::Swing;
 
 /// Length of a block, s: how far ahead a reading is forecast.
 pub const BLOCK_S: f64 = 0.05;
@@ -40,6 +42,8 @@ pub struct Reading {
     pub row: Vec<f64>,
     /// The force that was expected, N; `None` for a number whose size says nothing of the error of the model.
     pub force_n: Option<f64>,
+    /// How far what was expected may be off by itself, with the readings beside it: standard deviation.
+    pub doubt: f64,
 }
 
 impl Reading {
@@ -91,7 +95,9 @@ pub struct Tally {
 #[derive(Clone, Debug)]
 struct Trouble {
     kept: Known,
-    /// What the residual was when it was noticed, and whether it came from one block to the next.
+    /// The residual by what was kept, in the last block.
+    now: f64,
+    /// What it was when it was noticed, and whether it came from one block to the next.
     residual: f64,
     sudden: bool,
     right: usize,
@@ -185,7 +191,11 @@ impl Learner {
 
     fn expect(&self, channel: usize, number: f64, reading: &Reading) -> Expected {
         let own = &self.channels[channel];
-        let block = Block { row: reading.effects(), noise: own.of_one * own.of_one, largest: own.largest };
+        let block = Block {
+            row: reading.effects(),
+            noise: own.of_one * own.of_one + reading.doubt * reading.doubt,
+            largest: own.largest,
+        };
         let number = if own.last.is_finite() { number } else { 0.0 };
         let Off { mean, variance } = self.now.off(channel, number, &block);
         Expected { off: reading.off - mean, variance }
@@ -213,7 +223,8 @@ impl Learner {
         if let Some((of_one, noise)) = own.noise.see(&left) {
             own.of_one = of_one;
             let row = rows.iter().sum::<DVector<f64>>() / count;
-            let block = Block { row, noise, largest: own.largest };
+            let doubt = readings.iter().map(|r| r.doubt * r.doubt).sum::<f64>() / count;
+            let block = Block { row, noise: noise + doubt, largest: own.largest };
             let force_n = readings.iter().filter_map(|r| r.force_n).sum::<f64>() / count;
             self.now.measure(force_n, &block);
             self.learn(channel, number, &block, force_n);
@@ -245,7 +256,10 @@ impl Learner {
     fn watch(&mut self, number: f64, block: &Block, force_error: f64, far: bool) {
         let more = force_error * force_error;
         if let Some(trouble) = &mut self.trouble {
-            let right = trouble.kept.off(0, number, block).deviations(more) < 0.5 * FAR;
+            trouble.kept.widen(0, block.largest);
+            let off = trouble.kept.off(0, number, block);
+            trouble.now = off.mean;
+            let right = off.deviations(more) < 0.5 * FAR;
             trouble.right = if right { trouble.right + 1 } else { 0 };
             if trouble.right >= RIGHT {
                 self.now = trouble.kept.clone();
@@ -255,14 +269,20 @@ impl Learner {
             }
             return;
         }
-        if let Some(before) = &self.saved[1] {
+        if let Some(before) = &mut self.saved[1] {
+            before.widen(0, block.largest);
             let off = before.off(0, number, block);
             let wrong = off.deviations(more) > FAR;
             self.sudden = if self.wrong == 0 { far } else { self.sudden };
             self.wrong = if wrong { self.wrong + 1 } else { 0 };
             if self.wrong >= PERSISTENT {
-                self.trouble =
-                    Some(Trouble { kept: before.clone(), residual: off.mean, sudden: self.sudden, right: 0 });
+                self.trouble = Some(Trouble {
+                    kept: before.clone(),
+                    now: off.mean,
+                    residual: off.mean,
+                    sudden: self.sudden,
+                    right: 0,
+                });
                 self.wrong = 0;
                 return;
             }
@@ -284,7 +304,7 @@ impl Learner {
             Some(trouble) => trouble.right = 0,
             None => {
                 let kept = self.saved[1].as_ref().or(self.saved[0].as_ref()).unwrap_or(&self.now).clone();
-                self.trouble = Some(Trouble { kept, residual: 0.0, sudden: false, right: 0 });
+                self.trouble = Some(Trouble { kept, now: 0.0, residual: 0.0, sudden: false, right: 0 });
             }
         }
     }
@@ -321,7 +341,8 @@ impl Learner {
     #[must_use]
     pub fn error(&self, channel: usize) -> f64 {
         let own = &self.channels[channel];
-        (own.of_one.powi(2) + self.now.error(channel, own.largest)).sqrt()
+        let unexplained = self.trouble.as_ref().filter(|_| channel == 0).map_or(0.0, |trouble| trouble.now);
+        (own.of_one.powi(2) + self.now.error(channel, own.largest).max(unexplained * unexplained)).sqrt()
     }
 
     /// Noise of a reading, standard deviation.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::identification::Identification;
 use super::solver::Answer;
-use crate::compare::rows::LetGo;
+use crate::compare::learning::Swing;
 use crate::instrument::reading::is_force;
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Header;
@@ -49,7 +49,7 @@ pub(super) struct Comparator {
     not_finite_nanos: Option<i64>,
     same_since: Option<(Reading, f64)>,
     identification: Option<Identification>,
-    tissue: LetGo,
+    swing: Swing,
 }
 
 fn axial(force: [f64; 3], axis: [f64; 3]) -> f64 {
@@ -190,8 +190,8 @@ impl Comparator {
         message.rmse_vector_n = self.rmse_vector();
         if let Some(identification) = &mut self.identification {
             let inserted = matches!(answer.prediction.phase, Phase::Penetration | Phase::Retraction);
-            let swings = self.tissue.swings(answer.pose.time_s, answer.prediction.phase);
-            identification.take(&mut message, stamp, inserted, swings);
+            let doubt_n = self.swing.see(answer.pose.time_s, predicted_n, &answer.prediction.health);
+            identification.take(&mut message, stamp, inserted, doubt_n);
         }
         message
     }

@@ -80,15 +80,13 @@ impl Identification {
         self.origin_nanos = None;
     }
 
-    /// Takes a comparison, learns from it and writes what is known into it. `inserted`: the needle is in the tissue. `swings`: the instrument has just let
-    /// the tissue go, so that the force is not proportional to the modulus, and nothing is learnt.
+    /// Takes a comparison, learns from it and writes what is known into it. `inserted`: the needle is in the tissue. `doubt_n`: how far the twin's force may
+    /// be off, N.
     #[allow(clippy::cast_precision_loss)] // seconds of one run
-    pub fn take(&mut self, message: &mut ForceComparison, stamp_nanos: i64, inserted: bool, swings: bool) {
+    pub fn take(&mut self, message: &mut ForceComparison, stamp_nanos: i64, inserted: bool, doubt_n: f64) {
         let time_s = (stamp_nanos - *self.origin_nanos.get_or_insert(stamp_nanos)) as f64 * 1e-9;
-        let changed = if message.valid && swings {
-            None
-        } else if message.valid {
-            self.identifier.update(time_s, message.predicted_n, inserted, message.measured_n)
+        let changed = if message.valid {
+            self.identifier.update(time_s, message.predicted_n, inserted, message.measured_n, doubt_n)
         } else {
             // A missing reading is no fault of the load cell: the next one decides.
             let missing = message.load_cell == ForceComparison::LOAD_CELL_MISSING;
@@ -156,7 +154,7 @@ mod tests {
             measured_n: 1.2 * predicted_n + 0.01 + noise,
             ..ForceComparison::default()
         };
-        identification.take(&mut message, i64::from(i) * 5_000_000, false, false);
+        identification.take(&mut message, i64::from(i) * 5_000_000, false, 0.0);
         message
     }
 
