@@ -124,7 +124,7 @@ impl Identifier {
     }
 
     fn fresh(wanted: [bool; 3], unit: [f64; 3]) -> Self {
-        let mut learner = Learner::new(3);
+        let mut learner = Learner::default();
         let force = learner.add(LEAST_NOISE_N);
         Self { wanted, unit, learner, force, fault: false, state: State::Learning, last_s: None, clock_s: 0.0 }
     }

@@ -168,7 +168,7 @@ impl Assimilation {
     #[must_use]
     pub fn new(members: usize) -> Option<Self> {
         (members >= FEWEST).then(|| {
-            let mut learner = Learner::new(members);
+            let mut learner = Learner::default();
             let force = learner.add(LEAST_NOISE_N);
             Self { members, learner, force, targets: Vec::new() }
         })

@@ -75,6 +75,18 @@ impl Errors {
         }
     }
 
+    fn grow(&mut self) {
+        let n = self.b.len() + 1;
+        self.candidates.iter_mut().for_each(Process::grow);
+        for view in self.views.iter_mut().flatten() {
+            view.m.resize_vertically_mut(n, 0.0);
+            add_one(&mut view.c);
+        }
+        self.b.resize_vertically_mut(n, 0.0);
+        self.g.resize_mut(n, n, 0.0);
+        self.spread.resize_mut(n, n, 0.0);
+    }
+
     fn advance(&mut self, number: f64) {
         let k = number - self.last;
         if k > 0.0 {
@@ -135,6 +147,13 @@ impl Errors {
     }
 }
 
+/// One unknown more, of variance 1.
+fn add_one(covariance: &mut DMatrix<f64>) {
+    let n = covariance.nrows();
+    covariance.resize_mut(n + 1, n + 1, 0.0);
+    covariance[(n, n)] = 1.0;
+}
+
 /// How far off a reading is, and how far it may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Off {
@@ -162,21 +181,29 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// Nothing, of so many unknowns.
-    pub fn new(unknowns: usize) -> Self {
-        let one = DMatrix::identity(unknowns, unknowns);
-        let none = DVector::zeros(unknowns);
+    /// Nothing, of the size of the force alone.
+    pub fn new() -> Self {
+        let one = DMatrix::identity(1, 1);
+        let none = DVector::zeros(1);
         Self { m: none.clone(), c: one.clone(), root: one, errors: Vec::new(), largest: (0.0, none) }
+    }
+
+    /// One unknown more, of which nothing is known.
+    pub fn grow(&mut self) {
+        let n = self.m.len() + 1;
+        [&mut self.m, &mut self.largest.1].into_iter().for_each(|vector| vector.resize_vertically_mut(n, 0.0));
+        [&mut self.c, &mut self.root].into_iter().for_each(add_one);
+        self.errors.iter_mut().for_each(Errors::grow);
     }
 
     /// Notes the force that was expected of a block.
     pub fn measure(&mut self, force_n: f64, block: &Block) {
         if force_n.abs() > self.largest.0.abs() {
-            self.largest = (force_n, block.row.rows(0, self.m.len()).into_owned());
+            self.largest = (force_n, block.row.rows(1, self.m.len()).into_owned());
         }
     }
 
-    /// Standard deviation of the last unknown, the size of the force: its effect is that of the expected force, but what is uncertain is a share of
+    /// Standard deviation of the first unknown, the size of the force: its effect is that of the expected force, but what is uncertain is a share of
     /// the force as it has come out.
     fn size(&self) -> f64 {
         let (force_n, row) = &self.largest;
@@ -237,7 +264,7 @@ impl Known {
     fn learn(&mut self, channel: usize, largest: f64) {
         let n = self.m.len();
         let (mut p, mut b) = (DMatrix::identity(n, n), DVector::zeros(n));
-        p[(n - 1, n - 1)] = self.size().powi(-2);
+        p[(0, 0)] = self.size().powi(-2);
         let mut spread = DMatrix::zeros(n, n);
         for (_, other) in self.errors.iter().enumerate().filter(|(k, _)| *k != channel) {
             p += &other.g;

@@ -10,6 +10,7 @@
 //! the unknowns are again what they were then, and the load cell moves them no more until it has been explained for ten.
 //! Forecasts go on with all readings.
 
+mod basis;
 mod known;
 mod noise;
 mod process;
@@ -18,6 +19,7 @@ mod swing;
 use nalgebra::DVector;
 
 use super::uncertainty::FORCE_ERROR;
+use basis::Basis;
 use known::{Known, Off};
 use noise::Noise;
 use process::Block;
@@ -47,10 +49,24 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Effects of all unknowns, the size of the force among them, and what was measured.
-    fn effects(&self) -> DVector<f64> {
+    /// The mean of several.
+    fn mean(readings: &[Self]) -> Self {
+        let share = 1.0 / readings.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Self) -> f64| readings.iter().map(of).sum::<f64>() * share;
+        let unknowns = readings.first().map_or(0, |reading| reading.row.len());
+        Self {
+            off: mean(&|r| r.off),
+            row: (0..unknowns).map(|k| mean(&|r| r.row[k])).collect(),
+            force_n: Some(mean(&|r| r.force_n.unwrap_or(0.0))),
+            doubt: mean(&|r| r.doubt * r.doubt).sqrt(),
+        }
+    }
+
+    /// What was measured, the effect of the size of the force, and those along the directions of a basis; what is left of the row.
+    fn along(&self, basis: &Basis) -> (DVector<f64>, DVector<f64>) {
+        let (along, left) = basis.of(&self.row);
         let size = FORCE_ERROR * self.force_n.unwrap_or(0.0);
-        DVector::from_iterator(self.row.len() + 2, self.row.iter().copied().chain([size, self.off]))
+        (DVector::from_iterator(along.len() + 2, [self.off, size].into_iter().chain(along)), left)
     }
 }
 
@@ -106,6 +122,7 @@ struct Trouble {
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Learner {
+    basis: Basis,
     now: Known,
     channels: Vec<Channel>,
     /// What was known before, the newer first, and the number of the block of that.
@@ -122,12 +139,12 @@ fn block_of(since_s: f64) -> f64 {
     (since_s / BLOCK_S * (1.0 + 1e-9)).floor()
 }
 
-impl Learner {
-    /// Nothing is known yet of so many unknowns.
-    #[must_use]
-    pub fn new(unknowns: usize) -> Self {
+impl Default for Learner {
+    /// Nothing is known yet.
+    fn default() -> Self {
         Self {
-            now: Known::new(unknowns + 1),
+            basis: Basis::default(),
+            now: Known::new(),
             channels: Vec::new(),
             saved: [None, None],
             saved_at: f64::NEG_INFINITY,
@@ -136,7 +153,9 @@ impl Learner {
             sudden: false,
         }
     }
+}
 
+impl Learner {
     /// Adds a sensor with at least this noise; its number. Trouble is that of the first.
     pub fn add(&mut self, least_noise: f64) -> usize {
         self.now.add(least_noise);
@@ -191,11 +210,9 @@ impl Learner {
 
     fn expect(&self, channel: usize, number: f64, reading: &Reading) -> Expected {
         let own = &self.channels[channel];
-        let block = Block {
-            row: reading.effects(),
-            noise: own.of_one * own.of_one + reading.doubt * reading.doubt,
-            largest: own.largest,
-        };
+        let (row, left) = reading.along(&self.basis);
+        let noise = own.of_one.powi(2) + reading.doubt.powi(2) + left.norm_squared();
+        let block = Block { row, noise, largest: own.largest };
         let number = if own.last.is_finite() { number } else { 0.0 };
         let Off { mean, variance } = self.now.off(channel, number, &block);
         Expected { off: reading.off - mean, variance }
@@ -211,21 +228,26 @@ impl Learner {
         if readings.is_empty() {
             return;
         }
-        let rows: Vec<DVector<f64>> = readings.iter().map(Reading::effects).collect();
-        let unknowns = self.now.m.len();
-        let left = |row: &DVector<f64>| row[unknowns] - row.rows(0, unknowns).dot(&self.now.m);
-        let left: Vec<f64> = rows.iter().map(left).collect();
+        let unexplained = |reading: &Reading| {
+            let (row, _) = reading.along(&self.basis);
+            row[0] - row.rows(1, row.len() - 1).dot(&self.now.m)
+        };
+        let unexplained: Vec<f64> = readings.iter().map(unexplained).collect();
         let own = &mut self.channels[channel];
         if own.number - own.last > ASIDE {
             own.noise.pause();
         }
-        let (number, count) = (own.number, readings.len() as f64);
-        if let Some((of_one, noise)) = own.noise.see(&left) {
+        let (number, largest) = (own.number, own.largest);
+        if let Some((of_one, noise)) = own.noise.see(&unexplained) {
             own.of_one = of_one;
-            let row = rows.iter().sum::<DVector<f64>>() / count;
-            let doubt = readings.iter().map(|r| r.doubt * r.doubt).sum::<f64>() / count;
-            let block = Block { row, noise: noise + doubt, largest: own.largest };
-            let force_n = readings.iter().filter_map(|r| r.force_n).sum::<f64>() / count;
+            let mean = Reading::mean(&readings);
+            if self.basis.grow(&mean.row, of_one) {
+                let others = self.saved.iter_mut().flatten().chain(self.trouble.iter_mut().map(|t| &mut t.kept));
+                others.chain([&mut self.now]).for_each(Known::grow);
+            }
+            let (row, _) = mean.along(&self.basis);
+            let block = Block { row, noise: noise + mean.doubt.powi(2), largest };
+            let force_n = mean.force_n.unwrap_or(0.0);
             self.now.measure(force_n, &block);
             self.learn(channel, number, &block, force_n);
         }
@@ -324,17 +346,19 @@ impl Learner {
     #[must_use]
     pub fn state(&self, row: &[f64]) -> (f64, f64) {
         let known = self.believed();
-        let a = DVector::from_row_slice(row);
-        let n = a.len();
-        (a.dot(&known.m.rows(0, n)), a.dot(&(known.c.view((0, 0), (n, n)) * &a)))
+        let (along, left) = self.basis.of(row);
+        let (n, a) = (along.len(), DVector::from_vec(along));
+        (a.dot(&known.m.rows(1, n)), a.dot(&(known.c.view((1, 1), (n, n)) * &a)) + left.norm_squared())
     }
 
     /// Effects of unknowns that are independent and of variance 1 again.
     #[must_use]
     pub fn narrowed(&self, row: &[f64]) -> Vec<f64> {
-        let n = row.len();
-        let root = self.believed().root.view((0, 0), (n, n));
-        (root * DVector::from_row_slice(row)).iter().copied().collect()
+        let (along, mut effects) = self.basis.of(row);
+        let n = along.len();
+        let narrower = self.believed().root.view((1, 1), (n, n)) * DVector::from_vec(along);
+        self.basis.add(narrower.as_slice(), &mut effects);
+        effects.iter().copied().collect()
     }
 
     /// Standard deviation of what a reading is off by beyond what is not known of the unknowns.

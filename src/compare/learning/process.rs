@@ -21,7 +21,7 @@ const FORGOTTEN: f64 = 1e6;
 /// What a block of readings says: see the module.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// Effect of each unknown on the mean, and last the mean itself, off what is expected.
+    /// The mean, off what is expected, and the effect of each unknown on it.
     pub row: DVector<f64>,
     /// Variance of its noise.
     pub noise: f64,
@@ -32,8 +32,7 @@ pub(super) struct Block {
 impl Block {
     /// The row, the reading, of one that has been seen by a filter.
     fn parts(row: &DVector<f64>) -> (nalgebra::DVectorView<'_, f64>, f64) {
-        let n = row.len() - 1;
-        (row.rows(0, n), row[n])
+        (row.rows(1, row.len() - 1), row[0])
     }
 }
 
@@ -85,6 +84,14 @@ impl Process {
             c: 0.0,
             e: 0.0,
         }
+    }
+
+    /// One unknown more, of which nothing has been said.
+    pub fn grow(&mut self) {
+        let n = self.b.len() + 1;
+        self.x.iter_mut().for_each(|x| x.resize_vertically_mut(n + 1, 0.0));
+        self.b.resize_vertically_mut(n, 0.0);
+        self.g.resize_mut(n, n, 0.0);
     }
 
     /// F, k blocks on.
@@ -157,7 +164,7 @@ impl Process {
         self.e += variance.ln() + distance * distance / variance;
         let g = self.gate(block.largest);
         if self.size * g > 0.0 {
-            self.p[0] += FORGOTTEN * (self.p[0] + block.noise + block.row[block.row.len() - 1].powi(2)) / (g * g);
+            self.p[0] += FORGOTTEN * (self.p[0] + block.noise + block.row[0].powi(2)) / (g * g);
             let v = g * g * self.p[0] + block.noise;
             let left = &block.row - g * &self.x[0];
             self.correct(&left, g, v);
@@ -202,7 +209,7 @@ mod tests {
     fn the_filter_is_the_regression_with_that_covariance() {
         let times = [0.0_f64, 1.0, 2.0, 5.0, 6.0, 9.0];
         let (size, time, noise) = (0.7, 4.0, 0.04);
-        let rows: Vec<[f64; 3]> = times.iter().map(|t| [1.0, 0.3 * t, (0.9 * t).sin() + 0.2 * t]).collect();
+        let rows: Vec<[f64; 3]> = times.iter().map(|t| [(0.9 * t).sin() + 0.2 * t, 1.0, 0.3 * t]).collect();
         let mut process = Process::new(2, size, time);
         let mut last = 0.0;
         for (t, row) in times.iter().zip(&rows) {
@@ -212,15 +219,20 @@ mod tests {
         }
         let k = covariance(&times, size, time, noise);
         let inverse = k.clone().try_inverse().unwrap();
-        let h = DMatrix::from_fn(times.len(), 2, |i, j| rows[i][j]);
-        let y = DVector::from_fn(times.len(), |i, _| rows[i][2]);
+        let h = DMatrix::from_fn(times.len(), 2, |i, j| rows[i][j + 1]);
+        let y = DVector::from_fn(times.len(), |i, _| rows[i][0]);
         assert!((&process.g - h.transpose() * &inverse * &h).norm() < 1e-10);
         assert!((&process.b - h.transpose() * &inverse * &y).norm() < 1e-10);
         assert!((process.c - y.dot(&(&inverse * &y))).abs() < 1e-10);
         assert!((process.e - k.determinant().ln()).abs() < 1e-10);
+        // how likely the readings are, the unknowns being normal with variance 1: by hand
+        let posterior = process.posterior(&DMatrix::identity(2, 2), &DVector::zeros(2)).unwrap();
+        let all = &k + &h * h.transpose();
+        let likely = y.dot(&(all.clone().try_inverse().unwrap() * &y)) + all.determinant().ln();
+        assert!((posterior.misfit - likely).abs() < 1e-9, "{} {likely}", posterior.misfit);
         // what comes 1.5 blocks on: the same by hand
         let m = DVector::from_row_slice(&[0.3, -0.1]);
-        let next = Block { row: DVector::from_row_slice(&[1.0, 3.15, 2.0]), noise, largest: f64::INFINITY };
+        let next = Block { row: DVector::from_row_slice(&[2.0, 1.0, 3.15]), noise, largest: f64::INFINITY };
         let (mean, variance) = process.off(1.5, &next, &m, &DMatrix::zeros(2, 2));
         let with = covariance(&[&times[..], &[10.5]].concat(), size, time, noise);
         let cross = with.view((times.len(), 0), (1, times.len())).transpose();
@@ -235,7 +247,7 @@ mod tests {
     #[test]
     fn what_is_far_off_says_nothing_of_the_unknowns() {
         let mut process = Process::new(1, 0.5, 8.0);
-        let block = |y: f64| Block { row: DVector::from_row_slice(&[1.0, y]), noise: 0.01, largest: f64::INFINITY };
+        let block = |y: f64| Block { row: DVector::from_row_slice(&[y, 1.0]), noise: 0.01, largest: f64::INFINITY };
         process.take(&block(0.1));
         let (g, b) = (process.g.clone(), process.b.clone());
         process.advance(1.0);
