@@ -39,16 +39,16 @@ pub struct Paths {
     pub runs: usize,
 }
 
-/// Runs members over readings, each with a twin of its own: the bits of a member do not depend on the others.
+/// Runs members over readings. Those of one cloud are stepped in teams where there are enough of them for the threads; a member has the
+/// bits of a twin of its own.
 ///
 /// # Errors
 /// [`EnsembleError::Threads`].
 pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Paths, EnsembleError> {
-    runs(members, readings, &[], crew, false)
+    tracked_paths(members, readings, &[], crew)
 }
 
-/// The same with the targets at some times (s, on the readings' clock). Members of one cloud are stepped in teams where
-/// there are enough of them: then a member is right to a thousandth of the peak force.
+/// The same with the targets at some times (s, on the readings' clock).
 ///
 /// # Errors
 /// [`EnsembleError::Threads`].
@@ -58,21 +58,11 @@ pub fn tracked_paths(
     times_s: &[f64],
     crew: &Crew,
 ) -> Result<Paths, EnsembleError> {
-    runs(members, readings, times_s, crew, true)
-}
-
-fn runs(
-    members: &[Member],
-    readings: &[Reading],
-    times_s: &[f64],
-    crew: &Crew,
-    in_teams: bool,
-) -> Result<Paths, EnsembleError> {
     let (first, run_of) = distinct(members);
     // members on one cloud share it; a first one that can't be built says so in its own run
     let cloud = if first.len() > 1 { Twin::new(&members[first[0]].scene).ok() } else { None };
     let course = Course { readings, times_s, stop: crew.stop.clone() };
-    let groups = together::groups(first.len(), in_teams);
+    let groups = together::groups(first.len(), crew.threads);
     let beside = cloud.as_ref().filter(|_| groups.iter().any(|g| g.len() > 1)).and_then(|c| Team::new(&[c], None));
     let of_group = |g: usize| {
         let members: Vec<&Member> = groups[g].iter().map(|k| &members[first[*k]]).collect();

@@ -1,8 +1,7 @@
 //! Members that are stepped together ([`Team`]).
 //!
-//! Which members go together follows from their numbers alone, never from the threads, so that a result has the same bits on any machine.
-//! A team costs about as much as [`FEWEST`] members with a twin each. A machine with many cores is quicker with a thread for
-//! each of a few members, so a team needs [`ENOUGH`] of them.
+//! A member has the same bits in a team and alone, so which go together is a matter of time only. A team takes one thread, and costs about
+//! as much as [`FEWEST`] members with a twin each, however many it has.
 
 use super::Member;
 use super::live::against;
@@ -12,16 +11,13 @@ use crate::twin::{Halt, Places, Prediction, StampedPose, Team, Twin};
 
 /// Fewest members that are worth a team.
 const FEWEST: usize = 5;
-/// Fewest runs of which some are made in teams.
-const ENOUGH: usize = 16;
-
-/// Which runs go together: numbers 0, 1, ... in groups, each in order.
-pub(super) fn groups(runs: usize, in_teams: bool) -> Vec<Vec<usize>> {
-    let all: Vec<usize> = (0..runs).collect();
-    let most = if in_teams && runs >= ENOUGH { Team::MOST } else { 1 };
-    let alone = |group: &[usize]| group.iter().map(|k| vec![*k]).collect();
-    let worth = |group: &[usize]| if group.len() < FEWEST { alone(group) } else { vec![group.to_vec()] };
-    all.chunks(most).flat_map(worth).collect()
+/// Which runs go together: numbers 0, 1, ... in groups, each in order. Every thread gets as many teams as any other, of about as many runs;
+/// where that leaves too few for a team, each run goes alone.
+pub(super) fn groups(runs: usize, threads: usize) -> Vec<Vec<usize>> {
+    let threads = threads.max(1);
+    let teams = runs.div_ceil(threads * Team::MOST) * threads;
+    let teams = if runs / teams.max(1) < FEWEST { runs } else { teams };
+    (0..teams).map(|team| (team * runs / teams..(team + 1) * runs / teams).collect()).collect()
 }
 
 /// Runs of members in one team; `None` where they can't be one.
@@ -138,12 +134,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn groups_are_full_but_for_the_last() {
-        let sizes = |runs| groups(runs, true).iter().map(Vec::len).collect::<Vec<_>>();
-        assert_eq!(sizes(15), [1; 15]);
-        assert_eq!(sizes(20), [8, 8, 1, 1, 1, 1]);
-        assert_eq!(sizes(21), [8, 8, 5]);
-        assert_eq!(groups(32, false).len(), 32);
-        assert_eq!(groups(37, true).concat(), (0..37).collect::<Vec<_>>());
+    fn every_thread_has_as_much_to_do() {
+        let sizes = |runs, threads| groups(runs, threads).iter().map(Vec::len).collect::<Vec<_>>();
+        assert_eq!(sizes(4, 1), [1; 4]);
+        assert_eq!(sizes(16, 2), [8, 8]);
+        assert_eq!(sizes(20, 1), [6, 7, 7]);
+        assert_eq!(sizes(32, 16), [1; 32]);
+        assert_eq!(sizes(100, 2), [7, 7, 7, 7, 7, 7, 8, 7, 7, 7, 7, 7, 7, 8]);
+        assert_eq!(sizes(0, 2), [0; 0]);
+        for (runs, threads) in [(37, 2), (100, 3), (1000, 16)] {
+            assert_eq!(groups(runs, threads).concat(), (0..runs).collect::<Vec<_>>());
+            assert!(sizes(runs, threads).iter().all(|size| *size <= Team::MOST));
+        }
     }
 }

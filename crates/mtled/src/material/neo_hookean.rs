@@ -30,22 +30,48 @@ pub const MIN_JACOBIAN: f64 = 0.02;
 #[inline(always)]
 pub fn cofactor<T: Number>(f: &Gradient<T>) -> Gradient<T> {
     [
-        f[4] * f[8] - f[5] * f[7],
-        f[5] * f[6] - f[3] * f[8],
-        f[3] * f[7] - f[4] * f[6],
-        f[2] * f[7] - f[1] * f[8],
-        f[0] * f[8] - f[2] * f[6],
-        f[1] * f[6] - f[0] * f[7],
-        f[1] * f[5] - f[2] * f[4],
-        f[2] * f[3] - f[0] * f[5],
-        f[0] * f[4] - f[1] * f[3],
+        minor(f, 4, 8, 5, 7),
+        minor(f, 5, 6, 3, 8),
+        minor(f, 3, 7, 4, 6),
+        minor(f, 2, 7, 1, 8),
+        minor(f, 0, 8, 2, 6),
+        minor(f, 1, 6, 0, 7),
+        minor(f, 1, 5, 2, 4),
+        minor(f, 2, 3, 0, 5),
+        minor(f, 0, 4, 1, 3),
     ]
+}
+
+/// F_a F_b - F_c F_d.
+#[inline(always)]
+fn minor<T: Number>(f: &Gradient<T>, a: usize, b: usize, c: usize, d: usize) -> T {
+    f[a].fma(f[b], -(f[c] * f[d]))
+}
+
+/// I1 = F : F.
+#[inline(always)]
+pub fn first_invariant<T: Number>(f: &Gradient<T>) -> T {
+    let mut i1 = f[0] * f[0];
+    for x in &f[1..] {
+        i1 = x.fma(*x, i1);
+    }
+    i1
+}
+
+/// a F + b cof F.
+#[inline(always)]
+pub(crate) fn combined<T: Number>(a: T, f: &Gradient<T>, b: T, cof: &Gradient<T>) -> Gradient<T> {
+    let mut stress = *f;
+    for i in 0..9 {
+        stress[i] = a.fma(f[i], b * cof[i]);
+    }
+    stress
 }
 
 /// det F from F and its cofactor.
 #[inline(always)]
 pub fn determinant<T: Number>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
-    f[0] * cof[0] + f[1] * cof[1] + f[2] * cof[2]
+    f[0].fma(cof[0], f[1].fma(cof[1], f[2] * cof[2]))
 }
 
 /// First Piola-Kirchhoff stress for the pressure p = dU/dJ, Pa.
@@ -54,10 +80,10 @@ pub fn first_piola<T: Number>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
     let a = mu * r * r;
-    let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
-    let b = p - a * i1 / (T::of(3.0) * j);
+    // 1/J is r^3: one division less to wait for
+    let b = (-(a * first_invariant(f))).fma(T::of(1.0 / 3.0) * (r * r * r), p);
     let a = mu * excess(lack) * r * r;
-    std::array::from_fn(|i| a * f[i] + b * cof[i])
+    combined(a, f, b, cof)
 }
 
 /// The larger of J and J_m, and by how much J falls short of J_m.
@@ -78,8 +104,7 @@ pub(crate) fn excess<T: Number>(lack: T) -> T {
 pub fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
-    let i1 = f.iter().fold(T::of(0.0), |s, &x| s + x * x);
-    T::of(0.5) * mu * (r * r * (excess(lack) * i1) - T::of(3.0))
+    T::of(0.5) * mu * (r * r * (excess(lack) * first_invariant(f)) - T::of(3.0))
 }
 
 #[cfg(test)]

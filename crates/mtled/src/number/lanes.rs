@@ -107,6 +107,12 @@ impl<T: Real> Lanes<T> {
         self.zip(other, |a, b| if a < b { a } else { b })
     }
 
+    /// Sum of eight, in the order of [`Lanes::sum`].
+    #[inline(always)]
+    pub fn sum_of(a: &[Self; LANES]) -> Self {
+        ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]))
+    }
+
     /// Sum of the lanes, always in the same order.
     #[inline(always)]
     pub fn sum(self) -> T {

@@ -5,5 +5,9 @@ pub mod lanes;
 #[allow(unsafe_code)] // the same
 pub mod real;
 
+#[allow(unsafe_code)] // the same
+pub mod vector;
+
 pub use lanes::{LANES, Lanes};
 pub use real::{Number, Real};
+pub use vector::Vector;

@@ -1,9 +1,11 @@
 //! The scalar type of the internal-force kernel, f32 or f64, and the arithmetic that it shares with [`super::lanes`].
 
 use std::fmt::Debug;
+use std::marker::PhantomData;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
 use super::lanes::{self, Lanes};
+use super::vector::Pass;
 
 /// What a material law needs of a number, or of several side by side.
 pub trait Number:
@@ -48,19 +50,34 @@ pub trait Real: Number + PartialOrd + Send + Sync + 'static {
     fn sum_and_clear(lanes: &mut [[Lanes<Self>; 3]], sums: &mut [[Self; 3]]) {
         lanes::sum_and_clear(lanes, sums);
     }
+    /// Runs a pass (see [`super::vector`]).
+    fn run_pass(pass: impl Pass<Self>) {
+        lanes::run(Portable(pass, PhantomData::<Self>));
+    }
     /// x^(-1/3) to a few percent, from the bits: log2(y) = -log2(x)/3.
     #[must_use]
     fn inverse_cube_root_estimate(self) -> Self;
 }
 
-/// Newton on y^-3 = x: multiplications only. Each iteration doubles the digits.
+/// A pass with arrays for vectors.
+struct Portable<P, T>(P, PhantomData<T>);
+
+impl<T: Real, P: Pass<T>> lanes::Loop for Portable<P, T> {
+    #[inline(always)]
+    fn go(self) {
+        self.0.go::<Lanes<T>>();
+    }
+}
+
+/// Newton on y^-3 = x: y + y/3 (1 - x y^3), of which no more than three operations wait for each other. Each iteration doubles the digits.
 #[inline(always)]
 pub(super) fn inverse_cube_root_iteration<N: Number>(x: N, y: N) -> N {
-    y * (N::of(4.0) - x * y * y * y) * N::of(1.0 / 3.0)
+    let lack = (-(x * y)).fma(y * y, N::of(1.0));
+    (y * N::of(1.0 / 3.0)).fma(lack, y)
 }
 
 macro_rules! real {
-    ($t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal $(, $own:item)?) => {
+    ($t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal $(, $own:item)*) => {
         impl Number for $t {
             #[inline(always)]
             fn of(x: f64) -> Self {
@@ -104,7 +121,7 @@ macro_rules! real {
             fn inverse_cube_root_estimate(self) -> Self {
                 Self::from_bits($bits - self.to_bits() / 3)
             }
-            $($own)?
+            $($own)*
         }
     };
 }
@@ -122,6 +139,14 @@ real!(
             return unsafe { lanes::sum_and_clear_avx2(lanes, sums) };
         }
         lanes::sum_and_clear(lanes, sums);
+    },
+    fn run_pass(pass: impl Pass<Self>) {
+        #[cfg(target_arch = "x86_64")]
+        if lanes::has_avx2() {
+            // SAFETY: the processor has both features.
+            return unsafe { super::vector::run_avx2(pass) };
+        }
+        lanes::run(Portable(pass, PhantomData::<Self>));
     }
 );
 real!(f64, f64, None, 4, 0x553e_f0ff_289d_d796);

@@ -295,11 +295,11 @@ impl<T: Real> Kernel<T> {
         let strained = &scratch.strained;
         // of all cells at a node, m^3
         let sum = |n: usize| {
-            let mut sum = [0.0; FIELDS];
+            let mut sum = [T::default(); FIELDS];
             for &at in shares.of_index(n) {
-                sum.iter_mut().zip(strained[at as usize]).for_each(|(sum, share)| *sum += share.get());
+                sum.iter_mut().zip(strained[at as usize]).for_each(|(sum, share)| *sum += share);
             }
-            sum.map(T::of)
+            sum
         };
         let projected: [&[T]; FIELDS] = if mixed {
             projection.project_mixed(&mut scratch.projection, pool, &self.constants, sum)

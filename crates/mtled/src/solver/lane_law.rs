@@ -3,23 +3,33 @@
 use crate::material::neo_hookean::{
     Gradient, clamped, cofactor, determinant, distortional_energy, excess, first_piola,
 };
-use crate::number::{LANES, Lanes, Real};
+use crate::number::{LANES, Lanes, Number, Real, Vector};
 
 use super::collapse::{collapse, collapse_curvature};
 use super::points::{PointLaw, Projected, largest_square, plane_wave};
 
-/// A law of single points in the kernel's own precision: eight of them are a [`PointLaw`], whoever stands in the lanes.
+/// A law of single points in the kernel's own precision, whose numbers a register holds once for each lane, whoever stands there.
 pub(super) trait LaneLaw<T: Real>: Copy {
-    /// Energy density, less what is projected, and first Piola-Kirchhoff stress of a point.
-    fn lane(&self, f: &Gradient<T>, projected: Projected<T>) -> (T, Gradient<T>);
-    /// [`Constants::stiffness`] there.
+    /// Its numbers in registers.
+    type Wide<V: Vector<T>>: WideLaw<V>;
+    /// The law in every lane.
+    fn splat<V: Vector<T>>(&self) -> Self::Wide<V>;
+    /// Each lane's own law; what is no number from the first.
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Self::Wide<V>;
+    /// [`Constants::stiffness`](super::points::Constants::stiffness) of a point.
     fn stiffness_of_lane(&self, f: &Gradient<T>, projected: Projected<T>) -> T;
+}
+
+/// A law of as many points as a number has lanes.
+pub(super) trait WideLaw<N: Number>: Copy {
+    /// Energy density, less what is projected, and first Piola-Kirchhoff stress.
+    fn at(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>);
 }
 
 impl<T: Real, L: LaneLaw<T>> PointLaw<T> for L {
     #[inline(always)]
-    fn at(&self, _: usize, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> (Lanes<T>, Gradient<Lanes<T>>) {
-        by_lane(|_| self, f, projected)
+    fn at<V: Vector<T>>(&self, _: usize, f: &Gradient<V>, projected: Projected<V>) -> (V, Gradient<V>) {
+        self.splat::<V>().at(f, projected)
     }
 
     #[inline(always)]
@@ -28,25 +38,7 @@ impl<T: Real, L: LaneLaw<T>> PointLaw<T> for L {
     }
 }
 
-/// Energy density and stress of eight points, each by its own law.
-#[inline(always)]
-pub(super) fn by_lane<'l, T: Real, L: LaneLaw<T> + 'l>(
-    law: impl Fn(usize) -> &'l L,
-    f: &Gradient<Lanes<T>>,
-    projected: Projected<Lanes<T>>,
-) -> (Lanes<T>, Gradient<Lanes<T>>) {
-    let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
-    for lane in 0..LANES {
-        let (w, p) = law(lane).lane(&std::array::from_fn(|i| f[i].0[lane]), projected.of_lane(lane));
-        density.0[lane] = w;
-        for i in 0..9 {
-            stress[i].0[lane] = p[i];
-        }
-    }
-    (density, stress)
-}
-
-/// The same of the stiffness.
+/// Stiffness of eight points, each by its own law.
 #[inline(always)]
 pub(super) fn stiffness_by_lane<'l, T: Real, L: LaneLaw<T> + 'l>(
     law: impl Fn(usize) -> &'l L,
@@ -63,14 +55,38 @@ pub(super) fn stiffness_by_lane<'l, T: Real, L: LaneLaw<T> + 'l>(
 
 /// [`crate::material::neo_hookean`] in the kernel's own precision.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct NeoHookean<T> {
-    pub mu: T,
-    pub pointwise: T,
-    pub projected: T,
+pub(super) struct NeoHookean<N> {
+    pub mu: N,
+    pub pointwise: N,
+    pub projected: N,
     pub resists_collapse: bool,
 }
 
 impl<T: Real> LaneLaw<T> for NeoHookean<T> {
+    type Wide<V: Vector<T>> = NeoHookean<V>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> NeoHookean<V> {
+        NeoHookean {
+            mu: V::splat(self.mu),
+            pointwise: V::splat(self.pointwise),
+            projected: V::splat(self.projected),
+            resists_collapse: self.resists_collapse,
+        }
+    }
+
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> NeoHookean<V> {
+        let of = |number: fn(&Self) -> T| Lanes(laws.each_ref().map(number));
+        let (mu, pointwise, projected) = (of(|law| law.mu), of(|law| law.pointwise), of(|law| law.projected));
+        NeoHookean {
+            mu: V::load(&mu),
+            pointwise: V::load(&pointwise),
+            projected: V::load(&projected),
+            resists_collapse: laws[0].resists_collapse,
+        }
+    }
+
     // the energy of volume being quadratic, the pressure does not change its curvature
     #[inline(always)]
     fn stiffness_of_lane(&self, f: &Gradient<T>, _: Projected<T>) -> T {
@@ -81,16 +97,18 @@ impl<T: Real> LaneLaw<T> for NeoHookean<T> {
         let bulk = self.projected + self.pointwise * curvature;
         plane_wave(f, largest_square(&cof), j, root * root * excess(lack), self.mu, bulk)
     }
+}
 
+impl<N: Number> WideLaw<N> for NeoHookean<N> {
     #[inline(always)]
-    fn lane(&self, f: &Gradient<T>, projected: Projected<T>) -> (T, Gradient<T>) {
+    fn at(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
         let cof = cofactor(f);
         let j = determinant(f, &cof);
         let (energy, own) = if self.resists_collapse {
             collapse(j, self.pointwise)
         } else {
-            let dilation = j - T::of(1.0);
-            (T::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
+            let dilation = j - N::of(1.0);
+            (N::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
         };
         let energy = distortional_energy(f, j, self.mu) + energy;
         (energy, first_piola(f, &cof, j, self.mu, projected.pressure + own))

@@ -15,11 +15,11 @@
 //! As the cloud becomes finer theta_P tends to J and W to the law's. Below theta_m = [`LEAST_RATIO`] the energy goes on along its tangent in
 //! theta, as the law's own does below J_m. Stored are r - 1 and q + mu, which vanish at rest.
 
-use crate::material::neo_hookean::{Gradient, clamped, cofactor, determinant};
-use crate::number::{Number, Real};
+use crate::material::neo_hookean::{Gradient, clamped, cofactor, combined, determinant};
+use crate::number::{LANES, Lanes, Number, Real, Vector};
 
 use super::collapse::{collapse, collapse_curvature};
-use super::lane_law::LaneLaw;
+use super::lane_law::{LaneLaw, WideLaw};
 use super::points::{Constants, Projected, largest_square};
 
 /// theta_m: projected volume ratio below which the energy goes on along its tangent. Needles in space, which have this law, keep J above 0.26
@@ -28,10 +28,10 @@ const LEAST_RATIO: f64 = 0.1;
 
 /// The law of a point.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Mixed<T> {
-    mu: T,
-    pointwise: T,
-    projected: T,
+pub(super) struct Mixed<N> {
+    mu: N,
+    pointwise: N,
+    projected: N,
 }
 
 /// What a coarse node hands on.
@@ -73,7 +73,7 @@ pub(super) fn stress<T: Number>(
 ) -> Gradient<T> {
     let a = mu.fma(projected.shrinkage, mu);
     let b = projected.pressure + own - mu;
-    std::array::from_fn(|i| a * f[i] + b * cof[i])
+    combined(a, f, b, cof)
 }
 
 impl<T: Real> Mixed<T> {
@@ -86,12 +86,28 @@ impl<T: Real> Mixed<T> {
     }
 }
 
-impl<T: Real> LaneLaw<T> for Mixed<T> {
+impl<N: Number> WideLaw<N> for Mixed<N> {
     #[inline(always)]
-    fn lane(&self, f: &Gradient<T>, projected: Projected<T>) -> (T, Gradient<T>) {
+    fn at(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
         let cof = cofactor(f);
         let (energy, own) = collapse(determinant(f, &cof), self.pointwise);
         (energy, stress(f, &cof, self.mu, projected, own))
+    }
+}
+
+impl<T: Real> LaneLaw<T> for Mixed<T> {
+    type Wide<V: Vector<T>> = Mixed<V>;
+
+    #[inline(always)]
+    fn splat<V: Vector<T>>(&self) -> Mixed<V> {
+        Mixed { mu: V::splat(self.mu), pointwise: V::splat(self.pointwise), projected: V::splat(self.projected) }
+    }
+
+    #[inline(always)]
+    fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Mixed<V> {
+        let of = |number: fn(&Self) -> T| Lanes(laws.each_ref().map(number));
+        let (mu, pointwise, projected) = (of(|law| law.mu), of(|law| law.pointwise), of(|law| law.projected));
+        Mixed { mu: V::load(&mu), pointwise: V::load(&pointwise), projected: V::load(&projected) }
     }
 
     /// Bound of a.A.a over unit vectors as [`Constants::stiffness`]: mu r + c^2 (kappa - kappa_s + kappa_s w'' + 5/9 mu theta^-8/3 I_P),

@@ -122,6 +122,15 @@ impl<'a> Nodes<'a> {
         }
     }
 
+    /// The parts of a state, one after another.
+    pub fn parts(state: &'a mut Moving) -> impl Iterator<Item = Self> {
+        let chunks = |v: &'a mut [[f64; 3]]| v.chunks_mut(NODES_PER_CHUNK);
+        let [x, y, z] = state.tangent.0.each_mut().map(|t| chunks(t));
+        let field = chunks(&mut state.u).zip(chunks(&mut state.q)).zip(x.zip(y.zip(z)));
+        let all = field.zip(chunks(&mut state.f)).zip(state.touch.chunks_mut(NODES_PER_CHUNK)).enumerate();
+        all.map(|(i, ((((u, q), (x, (y, z))), f), touch))| Self::new(i, (u, q, (x, y, z), f, touch)))
+    }
+
     /// Adds to `sums` what the node at `l` of these, which is not free, contributes to the balance.
     pub fn add_to(&self, sums: &mut Sums, l: usize, held: &Held<'_>, mass_factor: f64) {
         let (q, f, n) = (&self.q[l], &self.f[l], self.first + l);

@@ -7,7 +7,8 @@ use super::block::{Block, BlockScratch, ForceOfLane};
 use super::memory::Memory;
 use super::points::{Constants, PointLaw, Projected, Relaxing};
 use super::strip::FIELDS;
-use crate::number::lanes::{LANES, Lanes, Loop, run};
+use crate::number::lanes::{LANES, Lanes};
+use crate::number::vector::{Pass, Vector, load_all, run_pass};
 use crate::number::{Number, Real};
 
 /// How far ahead gradients are asked for: 2 kB in single precision.
@@ -60,9 +61,9 @@ impl<T: Real> Block<T> {
         strained: &mut [[T; FIELDS]],
     ) {
         if mixed {
-            run(Deform::<_, AXISYMMETRIC, true> { block: self, active, scratch, strained });
+            run_pass(Deform::<_, AXISYMMETRIC, true> { block: self, active, scratch, strained });
         } else {
-            run(Deform::<_, AXISYMMETRIC, false> { block: self, active, scratch, strained });
+            run_pass(Deform::<_, AXISYMMETRIC, false> { block: self, active, scratch, strained });
         }
     }
 
@@ -117,25 +118,44 @@ impl<T: Real> Block<T> {
         lanes: &mut ForceOfLane<T>,
     ) {
         match self.form {
-            Form::Full | Form::Mirrored(_) => run(Stress::<_, _, false> { block: self, law, active, scratch, lanes }),
-            Form::Axisymmetric => run(Stress::<_, _, true> { block: self, law, active, scratch, lanes }),
+            Form::Full | Form::Mirrored(_) => {
+                run_pass(Stress::<_, _, false> { block: self, law, active, scratch, lanes })
+            }
+            Form::Axisymmetric => run_pass(Stress::<_, _, true> { block: self, law, active, scratch, lanes }),
         }
     }
 
     /// What a group's points get from the coarse nodes.
     #[inline(always)]
-    pub(super) fn projected(&self, scratch: &BlockScratch<T>, group: usize) -> Projected<Lanes<T>> {
-        let [a, b, c, d] = self.corners[group].each_ref().map(|corner| Lanes::look_up(&scratch.projected, corner));
-        let mean = |k: usize| match self.form {
-            Form::Full | Form::Mirrored(_) => Lanes::of(0.25) * ((a[k] + b[k]) + (c[k] + d[k])),
-            Form::Axisymmetric => Lanes::of(1.0 / 3.0) * ((a[k] + b[k]) + c[k]),
+    pub(super) fn projected<V: Vector<T>>(&self, scratch: &BlockScratch<T>, group: usize) -> Projected<V> {
+        let corners = &self.corners[group];
+        let mut sum = Self::at_corners::<V>(scratch, &corners[0], &corners[1]);
+        let share = match self.form {
+            Form::Full | Form::Mirrored(_) => {
+                let other = Self::at_corners::<V>(scratch, &corners[2], &corners[3]);
+                (sum[0], sum[1]) = (sum[0] + other[0], sum[1] + other[1]);
+                V::of(0.25)
+            }
+            Form::Axisymmetric => {
+                let last = load_all::<T, V, FIELDS>(&Lanes::look_up(&scratch.projected, &corners[2]));
+                (sum[0], sum[1]) = (sum[0] + last[0], sum[1] + last[1]);
+                V::of(1.0 / 3.0)
+            }
         };
-        Projected { pressure: mean(0), shrinkage: if scratch.mixed { mean(1) } else { Lanes::default() } }
+        Projected { pressure: share * sum[0], shrinkage: if scratch.mixed { share * sum[1] } else { V::default() } }
+    }
+
+    /// Sum of what stands at two corners.
+    #[inline(always)]
+    fn at_corners<V: Vector<T>>(scratch: &BlockScratch<T>, a: &[u16; LANES], b: &[u16; LANES]) -> [V; FIELDS] {
+        let a = load_all::<T, V, FIELDS>(&Lanes::look_up(&scratch.projected, a));
+        let b = load_all::<T, V, FIELDS>(&Lanes::look_up(&scratch.projected, b));
+        [a[0] + b[0], a[1] + b[1]]
     }
 
     /// What the point in one slot gets from the coarse nodes.
     pub(super) fn projected_in(&self, scratch: &BlockScratch<T>, slot: usize) -> Projected<f64> {
-        let Projected { pressure, shrinkage } = self.projected(scratch, slot / LANES);
+        let Projected { pressure, shrinkage } = self.projected::<Lanes<T>>(scratch, slot / LANES);
         Projected { pressure: pressure.0[slot % LANES].get(), shrinkage: shrinkage.0[slot % LANES].get() }
     }
 }
@@ -148,22 +168,23 @@ struct Deform<'a, T: Real, const AXISYMMETRIC: bool, const MIXED: bool> {
     strained: &'a mut [[T; FIELDS]],
 }
 
-impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Loop for Deform<'_, T, AXISYMMETRIC, MIXED> {
+impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Pass<T> for Deform<'_, T, AXISYMMETRIC, MIXED> {
     #[inline(always)]
-    fn go(self) {
+    fn go<V: Vector<T>>(self) {
         let Self { block, active, scratch, strained } = self;
-        let (one, zero) = (Lanes::of(1.0), Lanes::default());
-        let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
-        let mut min = Lanes::of(f64::MAX);
+        let (one, zero) = (V::of(1.0), V::default());
+        let share_of_corner = V::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
+        let mut min = V::of(f64::MAX);
         for group in 0..block.volume.len() {
-            let (active, scale) = (active[group], block.scale[group]);
-            if AXISYMMETRIC && active == zero {
+            let (active, scale) = (V::load(&active[group]), V::load(&block.scale[group]));
+            if AXISYMMETRIC && active.is_zero() {
                 // the needle's alone, see below
-                scratch.deformation[group] = std::array::from_fn(|k| if k % 4 == 0 { one } else { zero });
+                let undeformed = std::array::from_fn(|k| if k % 4 == 0 { Lanes::of(1.0) } else { Lanes::default() });
+                scratch.deformation[group] = undeformed;
                 continue;
             }
             let range = block.start[group] as usize..block.start[group + 1] as usize;
-            let mut f = gather::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &scratch.u);
+            let mut f = gather::<T, V, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &scratch.u);
             for k in 0..9 {
                 let undeformed = if k % 4 == 0 { one } else { zero };
                 f[k] = f[k].fma(scale, undeformed);
@@ -171,21 +192,23 @@ impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Loop for Deform<'_, T
                     // the needle's, not the tissue's: nothing reads it but what is shown
                     f[k] = f[k].where_positive(active, undeformed);
                 }
+                scratch.deformation[group][k] = f[k].store();
             }
-            scratch.deformation[group] = f;
             let j = determinant(&f, &cofactor(&f));
             // a NaN does not survive this comparison; the energy of pass 2 keeps it
             min = j.where_positive(active, min).min(min);
-            let volume = share_of_corner * active * block.volume[group];
+            let volume = share_of_corner * active * V::load(&block.volume[group]);
             let corners = &block.corners[group][..if AXISYMMETRIC { 3 } else { 4 }];
             let dilation = volume * (j - one);
-            let mut square = Lanes::of(-3.0);
+            let mut square = V::of(-3.0);
             if MIXED {
-                f.iter().for_each(|f| square = f.fma(*f, square));
+                for f in &f {
+                    square = f.fma(*f, square);
+                }
             }
-            share_out::<T, MIXED>(strained, corners, [dilation, volume * square]);
+            share_out::<T, MIXED>(strained, corners, [dilation.store(), (volume * square).store()]);
         }
-        scratch.min_jacobian = min.0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
+        scratch.min_jacobian = min.store().0.iter().fold(f64::MAX, |min, j| min.min(j.get()));
     }
 }
 
@@ -196,9 +219,10 @@ fn share_out<T: Real, const BOTH: bool>(
     corners: &[[u16; LANES]],
     shares: [Lanes<T>; FIELDS],
 ) {
-    for corner in corners {
-        for (lane, &c) in corner.iter().enumerate() {
-            let sum = &mut sums[usize::from(c)];
+    // point by point, as a team does
+    for lane in 0..LANES {
+        for corner in corners {
+            let sum = &mut sums[usize::from(corner[lane])];
             sum[0] += shares[0].0[lane];
             if BOTH {
                 sum[1] += shares[1].0[lane];
@@ -216,46 +240,48 @@ struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool> {
     lanes: &'a mut ForceOfLane<T>,
 }
 
-impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L, AXISYMMETRIC> {
+impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T, L, AXISYMMETRIC> {
     #[inline(always)]
-    fn go(self) {
+    fn go<V: Vector<T>>(self) {
         let Self { block, law, active, scratch, lanes } = self;
-        let zero = Lanes::default();
+        let zero = V::default();
         let mut energy = zero;
         for group in 0..block.volume.len() {
-            let volume = active[group] * block.volume[group];
-            if volume == zero {
+            let volume = V::load(&active[group]) * V::load(&block.volume[group]);
+            if volume.is_zero() {
                 continue;
             }
-            let (density, stress) = law.at(group, &scratch.deformation[group], block.projected(scratch, group));
+            let f = load_all::<T, V, 9>(&scratch.deformation[group]);
+            let (density, stress) = law.at(group, &f, block.projected(scratch, group));
             // what is no tissue must not spoil its neighbours in the vector
             let here = volume * volume;
             energy += (volume * density).where_positive(here, zero);
-            let factor = volume * block.scale[group];
+            let factor = volume * V::load(&block.scale[group]);
             let mut spread = [zero; 9];
-            for (spread, stress) in spread.iter_mut().zip(stress) {
-                *spread = (factor * stress).where_positive(here, zero);
+            for i in 0..9 {
+                spread[i] = (factor * stress[i]).where_positive(here, zero);
             }
             let range = block.start[group] as usize..block.start[group + 1] as usize;
-            scatter::<T, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, lanes);
+            scatter::<T, V, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, lanes);
         }
-        scratch.energy = energy.sum().get();
+        scratch.energy = energy.store().sum().get();
     }
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients. In a half plane the second component of a gradient belongs to the hoop strain
 /// sum_j u_r phi_j / r, and what shears the hoop direction is zero.
 #[inline(always)]
-fn gather<T: Real, const AXISYMMETRIC: bool>(
+fn gather<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     local: &[u16],
     gradient: &[[[T::Stored; LANES]; 3]],
     u: &[[T; 3]],
-) -> Gradient<Lanes<T>> {
-    let mut f = [Lanes::default(); 9];
+) -> Gradient<V> {
+    let mut f = [V::default(); 9];
     for (l, g) in local.iter().zip(gradient) {
         prefetch(g);
-        let g = [Lanes::load(&g[0]), Lanes::load(&g[1]), Lanes::load(&g[2])];
-        let u = u[usize::from(*l)].map(Lanes::splat);
+        let g = [V::widen(&g[0]), V::widen(&g[1]), V::widen(&g[2])];
+        let u = &u[usize::from(*l)];
+        let u = [V::splat(u[0]), V::splat(u[1]), V::splat(u[2])];
         if AXISYMMETRIC {
             f[0] = u[0].fma(g[0], f[0]);
             f[2] = u[0].fma(g[2], f[2]);
@@ -275,22 +301,23 @@ fn gather<T: Real, const AXISYMMETRIC: bool>(
 
 /// f_j += V P grad phi_j, with V P times the scale of the gradients row-major; the hoop stress pushes its nodes outwards.
 #[inline(always)]
-fn scatter<T: Real, const AXISYMMETRIC: bool>(
+fn scatter<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     local: &[u16],
     gradient: &[[[T::Stored; LANES]; 3]],
-    p: &Gradient<Lanes<T>>,
+    p: &Gradient<V>,
     force: &mut [[Lanes<T>; 3]],
 ) {
     for (l, g) in local.iter().zip(gradient) {
         prefetch(g);
-        let g = [Lanes::load(&g[0]), Lanes::load(&g[1]), Lanes::load(&g[2])];
+        let g = [V::widen(&g[0]), V::widen(&g[1]), V::widen(&g[2])];
         let force = &mut force[usize::from(*l)];
         if AXISYMMETRIC {
-            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], force[0])));
-            force[2] = p[6].fma(g[0], p[8].fma(g[2], force[2]));
+            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], V::load(&force[0])))).store();
+            force[2] = p[6].fma(g[0], p[8].fma(g[2], V::load(&force[2]))).store();
         } else {
             for i in 0..3 {
-                force[i] = p[3 * i].fma(g[0], p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], force[i])));
+                let sum = p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], V::load(&force[i])));
+                force[i] = p[3 * i].fma(g[0], sum).store();
             }
         }
     }

@@ -11,7 +11,7 @@ use super::lane_law::NeoHookean;
 use super::memory::Memory;
 use super::mixed::{self, Mixed};
 use crate::number::{LANES, Lanes};
-use crate::number::{Number, Real};
+use crate::number::{Number, Real, Vector};
 
 /// Material and how its bulk modulus is shared out.
 #[derive(Clone, Copy, Debug)]
@@ -163,12 +163,7 @@ pub(super) fn largest_square<T: Number>(a: &Gradient<T>) -> T {
 pub trait PointLaw<T: Real> {
     /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of the
     /// points of one group of a block, from their deformation gradients and what is projected.
-    fn at(
-        &self,
-        group: usize,
-        f: &Gradient<Lanes<T>>,
-        projected: Projected<Lanes<T>>,
-    ) -> (Lanes<T>, Gradient<Lanes<T>>);
+    fn at<V: Vector<T>>(&self, group: usize, f: &Gradient<V>, projected: Projected<V>) -> (V, Gradient<V>);
     /// [`Constants::stiffness`] of the same points.
     fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T>;
 }
@@ -181,22 +176,18 @@ pub(super) struct Relaxing<'a> {
 
 impl<T: Real> PointLaw<T> for Relaxing<'_> {
     #[inline]
-    fn at(
-        &self,
-        group: usize,
-        f: &Gradient<Lanes<T>>,
-        projected: Projected<Lanes<T>>,
-    ) -> (Lanes<T>, Gradient<Lanes<T>>) {
+    fn at<V: Vector<T>>(&self, group: usize, f: &Gradient<V>, projected: Projected<V>) -> (V, Gradient<V>) {
+        let (f, pressure) = (f.map(V::store), projected.pressure.store());
         let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
         for lane in 0..LANES {
-            let pressure = Projected { pressure: projected.pressure.0[lane].get(), shrinkage: 0.0 };
-            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), pressure);
+            let given = Projected { pressure: pressure.0[lane].get(), shrinkage: 0.0 };
+            let (w, p) = self.evaluate(LANES * group + lane, &f.map(|x| x.0[lane].get()), given);
             density.0[lane] = T::of(w);
             for (out, p) in stress.iter_mut().zip(p) {
                 out.0[lane] = T::of(p);
             }
         }
-        (density, stress)
+        (V::load(&density), stress.map(|p| V::load(&p)))
     }
 
     #[inline]

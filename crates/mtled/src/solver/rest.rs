@@ -29,7 +29,7 @@ impl Rest {
             slowest: 0.0,
             probe: noise(&role, half),
             largest: 0.0,
-            steps_since_refresh: 0,
+            since_refresh: 0.0,
             usual_travel: 0.0,
             motion: Motion::default(),
             sums: vec![Sums::default(); nodes.div_ceil(NODES_PER_CHUNK)],

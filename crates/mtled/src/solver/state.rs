@@ -214,7 +214,8 @@ cloned_field_by_field! {
         pub probe: Vec<[f64; 3]>,
         /// That eigenvalue at the last estimate, mass factor 1.
         pub largest: f64,
-        pub steps_since_refresh: u32,
+        /// What has happened since masses and largest eigenvalue were brought up to date, over what may.
+        pub since_refresh: f64,
         /// Travel per step of late, m.
         pub usual_travel: f64,
         pub motion: Motion,
@@ -222,6 +223,13 @@ cloned_field_by_field! {
         pub sums: Vec<Sums>,
         /// Of the dragged nodes, along the rod.
         pub dragged: Sums,
+    }
+}
+
+impl Control {
+    /// Whether masses and largest eigenvalue are to be brought up to date.
+    pub fn is_due(&self) -> bool {
+        self.since_refresh >= 1.0
     }
 }
 

@@ -28,8 +28,11 @@ const LEARNING: f64 = 0.3;
 const FLOOR: f64 = 0.2;
 /// How fast the memory of the usual travel fades, per advance.
 const USUAL_DECAY: f64 = 0.995;
-/// Steps between two estimates of the largest eigenvalue: one evaluation more in so many.
+/// Advances between two updates of masses and largest eigenvalue, and steps in an advance of many: one evaluation more in so many.
 pub(super) const REFRESH: u32 = 24;
+/// Travel of the instrument after which they are due before that, over the height of the body. It is travel that deforms the tissue, and all
+/// who take the same poses are due at the same ones, whatever their numbers of steps: a [`super::Team`] updates its members at once.
+const REFRESH_TRAVEL: f64 = 0.003;
 /// Share of the present velocities in the probe.
 const MOTION_SHARE: f64 = 0.05;
 /// Amplitude of the probe over the height of the body: small against any spacing, large against round-off.
@@ -65,7 +68,7 @@ pub struct Balance {
 
 impl Model {
     /// Takes the steps that bring the prescribed nodes to the ends of their paths. After every `REFRESH` steps masses
-    /// and step follow the deformation.
+    /// and step follow the deformation; between advances that is [`Model::refresh_if_due`].
     ///
     /// How many steps were taken: fewer than asked for once there are no numbers left, or [`Workspace::stop_on`] ends it. Then the
     /// balance is not finite, and the state is good for nothing but a return to an earlier one.
@@ -74,13 +77,11 @@ impl Model {
         let mut first = 1;
         while first <= advance.steps {
             if first > 1 {
-                self.refresh_if_due(state, work);
+                self.refresh_step(state, work);
             }
-            let due = REFRESH.saturating_sub(state.control.steps_since_refresh).max(1);
-            let last = advance.steps.min(first - 1 + due);
+            let last = advance.steps.min(first - 1 + REFRESH);
             let rule = state.rule([first, last, advance.steps], travel);
             self.march(state, work, &rule);
-            state.control.steps_since_refresh += last + 1 - first;
             first = last + 1;
             let strain = with_kernel!((&self.kernel, &work.scratch) => (k, scratch) { k.energy(scratch) });
             if first <= advance.steps && (!strain.is_finite() || work.is_stopped()) {
@@ -97,7 +98,11 @@ impl Model {
     pub(super) fn set_out(&self, state: &mut State, advance: &Advance) -> [f64; 3] {
         let travel = advance.travel.map(|d| d / f64::from(advance.steps));
         self.note_motion(state, advance.travel);
+        // what a rod drags may take many steps for a small way
+        let steps = if state.constraints.drag.nodes.is_empty() { 1 } else { advance.steps };
+        let of_travel = dot(&advance.travel, &advance.travel).sqrt() / (REFRESH_TRAVEL * self.mode.height());
         let control = &mut state.control;
+        control.since_refresh += of_travel.max(f64::from(steps) / f64::from(REFRESH));
         control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
         let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
         control.motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
@@ -187,9 +192,10 @@ impl Model {
         b
     }
 
-    /// [`Model::refresh_step`] if the last one is `REFRESH` steps ago.
+    /// [`Model::refresh_step`] if the last one is `REFRESH` advances ago, or less where the instrument has travelled far.
     pub fn refresh_if_due(&self, state: &mut State, work: &mut Workspace) {
-        if state.control.steps_since_refresh >= REFRESH {
+        if state.control.is_due() {
+            state.control.since_refresh = 0.0;
             self.refresh_step(state, work);
         }
     }
@@ -198,7 +204,6 @@ impl Model {
     /// power iteration on M^-1 K of the present state, which sees what the bounds don't, into the factor on all of
     /// them. Costs 1.3 evaluations of the internal force.
     pub fn refresh_step(&self, state: &mut State, work: &mut Workspace) {
-        state.control.steps_since_refresh = 0;
         self.refresh_masses(state, work);
         state.mix_motion_into_probe();
         self.probe(state, work);

@@ -131,20 +131,22 @@ impl<T: Real> Strip<T> {
         }
     }
 
-    /// The first product for a number of each member of a team: x of all nodes, and sums that are zero.
+    /// The first product for a number of each member of a team, with the same bits: x of all nodes; `lanes`: memory that is zero, of as many
+    /// entries as there are coarse nodes here.
     #[inline(always)]
-    pub fn sum_members(&self, x: &[Lanes<T>], sums: &mut [Lanes<T>]) {
+    pub fn sum_members(&self, x: &[Lanes<T>], lanes: &mut [[Lanes<T>; LANES]], sums: &mut [Lanes<T>]) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
-            let mut here = [Lanes::default(); LANES];
-            here.iter_mut().zip(&x[first..self.nodes.end]).for_each(|(here, x)| *here = *x);
+            let here = &x[first..(first + LANES).min(self.nodes.end)];
             let range = self.start[group] as usize..self.start[group + 1] as usize;
             for (&l, value) in self.local[range.clone()].iter().zip(&self.value[range]) {
-                let mut sum = sums[usize::from(l)];
-                for (x, value) in here.iter().zip(value.0) {
-                    sum = x.fma(Lanes::splat(value), sum);
+                for ((x, value), sum) in here.iter().zip(value.0).zip(&mut lanes[usize::from(l)]) {
+                    *sum = x.fma(Lanes::splat(value), *sum);
                 }
-                sums[usize::from(l)] = sum;
             }
+        }
+        for (sum, lanes) in sums.iter_mut().zip(lanes) {
+            *sum = Lanes::sum_of(lanes);
+            *lanes = [Lanes::default(); LANES];
         }
     }
 
@@ -152,15 +154,16 @@ impl<T: Real> Strip<T> {
     #[inline(always)]
     pub fn hand_to_members(&self, p: &[Lanes<T>], x: &mut [Lanes<T>]) {
         for (group, first) in self.nodes.clone().step_by(LANES).enumerate() {
-            let mut sums = [Lanes::default(); LANES];
+            let mut sums = [[Lanes::default(); LANES]; 2];
             let range = self.start[group] as usize..self.start[group + 1] as usize;
-            for (&l, value) in self.local[range.clone()].iter().zip(&self.value[range]) {
+            for (i, (&l, value)) in self.local[range.clone()].iter().zip(&self.value[range]).enumerate() {
                 let handed = p[self.coarse[usize::from(l)] as usize];
-                for (sum, value) in sums.iter_mut().zip(value.0) {
+                for (sum, value) in sums[i % 2].iter_mut().zip(value.0) {
                     *sum = handed.fma(Lanes::splat(value), *sum);
                 }
             }
-            x[first..self.nodes.end].iter_mut().zip(sums).for_each(|(x, sum)| *x = sum);
+            let of_nodes = x[first..self.nodes.end].iter_mut().zip(sums[0].iter().zip(&sums[1]));
+            of_nodes.for_each(|(x, (even, odd))| *x = *even + *odd);
         }
     }
 }

@@ -8,13 +8,14 @@ use super::super::lane_law::{LaneLaw, NeoHookean};
 use super::super::mixed::Mixed;
 use super::super::points::Constants;
 use super::super::strip::FIELDS;
-use super::passes::{Bound, Deform, Laws, Stress, Vectors};
+use super::passes::{Bound, ByLane, Deform, Laws, Stress, Vectors};
 use super::projection::Projected;
 use super::table::PointTable;
-use super::transfer::{AddUp, Load, Store, mirrored};
+use super::transfer::{AddUp, Load, Store, SumLanes, mirrored};
 use crate::approximation::Form;
 use crate::material::neo_hookean::Gradient;
 use crate::number::lanes::{LANES, Lanes, run};
+use crate::number::vector::run_pass;
 use crate::number::{Number, Real};
 
 /// What the members of a team have in common: the points of each block.
@@ -45,7 +46,8 @@ pub struct Lockstep<T: Real> {
     /// Of one block at a time: displacements, what is at its vertices, and forces.
     local_u: Vec<Vectors<T>>,
     at_vertices: [Vec<Lanes<T>>; FIELDS],
-    local_force: Vec<Vectors<T>>,
+    local_force: Vec<ByLane<T>>,
+    local_sum: Vec<Vectors<T>>,
     /// On all nodes, N.
     force: Vec<Vectors<f64>>,
 }
@@ -112,7 +114,8 @@ impl<T: Real> Lockstep<T> {
             min_jacobian: Lanes::of(1.0),
             energy: vec![zero; points.len()],
             local_u: vec![[zero; 3]; most(|b| b.nodes.len())],
-            local_force: vec![[zero; 3]; most(|b| b.nodes.len())],
+            local_force: vec![[[zero; 3]; LANES]; most(|b| b.nodes.len())],
+            local_sum: vec![[zero; 3]; most(|b| b.nodes.len())],
             force: vec![[Lanes::default(); 3]; tables.nodes],
             at_vertices: fields(most(|b| b.vertices.len())),
             common,
@@ -165,11 +168,11 @@ impl<T: Real> Lockstep<T> {
     pub fn force(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
         self.force.fill([Lanes::default(); 3]);
         for b in 0..self.common.points.len() {
-            self.clear(b);
             self.load_coarse(b);
             self.stress(b);
+            self.sum_lanes(b);
             let block = &self.common.tables.blocks[b];
-            mirror_back(block, &mut self.local_force[..block.nodes.len()]);
+            mirror_back(block, &mut self.local_sum[..block.nodes.len()]);
             self.add_up(b);
         }
         run(Store { from: &self.force, to: f });
@@ -179,7 +182,6 @@ impl<T: Real> Lockstep<T> {
     pub fn bound(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
         self.force.fill([Lanes::default(); 3]);
         for b in 0..self.common.points.len() {
-            self.clear(b);
             self.load_coarse(b);
             let block = &self.common.tables.blocks[b];
             let (nodes, region) = (block.nodes.len(), usize::from(block.region));
@@ -191,14 +193,16 @@ impl<T: Real> Lockstep<T> {
                 OfRegions::Plain(l) => bound(planar, table, &l[region], deformation, coarse, force),
                 OfRegions::Mixed(l) => bound(planar, table, &l[region], deformation, coarse, force),
             }
+            self.sum_lanes(b);
             self.add_up(b);
         }
         run(Store { from: &self.force, to: f });
     }
 
-    fn clear(&mut self, b: usize) {
+    /// Adds up what the lanes of a block's groups have added to its nodes.
+    fn sum_lanes(&mut self, b: usize) {
         let nodes = self.common.tables.blocks[b].nodes.len();
-        self.local_force[..nodes].fill([Lanes::default(); 3]);
+        run(SumLanes { from: &mut self.local_force[..nodes], to: &mut self.local_sum });
     }
 
     /// Pass 1 over all blocks.
@@ -214,8 +218,8 @@ impl<T: Real> Lockstep<T> {
             let (table, active, u, deformation) =
                 (&common.points[b], &active[b][..], &local_u[..], &mut deformation[b][..]);
             match block_form(block) {
-                true => run(Deform::<_, true> { table, active, u, deformation, sums: here, min: min_jacobian }),
-                false => run(Deform::<_, false> { table, active, u, deformation, sums: here, min: min_jacobian }),
+                true => run_pass(Deform::<_, true> { table, active, u, deformation, sums: here, min: min_jacobian }),
+                false => run_pass(Deform::<_, false> { table, active, u, deformation, sums: here, min: min_jacobian }),
             }
             for (sums, here) in sums.iter_mut().zip(&*at_vertices).filter(|(sums, _)| !sums.is_empty()) {
                 for (&n, here) in block.vertices.iter().zip(here) {
@@ -250,15 +254,15 @@ impl<T: Real> Lockstep<T> {
         let (table, active, coarse) = (&common.points[b], &active[b][..], at_vertices.each_ref().map(Vec::as_slice));
         let (deformation, force, energy) = (&deformation[b][..], &mut local_force[..], &mut energy[b]);
         match block_form(block) {
-            true => run(Stress::<_, _, true> { table, laws, active, deformation, coarse, force, energy }),
-            false => run(Stress::<_, _, false> { table, laws, active, deformation, coarse, force, energy }),
+            true => run_pass(Stress::<_, _, true> { table, laws, active, deformation, coarse, force, energy }),
+            false => run_pass(Stress::<_, _, false> { table, laws, active, deformation, coarse, force, energy }),
         }
     }
 
     /// Adds a block's forces to those of all.
     fn add_up(&mut self, b: usize) {
         let nodes = &self.common.tables.blocks[b].nodes;
-        run(AddUp { nodes, from: &self.local_force, to: &mut self.force });
+        run(AddUp { nodes, from: &self.local_sum, to: &mut self.force });
     }
 }
 
@@ -269,7 +273,7 @@ fn bound<T: Real, L: LaneLaw<T>>(
     laws: &Laws<L>,
     deformation: &[Gradient<Lanes<T>>],
     coarse: [&[Lanes<T>]; FIELDS],
-    force: &mut [Vectors<T>],
+    force: &mut [ByLane<T>],
 ) {
     if planar {
         run(Bound::<_, _, true> { table, laws, deformation, coarse, force });

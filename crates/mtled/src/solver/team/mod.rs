@@ -65,23 +65,24 @@ impl Team {
         debug_assert!(members.iter().flatten().all(|m| m.model.is_like(&any.model)));
         let steps = std::array::from_fn(|k| if members[k].is_some() { steps[k] } else { 0 });
         let most = steps.into_iter().max().unwrap_or(0);
-        self.refresh_if_due(members, &steps.map(|steps| steps > 0));
+        let mut due = [false; LANES];
+        for (k, solver) in present(members).filter(|(k, m)| steps[*k] > 0 && m.state.control.is_due()) {
+            due[k] = true;
+            solver.state.control.since_refresh = 0.0;
+        }
+        self.refresh(members, &due);
         let mut travels = [[0.0; 3]; LANES];
         for (k, solver) in present(members) {
             travels[k] = solver.model.set_out(&mut solver.state, &Advance { steps: steps[k], travel: travel[k] });
-            with_kernel!((&mut self.lanes, &solver.state.points) => (lanes, points) { lanes.set_active(k, points) });
         }
+        self.set_active(members);
         let mut first = 1;
         while first <= most {
             let going = steps.map(|steps| steps >= first);
             if first > 1 {
-                self.refresh_if_due(members, &going);
+                self.refresh(members, &going);
             }
-            let due = |(k, m): (usize, &mut Solver)| {
-                going[k].then(|| REFRESH.saturating_sub(m.state.control.steps_since_refresh))
-            };
-            let due = present(members).filter_map(due).min().unwrap_or(1).max(1);
-            let last = most.min(first - 1 + due);
+            let last = most.min(first - 1 + REFRESH);
             self.march(members, [first, last], &steps, &travels);
             first = last + 1;
             if first <= most && members.iter().flatten().any(|m| m.work.is_stopped()) {
@@ -93,6 +94,12 @@ impl Team {
         for (k, solver) in present(members) {
             solver.state.arrive();
             solver.told = Some(self.told(k));
+        }
+    }
+
+    fn set_active(&mut self, members: &mut Members<'_>) {
+        for (k, solver) in present(members) {
+            with_kernel!((&mut self.lanes, &solver.state.points) => (lanes, points) { lanes.set_active(k, points) });
         }
     }
 
@@ -124,9 +131,6 @@ impl Team {
                 }
             }
         }
-        for (k, solver) in present(members).filter(|(k, _)| steps[*k] >= first) {
-            solver.state.control.steps_since_refresh += last.min(steps[k]) + 1 - first;
-        }
     }
 
     /// Internal force of each member at its nodal parameters.
@@ -148,35 +152,35 @@ impl Team {
         self.holds = members.each_ref().map(Option::is_some);
     }
 
-    /// [`Model::refresh_step`] of all that are going if one of them is due.
-    fn refresh_if_due(&mut self, members: &mut Members<'_>, going: &[bool; LANES]) {
-        if present(members).all(|(k, m)| !going[k] || m.state.control.steps_since_refresh < REFRESH) {
+    /// [`Model::refresh_step`] of those that are due.
+    fn refresh(&mut self, members: &mut Members<'_>, due: &[bool; LANES]) {
+        if *due == [false; LANES] {
             return;
         }
         if members.iter().zip(self.holds).any(|(m, held)| m.as_ref().is_some_and(|m| !held || m.told.is_none())) {
             self.deform(members, |m| &m.state.moving.u);
         }
+        // the bounds are of the last evaluation, the probe is of the points that are tissue now
+        self.set_active(members);
         with_kernel!((&mut self.lanes) => (lanes) { lanes.bound(&mut images(members)) });
-        for (_, solver) in present(members).filter(|(k, _)| going[*k]) {
+        for (_, solver) in present(members).filter(|(k, _)| due[*k]) {
             let (model, control) = (&solver.model, &mut solver.state.control);
-            control.steps_since_refresh = 0;
             for (mass, bound) in control.mass.iter_mut().zip(&solver.work.image) {
                 model.follow_bound(mass, bound[0]);
             }
             control.slowest = model.slowest(&control.mass);
             solver.state.mix_motion_into_probe();
         }
-        self.probe(members, going);
-        let gone = present(members).filter(|(k, _)| going[*k]);
-        gone.for_each(|(_, m)| m.model.follow_largest(&mut m.state));
+        self.probe(members, due);
+        present(members).filter(|(k, _)| due[*k]).for_each(|(_, m)| m.model.follow_largest(&mut m.state));
     }
 
-    /// One power iteration of each that is going.
-    fn probe(&mut self, members: &mut Members<'_>, going: &[bool; LANES]) {
+    /// One power iteration of each that is due.
+    fn probe(&mut self, members: &mut Members<'_>, due: &[bool; LANES]) {
         let mut aside = [false; LANES];
         for (k, solver) in present(members) {
             let Solver { model, state, work, .. } = solver;
-            if going[k] {
+            if due[k] {
                 aside[k] = model.move_aside(state, &mut work.image);
             } else {
                 work.image.copy_from_slice(&state.moving.u);
@@ -220,8 +224,9 @@ impl Model {
     fn sum_up(&self, state: &mut State, rule: &Rule) {
         let State { moving, constraints, control: Control { mass, sums, dragged, .. }, .. } = state;
         let held = self.held(constraints, mass, rule.steps + 1, rule.steps);
-        sums.fill(Sums::default());
-        sums[0] = Nodes::all(moving).sums(&held, rule.mass_factor);
+        for (sums, part) in sums.iter_mut().zip(Nodes::parts(moving)) {
+            *sums = part.sums(&held, rule.mass_factor);
+        }
         *dragged = constraints.drag.sums(moving, &self.points, mass, rule.mass_factor);
     }
 }

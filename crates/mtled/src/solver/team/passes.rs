@@ -1,15 +1,17 @@
 //! The two passes of the [internal force](super::super::kernel) over the points of a block, for eight members at once: a point's
 //! gradients and indices are read once, and the members stand in the lanes. What is added up, and in which order, is as in
-//! [`super::super::passes`], but for the order of the points in the forces.
+//! [`super::super::passes`], so that a member has the bits of a solver alone: there eight points in the lanes of a group have a sum each,
+//! and these eight are added up at last; here each point adds to the sum of its own lane of the group.
 
 use crate::material::neo_hookean::{Gradient, cofactor, determinant};
 
-use super::super::lane_law::{LaneLaw, by_lane, stiffness_by_lane};
+use super::super::lane_law::{LaneLaw, WideLaw, stiffness_by_lane};
 use super::super::points::Projected;
 use super::super::strip::FIELDS;
 use super::table::PointTable;
+use crate::number::Real;
 use crate::number::lanes::{LANES, Lanes, Loop};
-use crate::number::{Number, Real};
+use crate::number::vector::{Pass, Vector};
 
 /// Bytes of a line of the cache, and how far ahead gradients are asked for.
 #[cfg(all(target_arch = "x86_64", not(miri)))]
@@ -20,30 +22,32 @@ const AHEAD: usize = 2048;
 /// A number of each member at each of a vector's components.
 pub type Vectors<T> = [Lanes<T>; 3];
 
+/// What the points in each lane of the groups add to a node; zero between passes.
+pub type ByLane<T> = [Vectors<T>; LANES];
+
 /// The laws of eight members in one region.
 #[derive(Clone, Copy, Debug)]
 pub struct Laws<L>(pub [L; LANES]);
 
 /// What a point gets from the coarse nodes: means over the corners of its cell.
 #[inline(always)]
-fn projected<T: Real, const AXISYMMETRIC: bool>(
+fn projected<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     [pressure, shrinkage]: [&[Lanes<T>]; FIELDS],
     corners: &[u16; 4],
-) -> Projected<Lanes<T>> {
-    let mean = |x: &[Lanes<T>]| mean_of_corners::<T, AXISYMMETRIC>(x, corners);
-    let shrinkage = if shrinkage.is_empty() { Lanes::default() } else { mean(shrinkage) };
-    Projected { pressure: mean(pressure), shrinkage }
+) -> Projected<V> {
+    let mut given =
+        Projected { pressure: mean_of_corners::<T, V, AXISYMMETRIC>(pressure, corners), shrinkage: V::default() };
+    if !shrinkage.is_empty() {
+        given.shrinkage = mean_of_corners::<T, V, AXISYMMETRIC>(shrinkage, corners);
+    }
+    given
 }
 
 #[inline(always)]
-fn mean_of_corners<T: Real, const AXISYMMETRIC: bool>(vertices: &[Lanes<T>], corners: &[u16; 4]) -> Lanes<T> {
-    let [a, b, c, d] = corners.map(usize::from);
-    let two = vertices[a] + vertices[b];
-    if AXISYMMETRIC {
-        Lanes::of(1.0 / 3.0) * (two + vertices[c])
-    } else {
-        Lanes::of(0.25) * (two + (vertices[c] + vertices[d]))
-    }
+fn mean_of_corners<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(vertices: &[Lanes<T>], corners: &[u16; 4]) -> V {
+    let [a, b, c, d] = corners.map(|corner| &vertices[usize::from(corner)]);
+    let two = V::load(a) + V::load(b);
+    if AXISYMMETRIC { V::of(1.0 / 3.0) * (two + V::load(c)) } else { V::of(0.25) * (two + (V::load(c) + V::load(d))) }
 }
 
 /// The loop over points of pass 1.
@@ -58,42 +62,52 @@ pub struct Deform<'a, T: Real, const AXISYMMETRIC: bool> {
     pub min: &'a mut Lanes<T>,
 }
 
-impl<T: Real, const AXISYMMETRIC: bool> Loop for Deform<'_, T, AXISYMMETRIC> {
+impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Deform<'_, T, AXISYMMETRIC> {
     #[inline(always)]
-    fn go(self) {
+    fn go<V: Vector<T>>(self) {
         let Self { table, active, u, deformation, sums: [dilation, distortion], min } = self;
-        let (one, zero) = (Lanes::of(1.0), Lanes::default());
-        let share_of_corner = Lanes::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
-        let mut least = *min;
+        let (one, zero) = (V::of(1.0), V::default());
+        let share_of_corner = V::of(if AXISYMMETRIC { 1.0 / 3.0 } else { 0.25 });
+        let mut least = V::load(min);
         for point in 0..table.len() {
             let visits = table.visits(point);
             if !AXISYMMETRIC {
                 prefetch(&table.gradient[visits.clone()]);
             }
-            let mut f = gather::<T, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], u);
-            let (active, scale) = (active[point], Lanes::splat(table.scale[point]));
+            let mut f = gather::<T, V, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], u);
+            let (active, scale) = (V::load(&active[point]), V::splat(table.scale[point]));
             for k in 0..9 {
                 let undeformed = if k % 4 == 0 { one } else { zero };
                 f[k] = f[k].fma(scale, undeformed);
                 if AXISYMMETRIC {
                     f[k] = f[k].where_positive(active, undeformed);
                 }
+                deformation[point][k] = f[k].store();
             }
-            deformation[point] = f;
             let j = determinant(&f, &cofactor(&f));
             least = j.where_positive(active, least).min(least);
-            let volume = share_of_corner * active * Lanes::splat(table.volume[point]);
+            let volume = share_of_corner * active * V::splat(table.volume[point]);
             let corners = &table.corners[point][..if AXISYMMETRIC { 3 } else { 4 }];
             let share = volume * (j - one);
-            corners.iter().for_each(|corner| dilation[usize::from(*corner)] += share);
+            share_out(dilation, corners, share);
             if !distortion.is_empty() {
-                let mut square = Lanes::of(-3.0);
-                f.iter().for_each(|f| square = f.fma(*f, square));
-                let share = volume * square;
-                corners.iter().for_each(|corner| distortion[usize::from(*corner)] += share);
+                let mut square = V::of(-3.0);
+                for f in &f {
+                    square = f.fma(*f, square);
+                }
+                share_out(distortion, corners, volume * square);
             }
         }
-        *min = least;
+        *min = least.store();
+    }
+}
+
+/// Adds a share to each corner.
+#[inline(always)]
+fn share_out<T: Real, V: Vector<T>>(sums: &mut [Lanes<T>], corners: &[u16], share: V) {
+    for corner in corners {
+        let sum = &mut sums[usize::from(*corner)];
+        *sum = (V::load(sum) + share).store();
     }
 }
 
@@ -106,43 +120,45 @@ pub struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool> {
     /// At each vertex of the block, Pa, and r - 1 or nothing.
     pub coarse: [&'a [Lanes<T>]; FIELDS],
     /// On each node of the block, N.
-    pub force: &'a mut [Vectors<T>],
+    pub force: &'a mut [ByLane<T>],
     /// Of the block, J.
     pub energy: &'a mut Lanes<T>,
 }
 
-impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Stress<'_, T, L, AXISYMMETRIC> {
+impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T, L, AXISYMMETRIC> {
     #[inline(always)]
-    fn go(self) {
+    fn go<V: Vector<T>>(self) {
         let Self { table, laws, active, deformation, coarse, force, energy } = self;
-        let zero = Lanes::default();
-        // a copy of the loop's own, which nothing that it writes can change
-        let laws = *laws;
-        let mut sum = zero;
+        let zero = V::default();
+        let law = L::side_by_side::<V>(&laws.0);
+        let mut sums = [zero; LANES];
         for point in 0..table.len() {
-            let volume = active[point] * Lanes::splat(table.volume[point]);
-            if volume == zero {
+            let volume = V::load(&active[point]) * V::splat(table.volume[point]);
+            if volume.is_zero() {
                 continue;
             }
-            let given = projected::<T, AXISYMMETRIC>(coarse, &table.corners[point]);
-            let f = &deformation[point];
-            let law = |lane: usize| &laws.0[lane];
-            let (density, stress) = if AXISYMMETRIC { by_lane(law, &planar(f), given) } else { by_lane(law, f, given) };
+            let lane = table.lane(point);
+            let given = projected::<T, V, AXISYMMETRIC>(coarse, &table.corners[point]);
+            let (density, stress) = law.at(&load::<T, V, AXISYMMETRIC>(&deformation[point]), given);
             // what is no tissue to one member must not spoil it
             let here = volume * volume;
-            sum += (volume * density).where_positive(here, zero);
-            let factor = volume * Lanes::splat(table.scale[point]);
+            sums[lane] += (volume * density).where_positive(here, zero);
+            let factor = volume * V::splat(table.scale[point]);
             let mut spread = [zero; 9];
-            for (spread, stress) in spread.iter_mut().zip(stress) {
-                *spread = (factor * stress).where_positive(here, zero);
+            for i in 0..9 {
+                spread[i] = (factor * stress[i]).where_positive(here, zero);
             }
             let visits = table.visits(point);
             if !AXISYMMETRIC {
                 prefetch(&table.gradient[visits.clone()]);
             }
-            scatter::<T, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], &spread, force);
+            scatter::<T, V, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], &spread, lane, force);
         }
-        *energy = sum;
+        let mut kept = [Lanes::default(); LANES];
+        for lane in 0..LANES {
+            kept[lane] = sums[lane].store();
+        }
+        *energy = Lanes::sum_of(&kept);
     }
 }
 
@@ -154,7 +170,7 @@ pub struct Bound<'a, T: Real, L, const AXISYMMETRIC: bool> {
     /// As those of [`Stress`].
     pub coarse: [&'a [Lanes<T>]; FIELDS],
     /// Share of the masses over s, in the first component.
-    pub force: &'a mut [Vectors<T>],
+    pub force: &'a mut [ByLane<T>],
 }
 
 impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Bound<'_, T, L, AXISYMMETRIC> {
@@ -162,48 +178,53 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Bound<'_, T, L, 
     fn go(self) {
         let Self { table, laws, deformation, coarse, force } = self;
         for point in 0..table.len() {
+            let lane = table.lane(point);
             let volume = Lanes::splat(table.volume[point].max(-table.volume[point]));
-            let given = projected::<T, AXISYMMETRIC>(coarse, &table.corners[point]);
+            let given = projected::<T, Lanes<T>, AXISYMMETRIC>(coarse, &table.corners[point]);
             let stiffness = stiffness_by_lane(|lane| &laws.0[lane], &deformation[point], given);
             let share = volume * Lanes::splat(table.squares[point]) * stiffness;
             for &l in &table.local[table.visits(point)] {
-                force[usize::from(l)][0] += share;
+                force[usize::from(l)][lane][0] += share;
             }
         }
     }
 }
 
-/// A deformation gradient with zeros that the compiler sees where a half plane has them.
+/// A deformation gradient, with zeros that the compiler sees where a half plane has them.
 #[inline(always)]
-fn planar<T: Real>(f: &Gradient<Lanes<T>>) -> Gradient<Lanes<T>> {
-    let mut out = [Lanes::default(); 9];
-    for k in [0, 2, 4, 6, 8] {
-        out[k] = f[k];
+fn load<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(f: &Gradient<Lanes<T>>) -> Gradient<V> {
+    let mut out = [V::default(); 9];
+    for k in 0..9 {
+        if !AXISYMMETRIC || k % 2 == 0 {
+            out[k] = V::load(&f[k]);
+        }
     }
     out
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients, as in [`super::super::passes`].
 #[inline(always)]
-fn gather<T: Real, const AXISYMMETRIC: bool>(
+fn gather<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     local: &[u16],
     gradient: &[[T; 3]],
     u: &[Vectors<T>],
-) -> Gradient<Lanes<T>> {
-    let mut f = [Lanes::default(); 9];
+) -> Gradient<V> {
+    let mut f = [V::default(); 9];
     for (l, g) in local.iter().zip(gradient) {
-        let g = g.map(Lanes::splat);
+        let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
         let u = &u[usize::from(*l)];
         if AXISYMMETRIC {
-            f[0] = u[0].fma(g[0], f[0]);
-            f[2] = u[0].fma(g[2], f[2]);
-            f[4] = u[0].fma(g[1], f[4]);
-            f[6] = u[2].fma(g[0], f[6]);
-            f[8] = u[2].fma(g[2], f[8]);
+            let (radial, axial) = (V::load(&u[0]), V::load(&u[2]));
+            f[0] = radial.fma(g[0], f[0]);
+            f[2] = radial.fma(g[2], f[2]);
+            f[4] = radial.fma(g[1], f[4]);
+            f[6] = axial.fma(g[0], f[6]);
+            f[8] = axial.fma(g[2], f[8]);
         } else {
             for i in 0..3 {
+                let u = V::load(&u[i]);
                 for k in 0..3 {
-                    f[3 * i + k] = u[i].fma(g[k], f[3 * i + k]);
+                    f[3 * i + k] = u.fma(g[k], f[3 * i + k]);
                 }
             }
         }
@@ -213,21 +234,23 @@ fn gather<T: Real, const AXISYMMETRIC: bool>(
 
 /// f_j += V P grad phi_j, with V P times the scale of the gradients row-major.
 #[inline(always)]
-fn scatter<T: Real, const AXISYMMETRIC: bool>(
+fn scatter<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     local: &[u16],
     gradient: &[[T; 3]],
-    p: &Gradient<Lanes<T>>,
-    force: &mut [Vectors<T>],
+    p: &Gradient<V>,
+    lane: usize,
+    force: &mut [ByLane<T>],
 ) {
     for (l, g) in local.iter().zip(gradient) {
-        let g = g.map(Lanes::splat);
-        let force = &mut force[usize::from(*l)];
+        let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
+        let force = &mut force[usize::from(*l)][lane];
         if AXISYMMETRIC {
-            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], force[0])));
-            force[2] = p[6].fma(g[0], p[8].fma(g[2], force[2]));
+            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], V::load(&force[0])))).store();
+            force[2] = p[6].fma(g[0], p[8].fma(g[2], V::load(&force[2]))).store();
         } else {
             for i in 0..3 {
-                force[i] = p[3 * i].fma(g[0], p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], force[i])));
+                let sum = p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], V::load(&force[i])));
+                force[i] = p[3 * i].fma(g[0], sum).store();
             }
         }
     }

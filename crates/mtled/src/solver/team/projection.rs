@@ -4,7 +4,7 @@ use super::super::mixed;
 use super::super::points::Constants;
 use super::super::projection::Projection;
 use super::super::strip::FIELDS;
-use crate::number::lanes::{Lanes, Loop, run};
+use crate::number::lanes::{LANES, Lanes, Loop, run};
 use crate::number::{Number, Real};
 
 /// Constants of the members in one region.
@@ -24,6 +24,8 @@ pub struct Projected<T> {
     /// empty where the law is not [mixed](super::super::mixed).
     sums: [Vec<Lanes<T>>; FIELDS],
     coarse: [Vec<Lanes<T>>; FIELDS],
+    /// Of one strip at a time: sums by lane of the groups, zero between products.
+    lanes: Vec<[Lanes<T>; LANES]>,
     /// Of the last projection, J.
     pub energy: Lanes<f64>,
 }
@@ -41,6 +43,7 @@ impl<T: Real> Projected<T> {
             regions: (0..constants[0].len()).map(region).collect(),
             sums: fields(of.runs().total()),
             coarse: fields(of.volume.len()),
+            lanes: vec![[Lanes::default(); LANES]; of.strips.iter().map(|s| s.coarse().len()).max().unwrap_or(0)],
             energy: Lanes::default(),
         }
     }
@@ -52,7 +55,7 @@ impl<T: Real> Projected<T> {
         at_vertices: &[Vec<Lanes<T>>; FIELDS],
         out: &mut [Vec<Lanes<T>>; FIELDS],
     ) {
-        run(ToCoarse { of, at_vertices, sums: &mut self.sums });
+        run(ToCoarse { of, at_vertices, lanes: &mut self.lanes, sums: &mut self.sums });
         run(AtCoarse { of, projected: self });
         run(ToVertices { of, coarse: &self.coarse, out });
     }
@@ -61,6 +64,7 @@ impl<T: Real> Projected<T> {
 struct ToCoarse<'a, T: Real> {
     of: &'a Projection<T>,
     at_vertices: &'a [Vec<Lanes<T>>; FIELDS],
+    lanes: &'a mut [[Lanes<T>; LANES]],
     sums: &'a mut [Vec<Lanes<T>>; FIELDS],
 }
 
@@ -68,9 +72,8 @@ impl<T: Real> Loop for ToCoarse<'_, T> {
     #[inline(always)]
     fn go(self) {
         for (sums, x) in self.sums.iter_mut().zip(self.at_vertices).filter(|(sums, _)| !sums.is_empty()) {
-            sums.fill(Lanes::default());
             for (s, strip) in self.of.strips.iter().enumerate() {
-                strip.sum_members(x, &mut sums[self.of.runs().run(s)]);
+                strip.sum_members(x, &mut self.lanes[..strip.coarse().len()], &mut sums[self.of.runs().run(s)]);
             }
         }
     }
@@ -84,7 +87,7 @@ struct AtCoarse<'a, T: Real> {
 impl<T: Real> Loop for AtCoarse<'_, T> {
     #[inline(always)]
     fn go(self) {
-        let Self { of, projected: Projected { regions, sums: [dilation, square], coarse: [p, r], energy } } = self;
+        let Self { of, projected: Projected { regions, sums: [dilation, square], coarse: [p, r], energy, .. } } = self;
         let half = Lanes::of(0.5);
         *energy = Lanes::default();
         for (coarse, (volume, region)) in of.volume.iter().zip(&of.region).enumerate() {
@@ -99,14 +102,16 @@ impl<T: Real> Loop for AtCoarse<'_, T> {
             };
             let mean = sum(dilation);
             let pressure = projected * mean;
-            let mut density = half * pressure * mean;
-            if r.is_empty() {
-                p[coarse] = Lanes::narrow(pressure);
+            p[coarse] = Lanes::narrow(pressure);
+            // each as a twin alone has it
+            let density = if r.is_empty() {
+                let kept = p[coarse].wide() / projected;
+                (projected * (half * kept * kept)).where_positive(projected, Lanes::default())
             } else {
                 let found = mixed::coarse(shear_modulus, pressure, mean, sum(square));
                 (p[coarse], r[coarse]) = (Lanes::narrow(found.pressure), Lanes::narrow(found.shrinkage));
-                density += found.energy;
-            }
+                found.energy + projected * (half * mean * mean)
+            };
             *energy += Lanes::splat(*volume) * density;
         }
     }

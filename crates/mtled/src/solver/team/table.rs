@@ -56,6 +56,12 @@ impl<T: Real> PointTable<T> {
         self.volume.len()
     }
 
+    /// Lane of a point's group in which it stands.
+    #[inline(always)]
+    pub fn lane(&self, point: usize) -> usize {
+        self.slot[point] as usize % LANES
+    }
+
     /// Where a point's nodes stand.
     #[inline(always)]
     pub fn visits(&self, point: usize) -> std::ops::Range<usize> {

@@ -1,7 +1,7 @@
 //! Members' own fields into the lanes and back.
 
 use super::super::block::Block;
-use super::passes::Vectors;
+use super::passes::{ByLane, Vectors};
 use crate::approximation::Form;
 use crate::mirror::Mirror;
 use crate::number::Real;
@@ -63,6 +63,28 @@ fn gathered(from: &[&[[f64; 3]]; LANES], n: u32) -> Vectors<f64> {
         (all[0].0[k], all[1].0[k], all[2].0[k]) = (x, y, z);
     }
     all
+}
+
+/// Adds up what the lanes of the groups have added to each node, and leaves zero in them.
+pub struct SumLanes<'a, T: Real> {
+    pub from: &'a mut [ByLane<T>],
+    pub to: &'a mut [Vectors<T>],
+}
+
+impl<T: Real> Loop for SumLanes<'_, T> {
+    #[inline(always)]
+    fn go(self) {
+        for (from, to) in self.from.iter_mut().zip(self.to) {
+            for c in 0..3 {
+                let mut lanes = [Lanes::default(); LANES];
+                for (lane, from) in lanes.iter_mut().zip(from.iter()) {
+                    *lane = from[c];
+                }
+                to[c] = Lanes::sum_of(&lanes);
+            }
+            *from = [[Lanes::default(); 3]; LANES];
+        }
+    }
 }
 
 /// Adds a block's vectors to those of all nodes.

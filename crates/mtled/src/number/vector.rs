@@ -1,0 +1,248 @@
+//! Vectors in the processor's registers, for the loops over points.
+//!
+//! [`Lanes`] are arrays, and whether a compiler makes vectors of loops over them is its own affair: it does for what is as simple as a sum,
+//! and stops where a loop becomes long. What a [`Vector`] does is one instruction wherever it stands, if all that stands round it is inlined: so no
+//! closure may have one in its hands, nor `array::map`. The bits are those of the arrays.
+
+use super::lanes::{LANES, Lanes};
+use super::real::{Number, Real};
+
+/// Eight numbers in a register.
+pub trait Vector<T: Real>: Number {
+    /// The same number in every lane.
+    fn splat(x: T) -> Self;
+    /// From memory.
+    fn load(from: &Lanes<T>) -> Self;
+    /// To memory.
+    fn store(self) -> Lanes<T>;
+    /// Of numbers as they are kept in memory.
+    fn widen(stored: &[T::Stored; LANES]) -> Self;
+    /// Lane by lane: `self` where `condition` is above zero, else `other`.
+    #[must_use]
+    fn where_positive(self, condition: Self, other: Self) -> Self;
+    /// The smaller of two; `other` where either is not a number.
+    #[must_use]
+    fn min(self, other: Self) -> Self;
+    /// Whether every lane is zero.
+    fn is_zero(self) -> bool;
+}
+
+impl<T: Real> Vector<T> for Lanes<T> {
+    #[inline(always)]
+    fn splat(x: T) -> Self {
+        Self::splat(x)
+    }
+    #[inline(always)]
+    fn load(from: &Lanes<T>) -> Self {
+        *from
+    }
+    #[inline(always)]
+    fn store(self) -> Lanes<T> {
+        self
+    }
+    #[inline(always)]
+    fn widen(stored: &[T::Stored; LANES]) -> Self {
+        Self::load(stored)
+    }
+    #[inline(always)]
+    fn where_positive(self, condition: Self, other: Self) -> Self {
+        self.where_positive(condition, other)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.min(other)
+    }
+    #[inline(always)]
+    fn is_zero(self) -> bool {
+        self == Self::default()
+    }
+}
+
+/// Vectors of several components each.
+#[inline(always)]
+pub fn load_all<T: Real, V: Vector<T>, const N: usize>(from: &[Lanes<T>; N]) -> [V; N] {
+    let mut out = [V::default(); N];
+    for i in 0..N {
+        out[i] = V::load(&from[i]);
+    }
+    out
+}
+
+/// A loop over points. Everything that `go` calls in it must be inlined.
+pub trait Pass<T: Real> {
+    /// Runs it with one kind of vectors.
+    fn go<V: Vector<T>>(self);
+}
+
+/// Runs a pass with the widest vectors of eight that the processor has.
+#[inline]
+pub fn run_pass<T: Real>(pass: impl Pass<T>) {
+    T::run_pass(pass);
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::run_avx2;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use std::arch::x86_64 as x86;
+    use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+    use super::{LANES, Lanes, Number, Pass, Real, Vector};
+
+    /// Runs a pass in single precision.
+    #[target_feature(enable = "avx2,fma")]
+    pub fn run_avx2(pass: impl Pass<f32>) {
+        pass.go::<Eight>();
+    }
+
+    /// Numbers in one register. There is none outside [`run_avx2`], so that the processor has the instructions.
+    #[derive(Clone, Copy, Debug)]
+    struct Eight(x86::__m256);
+
+    /// A number's instruction.
+    macro_rules! instruction {
+        ($($call:expr),+) => {
+            // SAFETY: the processor has AVX2 and FMA, see [`Eight`].
+            Eight(unsafe { $($call),+ })
+        };
+    }
+
+    impl Default for Eight {
+        #[inline(always)]
+        fn default() -> Self {
+            instruction!(x86::_mm256_setzero_ps())
+        }
+    }
+
+    impl Add for Eight {
+        type Output = Self;
+        #[inline(always)]
+        fn add(self, other: Self) -> Self {
+            instruction!(x86::_mm256_add_ps(self.0, other.0))
+        }
+    }
+
+    impl Sub for Eight {
+        type Output = Self;
+        #[inline(always)]
+        fn sub(self, other: Self) -> Self {
+            instruction!(x86::_mm256_sub_ps(self.0, other.0))
+        }
+    }
+
+    impl Mul for Eight {
+        type Output = Self;
+        #[inline(always)]
+        fn mul(self, other: Self) -> Self {
+            instruction!(x86::_mm256_mul_ps(self.0, other.0))
+        }
+    }
+
+    impl Div for Eight {
+        type Output = Self;
+        #[inline(always)]
+        fn div(self, other: Self) -> Self {
+            instruction!(x86::_mm256_div_ps(self.0, other.0))
+        }
+    }
+
+    impl Neg for Eight {
+        type Output = Self;
+        #[inline(always)]
+        fn neg(self) -> Self {
+            instruction!(x86::_mm256_xor_ps(self.0, x86::_mm256_set1_ps(-0.0)))
+        }
+    }
+
+    impl AddAssign for Eight {
+        #[inline(always)]
+        fn add_assign(&mut self, other: Self) {
+            *self = *self + other;
+        }
+    }
+
+    impl Number for Eight {
+        #[inline(always)]
+        fn of(x: f64) -> Self {
+            Self::splat(x as f32)
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            instruction!(x86::_mm256_max_ps(self.0, other.0))
+        }
+        #[inline(always)]
+        fn fma(self, b: Self, c: Self) -> Self {
+            instruction!(x86::_mm256_fmadd_ps(self.0, b.0, c.0))
+        }
+        #[inline(always)]
+        fn inverse_cube_root(self) -> Self {
+            let mut y = self.inverse_cube_root_estimate();
+            for _ in 0..f32::CUBE_ROOT_ITERATIONS {
+                y = super::super::real::inverse_cube_root_iteration(self, y);
+            }
+            y
+        }
+    }
+
+    impl Eight {
+        /// [`Real::inverse_cube_root_estimate`]: a third of the bits is the upper half of their product with 2/3 of 2^32, halved.
+        #[inline(always)]
+        fn inverse_cube_root_estimate(self) -> Self {
+            // of zero, whose bits are zero
+            let all = 0.0_f32.inverse_cube_root_estimate().to_bits();
+            // SAFETY: the processor has AVX2, see [`Eight`].
+            unsafe {
+                let (bits, two_thirds) = (x86::_mm256_castps_si256(self.0), x86::_mm256_set1_epi64x(0xaaaa_aaab));
+                let even = x86::_mm256_srli_epi64::<33>(x86::_mm256_mul_epu32(bits, two_thirds));
+                let odd = x86::_mm256_mul_epu32(x86::_mm256_srli_epi64::<32>(bits), two_thirds);
+                let third = x86::_mm256_blend_epi32::<0b1010_1010>(even, x86::_mm256_srli_epi64::<1>(odd));
+                Self(x86::_mm256_castsi256_ps(x86::_mm256_sub_epi32(x86::_mm256_set1_epi32(all.cast_signed()), third)))
+            }
+        }
+    }
+
+    impl Vector<f32> for Eight {
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            instruction!(x86::_mm256_set1_ps(x))
+        }
+        #[inline(always)]
+        fn load(from: &Lanes<f32>) -> Self {
+            instruction!(x86::_mm256_loadu_ps(from.0.as_ptr()))
+        }
+        #[inline(always)]
+        fn store(self) -> Lanes<f32> {
+            let mut out = Lanes::default();
+            // SAFETY: room for eight numbers, which need not be aligned; the instruction as above.
+            unsafe { x86::_mm256_storeu_ps(out.0.as_mut_ptr(), self.0) };
+            out
+        }
+        #[inline(always)]
+        fn widen(stored: &[i16; LANES]) -> Self {
+            instruction!(x86::_mm256_cvtepi32_ps(x86::_mm256_cvtepi16_epi32(x86::_mm_loadu_si128(
+                stored.as_ptr().cast()
+            ))))
+        }
+        #[inline(always)]
+        fn where_positive(self, condition: Self, other: Self) -> Self {
+            instruction!(x86::_mm256_blendv_ps(
+                other.0,
+                self.0,
+                x86::_mm256_cmp_ps::<{ x86::_CMP_GT_OQ }>(condition.0, x86::_mm256_setzero_ps())
+            ))
+        }
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            instruction!(x86::_mm256_min_ps(self.0, other.0))
+        }
+        #[inline(always)]
+        fn is_zero(self) -> bool {
+            // SAFETY: as above.
+            let other = unsafe {
+                x86::_mm256_movemask_ps(x86::_mm256_cmp_ps::<{ x86::_CMP_NEQ_UQ }>(self.0, x86::_mm256_setzero_ps()))
+            };
+            other == 0
+        }
+    }
+}
