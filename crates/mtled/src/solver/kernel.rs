@@ -45,8 +45,8 @@ pub(super) struct Tables<T: Real> {
     /// Block and slot of each integration point.
     pub slot: Vec<(u32, u32)>,
     /// Where each block's forces begin among those of all, and which of them are a node's.
-    force_runs: Offsets,
-    force_shares: Shares,
+    pub force_runs: Offsets,
+    pub force_shares: Shares,
     /// The same of the dilations.
     dilation_runs: Offsets,
     pub dilation_shares: Shares,

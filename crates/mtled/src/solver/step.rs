@@ -32,7 +32,7 @@ const USUAL_DECAY: f64 = 0.995;
 pub(super) const REFRESH: u32 = 24;
 /// Travel of the instrument after which they are due before that, over the height of the body. It is travel that deforms the tissue, and all
 /// who take the same poses are due at the same ones, whatever their numbers of steps: a [`super::Team`] updates its members at once.
-const REFRESH_TRAVEL: f64 = 0.003;
+const REFRESH_TRAVEL: f64 = 0.004;
 /// Share of the present velocities in the probe.
 const MOTION_SHARE: f64 = 0.05;
 /// Amplitude of the probe over the height of the body: small against any spacing, large against round-off.

@@ -11,7 +11,7 @@ use super::super::strip::FIELDS;
 use super::passes::{Bound, ByLane, Deform, Laws, Stress, Vectors};
 use super::projection::Projected;
 use super::table::PointTable;
-use super::transfer::{AddUp, Load, Store, SumLanes, mirrored};
+use super::transfer::{Load, Store, SumLanes, mirrored};
 use crate::approximation::Form;
 use crate::material::neo_hookean::Gradient;
 use crate::number::lanes::{LANES, Lanes, run};
@@ -47,9 +47,8 @@ pub struct Lockstep<T: Real> {
     local_u: Vec<Vectors<T>>,
     at_vertices: [Vec<Lanes<T>>; FIELDS],
     local_force: Vec<ByLane<T>>,
-    local_sum: Vec<Vectors<T>>,
-    /// On all nodes, N.
-    force: Vec<Vectors<f64>>,
+    /// Of each block on each of its nodes, block after block, N.
+    force: Vec<Vectors<T>>,
 }
 
 /// Laws of each region: all mixed or none.
@@ -115,8 +114,7 @@ impl<T: Real> Lockstep<T> {
             energy: vec![zero; points.len()],
             local_u: vec![[zero; 3]; most(|b| b.nodes.len())],
             local_force: vec![[[zero; 3]; LANES]; most(|b| b.nodes.len())],
-            local_sum: vec![[zero; 3]; most(|b| b.nodes.len())],
-            force: vec![[Lanes::default(); 3]; tables.nodes],
+            force: vec![[zero; 3]; tables.force_runs.total()],
             at_vertices: fields(most(|b| b.vertices.len())),
             common,
         })
@@ -166,21 +164,17 @@ impl<T: Real> Lockstep<T> {
 
     /// Second half: internal force of each member, N.
     pub fn force(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
-        self.force.fill([Lanes::default(); 3]);
-        for b in 0..self.common.points.len() {
+        let common = Arc::clone(&self.common);
+        for (b, block) in common.tables.blocks.iter().enumerate() {
             self.load_coarse(b);
             self.stress(b);
-            self.sum_lanes(b);
-            let block = &self.common.tables.blocks[b];
-            mirror_back(block, &mut self.local_sum[..block.nodes.len()]);
-            self.add_up(b);
+            mirror_back(block, self.sum_lanes(b));
         }
-        run(Store { from: &self.force, to: f });
+        self.store(f);
     }
 
     /// Shares of the masses, over s, at the last evaluation, in the first component of `f`.
     pub fn bound(&mut self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
-        self.force.fill([Lanes::default(); 3]);
         for b in 0..self.common.points.len() {
             self.load_coarse(b);
             let block = &self.common.tables.blocks[b];
@@ -194,15 +188,20 @@ impl<T: Real> Lockstep<T> {
                 OfRegions::Mixed(l) => bound(planar, table, &l[region], deformation, coarse, force),
             }
             self.sum_lanes(b);
-            self.add_up(b);
         }
-        run(Store { from: &self.force, to: f });
+        self.store(f);
+    }
+
+    /// Sums of the blocks on each node, to each member.
+    fn store(&self, f: &mut [Option<&mut [[f64; 3]]>; LANES]) {
+        run(Store { shares: &self.common.tables.force_shares, from: &self.force, to: f });
     }
 
     /// Adds up what the lanes of a block's groups have added to its nodes.
-    fn sum_lanes(&mut self, b: usize) {
-        let nodes = self.common.tables.blocks[b].nodes.len();
-        run(SumLanes { from: &mut self.local_force[..nodes], to: &mut self.local_sum });
+    fn sum_lanes(&mut self, b: usize) -> &mut [Vectors<T>] {
+        let to = &mut self.force[self.common.tables.force_runs.run(b)];
+        run(SumLanes { from: &mut self.local_force[..to.len()], to });
+        to
     }
 
     /// Pass 1 over all blocks.
@@ -213,8 +212,12 @@ impl<T: Real> Lockstep<T> {
             let Self { common, active, deformation, sums, min_jacobian, local_u, at_vertices, .. } = self;
             let block = &common.tables.blocks[b];
             run(Load { block, from: u, to: local_u });
-            at_vertices.iter_mut().for_each(|here| here.fill(Lanes::default()));
-            let here = at_vertices.each_mut().map(Vec::as_mut_slice);
+            let vertices = block.vertices.len();
+            let here = at_vertices.each_mut().map(|here| if here.is_empty() { &mut here[..] } else { &mut here[..vertices] });
+            let here = here.map(|here| {
+                here.fill(Lanes::default());
+                here
+            });
             let (table, active, u, deformation) =
                 (&common.points[b], &active[b][..], &local_u[..], &mut deformation[b][..]);
             match block_form(block) {
@@ -257,12 +260,6 @@ impl<T: Real> Lockstep<T> {
             true => run_pass(Stress::<_, _, true> { table, laws, active, deformation, coarse, force, energy }),
             false => run_pass(Stress::<_, _, false> { table, laws, active, deformation, coarse, force, energy }),
         }
-    }
-
-    /// Adds a block's forces to those of all.
-    fn add_up(&mut self, b: usize) {
-        let nodes = &self.common.tables.blocks[b].nodes;
-        run(AddUp { nodes, from: &self.local_sum, to: &mut self.force });
     }
 }
 

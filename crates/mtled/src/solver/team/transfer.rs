@@ -1,6 +1,6 @@
 //! Members' own fields into the lanes and back.
 
-use super::super::block::Block;
+use super::super::block::{Block, Shares};
 use super::passes::{ByLane, Vectors};
 use crate::approximation::Form;
 use crate::mirror::Mirror;
@@ -87,38 +87,29 @@ impl<T: Real> Loop for SumLanes<'_, T> {
     }
 }
 
-/// Adds a block's vectors to those of all nodes.
-pub struct AddUp<'a, T: Real> {
-    pub nodes: &'a [u32],
+/// Each member's own sums over the blocks, in the order in which [`Kernel::node_force`](super::super::kernel::Kernel) has them.
+pub struct Store<'a, 'f, T: Real> {
+    pub shares: &'a Shares,
+    /// Of each block on each of its nodes, block after block.
     pub from: &'a [Vectors<T>],
-    pub to: &'a mut [Vectors<f64>],
-}
-
-impl<T: Real> Loop for AddUp<'_, T> {
-    #[inline(always)]
-    fn go(self) {
-        for (&n, from) in self.nodes.iter().zip(self.from) {
-            let to = &mut self.to[n as usize];
-            for c in 0..3 {
-                to[c] += from[c].wide();
-            }
-        }
-    }
-}
-
-/// Each member's own of all nodes.
-pub struct Store<'a, 'f> {
-    pub from: &'a [Vectors<f64>],
     pub to: &'a mut [Option<&'f mut [[f64; 3]]>; LANES],
 }
 
-impl Loop for Store<'_, '_> {
+impl<T: Real> Loop for Store<'_, '_, T> {
     #[inline(always)]
     fn go(self) {
-        for (k, to) in self.to.iter_mut().enumerate() {
-            let Some(to) = to else { continue };
-            for (to, from) in to.iter_mut().zip(self.from) {
-                *to = [from[0].0[k], from[1].0[k], from[2].0[k]];
+        for n in 0..self.shares.start.len() - 1 {
+            let mut sum: Vectors<f64> = [Lanes::default(); 3];
+            for &at in self.shares.of_index(n) {
+                let share = &self.from[at as usize];
+                for c in 0..3 {
+                    sum[c] += share[c].wide();
+                }
+            }
+            for (k, to) in self.to.iter_mut().enumerate() {
+                if let Some(to) = to {
+                    to[n] = [sum[0].0[k], sum[1].0[k], sum[2].0[k]];
+                }
             }
         }
     }
