@@ -153,7 +153,7 @@ fn a_way_aside_tells_modulus_and_coefficient_apart() {
             raw(a),
             a.withheld
         );
-        assert!((a.value / truth - 1.0).abs() > 0.05, "{} along the axis alone", a.value);
+        assert!(a.withheld.is_some() && raw(a) > 1.8 * raw(e), "{} along the axis alone", a.value);
     }
 }
 
