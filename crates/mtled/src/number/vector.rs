@@ -151,7 +151,7 @@ mod avx2 {
         type Output = Self;
         #[inline(always)]
         fn neg(self) -> Self {
-            instruction!(x86::_mm256_xor_ps(self.0, x86::_mm256_set1_ps(-0.0)))
+            instruction!(negative(self.0))
         }
     }
 
@@ -186,20 +186,52 @@ mod avx2 {
     }
 
     impl Eight {
-        /// [`Real::inverse_cube_root_estimate`]: a third of the bits is the upper half of their product with 2/3 of 2^32, halved.
+        /// [`Real::inverse_cube_root_estimate`].
         #[inline(always)]
         fn inverse_cube_root_estimate(self) -> Self {
-            // of zero, whose bits are zero
-            let all = 0.0_f32.inverse_cube_root_estimate().to_bits();
-            // SAFETY: the processor has AVX2, see [`Eight`].
-            unsafe {
-                let (bits, two_thirds) = (x86::_mm256_castps_si256(self.0), x86::_mm256_set1_epi64x(0xaaaa_aaab));
-                let even = x86::_mm256_srli_epi64::<33>(x86::_mm256_mul_epu32(bits, two_thirds));
-                let odd = x86::_mm256_mul_epu32(x86::_mm256_srli_epi64::<32>(bits), two_thirds);
-                let third = x86::_mm256_blend_epi32::<0b1010_1010>(even, x86::_mm256_srli_epi64::<1>(odd));
-                Self(x86::_mm256_castsi256_ps(x86::_mm256_sub_epi32(x86::_mm256_set1_epi32(all.cast_signed()), third)))
-            }
+            instruction!(estimate(self.0))
         }
+    }
+
+    /// A third of the bits is the upper half of their product with 2/3 of 2^32, halved; that from the estimate of zero, whose bits are zero.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn estimate(x: x86::__m256) -> x86::__m256 {
+        let all = x86::_mm256_set1_epi32(0.0_f32.inverse_cube_root_estimate().to_bits().cast_signed());
+        let (bits, two_thirds) = (x86::_mm256_castps_si256(x), x86::_mm256_set1_epi64x(0xaaaa_aaab));
+        let even = x86::_mm256_srli_epi64::<33>(x86::_mm256_mul_epu32(bits, two_thirds));
+        let odd = x86::_mm256_mul_epu32(x86::_mm256_srli_epi64::<32>(bits), two_thirds);
+        let third = x86::_mm256_blend_epi32::<0b1010_1010>(even, x86::_mm256_srli_epi64::<1>(odd));
+        x86::_mm256_castsi256_ps(x86::_mm256_sub_epi32(all, third))
+    }
+
+    /// `a` where `condition` is above zero, else `b`.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn select(condition: x86::__m256, a: x86::__m256, b: x86::__m256) -> x86::__m256 {
+        x86::_mm256_blendv_ps(b, a, x86::_mm256_cmp_ps::<{ x86::_CMP_GT_OQ }>(condition, x86::_mm256_setzero_ps()))
+    }
+
+    /// One bit for each lane that is not zero.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn other_than_zero(x: x86::__m256) -> i32 {
+        x86::_mm256_movemask_ps(x86::_mm256_cmp_ps::<{ x86::_CMP_NEQ_UQ }>(x, x86::_mm256_setzero_ps()))
+    }
+
+    /// Whole numbers from memory.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn widened(stored: &[i16; LANES]) -> x86::__m256 {
+        // SAFETY: eight numbers, which need not be aligned.
+        let stored = unsafe { x86::_mm_loadu_si128(stored.as_ptr().cast()) };
+        x86::_mm256_cvtepi32_ps(x86::_mm256_cvtepi16_epi32(stored))
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn negative(x: x86::__m256) -> x86::__m256 {
+        x86::_mm256_xor_ps(x, x86::_mm256_set1_ps(-0.0))
     }
 
     impl Vector<f32> for Eight {
@@ -220,17 +252,11 @@ mod avx2 {
         }
         #[inline(always)]
         fn widen(stored: &[i16; LANES]) -> Self {
-            instruction!(x86::_mm256_cvtepi32_ps(x86::_mm256_cvtepi16_epi32(x86::_mm_loadu_si128(
-                stored.as_ptr().cast()
-            ))))
+            instruction!(widened(stored))
         }
         #[inline(always)]
         fn where_positive(self, condition: Self, other: Self) -> Self {
-            instruction!(x86::_mm256_blendv_ps(
-                other.0,
-                self.0,
-                x86::_mm256_cmp_ps::<{ x86::_CMP_GT_OQ }>(condition.0, x86::_mm256_setzero_ps())
-            ))
+            instruction!(select(condition.0, self.0, other.0))
         }
         #[inline(always)]
         fn min(self, other: Self) -> Self {
@@ -238,11 +264,46 @@ mod avx2 {
         }
         #[inline(always)]
         fn is_zero(self) -> bool {
-            // SAFETY: as above.
-            let other = unsafe {
-                x86::_mm256_movemask_ps(x86::_mm256_cmp_ps::<{ x86::_CMP_NEQ_UQ }>(self.0, x86::_mm256_setzero_ps()))
-            };
-            other == 0
+            // SAFETY: the processor has AVX2, see [`Eight`].
+            unsafe { other_than_zero(self.0) == 0 }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every operation once.
+    struct Sample<'a>(&'a [[i16; LANES]], &'a mut Vec<Lanes<f32>>);
+
+    impl Pass<f32> for Sample<'_> {
+        #[inline(always)]
+        fn go<V: Vector<f32>>(self) {
+            let Self(stored, out) = self;
+            let mut sum = V::default();
+            for stored in stored {
+                let x = V::widen(stored) * V::of(1e-3);
+                let positive = x.fma(x, V::splat(0.01));
+                sum += x.where_positive(x - V::of(0.2), -x).min(V::of(0.9)) / positive.inverse_cube_root();
+                out.extend([
+                    sum.store(),
+                    x.max(sum).store(),
+                    load_all::<f32, V, 1>(&[Lanes(stored.map(f32::from))])[0].store(),
+                ]);
+                out.push(Lanes::splat(if (sum - sum).is_zero() && !positive.is_zero() { 1.0 } else { 0.0 }));
+            }
+        }
+    }
+
+    #[test]
+    fn registers_and_arrays_give_the_same_bits() {
+        let stored: Vec<[i16; LANES]> =
+            (0..60).map(|i| std::array::from_fn(|k| ((i * 37 + k * 101) % 1999) as i16 - 999)).collect();
+        let (mut arrays, mut registers) = (Vec::new(), Vec::new());
+        Sample(&stored, &mut arrays).go::<Lanes<f32>>();
+        run_pass(Sample(&stored, &mut registers));
+        assert_eq!(arrays, registers);
+        assert!(arrays.iter().skip(3).step_by(4).all(|x| *x == Lanes::splat(1.0)));
     }
 }

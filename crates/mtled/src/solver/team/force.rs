@@ -212,12 +212,10 @@ impl<T: Real> Lockstep<T> {
             let Self { common, active, deformation, sums, min_jacobian, local_u, at_vertices, .. } = self;
             let block = &common.tables.blocks[b];
             run(Load { block, from: u, to: local_u });
-            let vertices = block.vertices.len();
-            let here = at_vertices.each_mut().map(|here| if here.is_empty() { &mut here[..] } else { &mut here[..vertices] });
-            let here = here.map(|here| {
-                here.fill(Lanes::default());
-                here
-            });
+            for here in at_vertices.iter_mut() {
+                here.iter_mut().take(block.vertices.len()).for_each(|here| *here = Lanes::default());
+            }
+            let here = at_vertices.each_mut().map(Vec::as_mut_slice);
             let (table, active, u, deformation) =
                 (&common.points[b], &active[b][..], &local_u[..], &mut deformation[b][..]);
             match block_form(block) {
