@@ -1,8 +1,8 @@
 //! Several solvers of one cloud, stepped together: their internal forces are evaluated at once, with members in the lanes.
 //!
 //! All else is each member's own, as it is alone: what holds its nodes, its masses, its damping, the number of its steps. So a member
-//! that leaves the team for a while, to find out of trouble, needs nothing but its own solver. What they have in common is when masses are
-//! brought up to date: as soon as those of one are due.
+//! that leaves the team for a while, to find out of trouble, needs nothing but its own solver. Every sum is taken in the order in which a
+//! solver alone takes it, so a member has the bits of its single run.
 
 mod force;
 mod passes;
