@@ -291,7 +291,7 @@ mod tests {
                     x.max(sum).store(),
                     load_all::<f32, V, 1>(&[Lanes(stored.map(f32::from))])[0].store(),
                 ]);
-                out.push(Lanes::splat(if (sum - sum).is_zero() && !positive.is_zero() { 1.0 } else { 0.0 }));
+                out.push(Lanes::splat(if V::of(0.0).is_zero() && !positive.is_zero() { 1.0 } else { 0.0 }));
             }
         }
     }
