@@ -45,7 +45,7 @@ pub fn cofactor<T: Number>(f: &Gradient<T>) -> Gradient<T> {
 /// F_a F_b - F_c F_d.
 #[inline(always)]
 fn minor<T: Number>(f: &Gradient<T>, a: usize, b: usize, c: usize, d: usize) -> T {
-    f[a].fma(f[b], -(f[c] * f[d]))
+    f[a].product_sum(f[b], -(f[c] * f[d]))
 }
 
 /// I1 = F : F.
@@ -53,7 +53,7 @@ fn minor<T: Number>(f: &Gradient<T>, a: usize, b: usize, c: usize, d: usize) -> 
 pub fn first_invariant<T: Number>(f: &Gradient<T>) -> T {
     let mut i1 = f[0] * f[0];
     for x in &f[1..] {
-        i1 = x.fma(*x, i1);
+        i1 = x.product_sum(*x, i1);
     }
     i1
 }
@@ -63,7 +63,7 @@ pub fn first_invariant<T: Number>(f: &Gradient<T>) -> T {
 pub(crate) fn combined<T: Number>(a: T, f: &Gradient<T>, b: T, cof: &Gradient<T>) -> Gradient<T> {
     let mut stress = *f;
     for i in 0..9 {
-        stress[i] = a.fma(f[i], b * cof[i]);
+        stress[i] = a.product_sum(f[i], b * cof[i]);
     }
     stress
 }
@@ -71,7 +71,7 @@ pub(crate) fn combined<T: Number>(a: T, f: &Gradient<T>, b: T, cof: &Gradient<T>
 /// det F from F and its cofactor.
 #[inline(always)]
 pub fn determinant<T: Number>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
-    f[0].fma(cof[0], f[1].fma(cof[1], f[2] * cof[2]))
+    f[0].product_sum(cof[0], f[1].product_sum(cof[1], f[2] * cof[2]))
 }
 
 /// First Piola-Kirchhoff stress for the pressure p = dU/dJ, Pa.
@@ -81,7 +81,7 @@ pub fn first_piola<T: Number>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p
     let r = j.inverse_cube_root();
     let a = mu * r * r;
     // 1/J is r^3: one division less to wait for
-    let b = (-(a * first_invariant(f))).fma(T::of(1.0 / 3.0) * (r * r * r), p);
+    let b = (-(a * first_invariant(f))).product_sum(T::of(1.0 / 3.0) * (r * r * r), p);
     let a = mu * excess(lack) * r * r;
     combined(a, f, b, cof)
 }

@@ -139,6 +139,14 @@ impl<T: Real> Number for Lanes<T> {
         out
     }
     #[inline(always)]
+    fn product_sum(self, b: Self, c: Self) -> Self {
+        let mut out = c;
+        for i in 0..LANES {
+            out.0[i] = self.0[i].product_sum(b.0[i], c.0[i]);
+        }
+        out
+    }
+    #[inline(always)]
     fn inverse_cube_root(self) -> Self {
         let mut y = self.map(T::inverse_cube_root_estimate);
         for _ in 0..T::CUBE_ROOT_ITERATIONS {

@@ -27,6 +27,9 @@ pub trait Number:
     /// self * b + c, rounded once: the same bits with and without hardware support.
     #[must_use]
     fn fma(self, b: Self, c: Self) -> Self;
+    /// self * b + c: rounded once in single precision, twice in double, in which laws are evaluated where a fused product would be a call.
+    #[must_use]
+    fn product_sum(self, b: Self, c: Self) -> Self;
     /// x^(-1/3) for x > 0.
     #[must_use]
     fn inverse_cube_root(self) -> Self;
@@ -72,12 +75,12 @@ impl<T: Real, P: Pass<T>> lanes::Loop for Portable<P, T> {
 /// Newton on y^-3 = x: y + y/3 (1 - x y^3), of which no more than three operations wait for each other. Each iteration doubles the digits.
 #[inline(always)]
 pub(super) fn inverse_cube_root_iteration<N: Number>(x: N, y: N) -> N {
-    let lack = (-(x * y)).fma(y * y, N::of(1.0));
-    (y * N::of(1.0 / 3.0)).fma(lack, y)
+    let lack = (-(x * y)).product_sum(y * y, N::of(1.0));
+    (y * N::of(1.0 / 3.0)).product_sum(lack, y)
 }
 
 macro_rules! real {
-    ($t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal $(, $own:item)*) => {
+    ($t:ty, $stored:ty, $largest:expr, $iterations:literal, $bits:literal, $product_sum:expr $(, $own:item)*) => {
         impl Number for $t {
             #[inline(always)]
             fn of(x: f64) -> Self {
@@ -90,6 +93,10 @@ macro_rules! real {
             #[inline(always)]
             fn fma(self, b: Self, c: Self) -> Self {
                 self.mul_add(b, c)
+            }
+            #[inline(always)]
+            fn product_sum(self, b: Self, c: Self) -> Self {
+                $product_sum(self, b, c)
             }
             #[inline(always)]
             fn inverse_cube_root(self) -> Self {
@@ -132,6 +139,7 @@ real!(
     Some(32_767.0),
     3,
     0x54a2_1f14,
+    f32::mul_add,
     fn sum_and_clear(lanes: &mut [[Lanes<f32>; 3]], sums: &mut [[f32; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if lanes::has_avx2() {
@@ -149,7 +157,7 @@ real!(
         lanes::run(Portable(pass, PhantomData::<Self>));
     }
 );
-real!(f64, f64, None, 4, 0x553e_f0ff_289d_d796);
+real!(f64, f64, None, 4, 0x553e_f0ff_289d_d796, |a: f64, b, c| a * b + c);
 
 #[cfg(test)]
 mod tests {

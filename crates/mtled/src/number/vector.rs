@@ -176,6 +176,10 @@ mod avx2 {
             instruction!(x86::_mm256_fmadd_ps(self.0, b.0, c.0))
         }
         #[inline(always)]
+        fn product_sum(self, b: Self, c: Self) -> Self {
+            self.fma(b, c)
+        }
+        #[inline(always)]
         fn inverse_cube_root(self) -> Self {
             let mut y = self.inverse_cube_root_estimate();
             for _ in 0..f32::CUBE_ROOT_ITERATIONS {

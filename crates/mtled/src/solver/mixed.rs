@@ -71,7 +71,7 @@ pub(super) fn stress<T: Number>(
     projected: Projected<T>,
     own: T,
 ) -> Gradient<T> {
-    let a = mu.fma(projected.shrinkage, mu);
+    let a = mu.product_sum(projected.shrinkage, mu);
     let b = projected.pressure + own - mu;
     combined(a, f, b, cof)
 }
