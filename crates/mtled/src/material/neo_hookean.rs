@@ -26,9 +26,36 @@ pub type Gradient<T> = [T; 9];
 /// until the health check sees the point.
 pub const MIN_JACOBIAN: f64 = 0.02;
 
+/// Whether a component may differ from zero: with symmetry of revolution none that shears the hoop direction does. What is not there is not
+/// computed either, and adds nothing: the bits are the same.
+#[inline(always)]
+pub(crate) const fn is_there<const AXISYMMETRIC: bool>(k: usize) -> bool {
+    !AXISYMMETRIC || k.is_multiple_of(2)
+}
+
 /// cof F = J F^-T, row-major, with no division.
 #[inline(always)]
 pub fn cofactor<T: Number>(f: &Gradient<T>) -> Gradient<T> {
+    cofactor_in::<T, false>(f)
+}
+
+/// The same of what [`is_there`].
+#[inline(always)]
+pub(crate) fn cofactor_in<T: Number, const AXISYMMETRIC: bool>(f: &Gradient<T>) -> Gradient<T> {
+    if AXISYMMETRIC {
+        let zero = T::default();
+        return [
+            f[4] * f[8],
+            zero,
+            -(f[4] * f[6]),
+            zero,
+            minor(f, 0, 8, 2, 6),
+            zero,
+            -(f[2] * f[4]),
+            zero,
+            f[0] * f[4],
+        ];
+    }
     [
         minor(f, 4, 8, 5, 7),
         minor(f, 5, 6, 3, 8),
@@ -51,19 +78,34 @@ fn minor<T: Number>(f: &Gradient<T>, a: usize, b: usize, c: usize, d: usize) -> 
 /// I1 = F : F.
 #[inline(always)]
 pub fn first_invariant<T: Number>(f: &Gradient<T>) -> T {
+    first_invariant_in::<T, false>(f)
+}
+
+/// The same of what [`is_there`].
+#[inline(always)]
+fn first_invariant_in<T: Number, const AXISYMMETRIC: bool>(f: &Gradient<T>) -> T {
     let mut i1 = f[0] * f[0];
-    for x in &f[1..] {
-        i1 = x.product_sum(*x, i1);
+    for k in 1..9 {
+        if is_there::<AXISYMMETRIC>(k) {
+            i1 = f[k].product_sum(f[k], i1);
+        }
     }
     i1
 }
 
-/// a F + b cof F.
+/// a F + b cof F, of what [`is_there`].
 #[inline(always)]
-pub(crate) fn combined<T: Number>(a: T, f: &Gradient<T>, b: T, cof: &Gradient<T>) -> Gradient<T> {
+pub(crate) fn combined<T: Number, const AXISYMMETRIC: bool>(
+    a: T,
+    f: &Gradient<T>,
+    b: T,
+    cof: &Gradient<T>,
+) -> Gradient<T> {
     let mut stress = *f;
     for i in 0..9 {
-        stress[i] = a.product_sum(f[i], b * cof[i]);
+        if is_there::<AXISYMMETRIC>(i) {
+            stress[i] = a.product_sum(f[i], b * cof[i]);
+        }
     }
     stress
 }
@@ -71,19 +113,38 @@ pub(crate) fn combined<T: Number>(a: T, f: &Gradient<T>, b: T, cof: &Gradient<T>
 /// det F from F and its cofactor.
 #[inline(always)]
 pub fn determinant<T: Number>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
-    f[0].product_sum(cof[0], f[1].product_sum(cof[1], f[2] * cof[2]))
+    determinant_in::<T, false>(f, cof)
+}
+
+/// The same of what [`is_there`].
+#[inline(always)]
+pub(crate) fn determinant_in<T: Number, const AXISYMMETRIC: bool>(f: &Gradient<T>, cof: &Gradient<T>) -> T {
+    let last = f[2] * cof[2];
+    f[0].product_sum(cof[0], if AXISYMMETRIC { last } else { f[1].product_sum(cof[1], last) })
 }
 
 /// First Piola-Kirchhoff stress for the pressure p = dU/dJ, Pa.
 #[inline(always)]
 pub fn first_piola<T: Number>(f: &Gradient<T>, cof: &Gradient<T>, j: T, mu: T, p: T) -> Gradient<T> {
+    first_piola_in::<T, false>(f, cof, j, mu, p)
+}
+
+/// The same of what [`is_there`].
+#[inline(always)]
+pub(crate) fn first_piola_in<T: Number, const AXISYMMETRIC: bool>(
+    f: &Gradient<T>,
+    cof: &Gradient<T>,
+    j: T,
+    mu: T,
+    p: T,
+) -> Gradient<T> {
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
     let a = mu * r * r;
     // 1/J is r^3: one division less to wait for
-    let b = (-(a * first_invariant(f))).product_sum(T::of(1.0 / 3.0) * (r * r * r), p);
+    let b = (-(a * first_invariant_in::<T, AXISYMMETRIC>(f))).product_sum(T::of(1.0 / 3.0) * (r * r * r), p);
     let a = mu * excess(lack) * r * r;
-    combined(a, f, b, cof)
+    combined::<T, AXISYMMETRIC>(a, f, b, cof)
 }
 
 /// The larger of J and J_m, and by how much J falls short of J_m.
@@ -102,9 +163,15 @@ pub(crate) fn excess<T: Number>(lack: T) -> T {
 /// Deviatoric (distortional) energy density mu/2 (J^-2/3 I1 - 3), Pa.
 #[inline(always)]
 pub fn distortional_energy<T: Number>(f: &Gradient<T>, j: T, mu: T) -> T {
+    distortional_energy_in::<T, false>(f, j, mu)
+}
+
+/// The same of what [`is_there`].
+#[inline(always)]
+pub(crate) fn distortional_energy_in<T: Number, const AXISYMMETRIC: bool>(f: &Gradient<T>, j: T, mu: T) -> T {
     let (j, lack) = clamped(j);
     let r = j.inverse_cube_root();
-    T::of(0.5) * mu * (r * r * (excess(lack) * first_invariant(f)) - T::of(3.0))
+    T::of(0.5) * mu * (r * r * (excess(lack) * first_invariant_in::<T, AXISYMMETRIC>(f)) - T::of(3.0))
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Laws of single points in the kernel's own precision.
 
 use crate::material::neo_hookean::{
-    Gradient, clamped, cofactor, determinant, distortional_energy, excess, first_piola,
+    Gradient, clamped, cofactor, cofactor_in, determinant, determinant_in, distortional_energy_in, excess,
+    first_piola_in,
 };
 use crate::number::{LANES, Lanes, Number, Real, Vector};
 
@@ -22,14 +23,20 @@ pub(super) trait LaneLaw<T: Real>: Copy {
 
 /// A law of as many points as a number has lanes.
 pub(super) trait WideLaw<N: Number>: Copy {
-    /// Energy density, less what is projected, and first Piola-Kirchhoff stress.
-    fn at(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>);
+    /// Energy density, less what is projected, and first Piola-Kirchhoff stress, of what
+    /// [`is_there`](crate::material::neo_hookean::is_there).
+    fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>);
 }
 
 impl<T: Real, L: LaneLaw<T>> PointLaw<T> for L {
     #[inline(always)]
-    fn at<V: Vector<T>>(&self, _: usize, f: &Gradient<V>, projected: Projected<V>) -> (V, Gradient<V>) {
-        self.splat::<V>().at(f, projected)
+    fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
+        &self,
+        _: usize,
+        f: &Gradient<V>,
+        projected: Projected<V>,
+    ) -> (V, Gradient<V>) {
+        self.splat::<V>().at::<AXISYMMETRIC>(f, projected)
     }
 
     #[inline(always)]
@@ -101,16 +108,16 @@ impl<T: Real> LaneLaw<T> for NeoHookean<T> {
 
 impl<N: Number> WideLaw<N> for NeoHookean<N> {
     #[inline(always)]
-    fn at(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
-        let cof = cofactor(f);
-        let j = determinant(f, &cof);
+    fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
+        let cof = cofactor_in::<N, AXISYMMETRIC>(f);
+        let j = determinant_in::<N, AXISYMMETRIC>(f, &cof);
         let (energy, own) = if self.resists_collapse {
             collapse(j, self.pointwise)
         } else {
             let dilation = j - N::of(1.0);
             (N::of(0.5) * self.pointwise * dilation * dilation, self.pointwise * dilation)
         };
-        let energy = distortional_energy(f, j, self.mu) + energy;
-        (energy, first_piola(f, &cof, j, self.mu, projected.pressure + own))
+        let energy = distortional_energy_in::<N, AXISYMMETRIC>(f, j, self.mu) + energy;
+        (energy, first_piola_in::<N, AXISYMMETRIC>(f, &cof, j, self.mu, projected.pressure + own))
     }
 }

@@ -15,7 +15,7 @@
 //! As the cloud becomes finer theta_P tends to J and W to the law's. Below theta_m = [`LEAST_RATIO`] the energy goes on along its tangent in
 //! theta, as the law's own does below J_m. Stored are r - 1 and q + mu, which vanish at rest.
 
-use crate::material::neo_hookean::{Gradient, clamped, cofactor, combined, determinant};
+use crate::material::neo_hookean::{Gradient, clamped, cofactor, cofactor_in, combined, determinant, determinant_in};
 use crate::number::{LANES, Lanes, Number, Real, Vector};
 
 use super::collapse::{collapse, collapse_curvature};
@@ -64,7 +64,7 @@ pub(super) fn coarse<N: Number>(mu: N, pressure: N, dilation: N, square: N) -> C
 
 /// P, Pa; `own`: kappa_s w'(J), Pa.
 #[inline(always)]
-pub(super) fn stress<T: Number>(
+pub(super) fn stress<T: Number, const AXISYMMETRIC: bool>(
     f: &Gradient<T>,
     cof: &Gradient<T>,
     mu: T,
@@ -73,7 +73,7 @@ pub(super) fn stress<T: Number>(
 ) -> Gradient<T> {
     let a = mu.product_sum(projected.shrinkage, mu);
     let b = projected.pressure + own - mu;
-    combined(a, f, b, cof)
+    combined::<T, AXISYMMETRIC>(a, f, b, cof)
 }
 
 impl<T: Real> Mixed<T> {
@@ -88,10 +88,10 @@ impl<T: Real> Mixed<T> {
 
 impl<N: Number> WideLaw<N> for Mixed<N> {
     #[inline(always)]
-    fn at(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
-        let cof = cofactor(f);
-        let (energy, own) = collapse(determinant(f, &cof), self.pointwise);
-        (energy, stress(f, &cof, self.mu, projected, own))
+    fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>) {
+        let cof = cofactor_in::<N, AXISYMMETRIC>(f);
+        let (energy, own) = collapse(determinant_in::<N, AXISYMMETRIC>(f, &cof), self.pointwise);
+        (energy, stress::<N, AXISYMMETRIC>(f, &cof, self.mu, projected, own))
     }
 }
 

@@ -1,7 +1,7 @@
 //! The two passes of the [internal force](super::kernel) over the points of a block.
 
 use crate::approximation::Form;
-use crate::material::neo_hookean::{Gradient, cofactor, determinant};
+use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
 use super::block::{Block, BlockScratch, ForceOfLane};
 use super::memory::Memory;
@@ -186,15 +186,17 @@ impl<T: Real, const AXISYMMETRIC: bool, const MIXED: bool> Pass<T> for Deform<'_
             let range = block.start[group] as usize..block.start[group + 1] as usize;
             let mut f = gather::<T, V, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &scratch.u);
             for k in 0..9 {
-                let undeformed = if k % 4 == 0 { one } else { zero };
-                f[k] = f[k].fma(scale, undeformed);
-                if AXISYMMETRIC {
-                    // the needle's, not the tissue's: nothing reads it but what is shown
-                    f[k] = f[k].where_positive(active, undeformed);
+                if is_there::<AXISYMMETRIC>(k) {
+                    let undeformed = if k % 4 == 0 { one } else { zero };
+                    f[k] = f[k].fma(scale, undeformed);
+                    if AXISYMMETRIC {
+                        // the needle's, not the tissue's: nothing reads it but what is shown
+                        f[k] = f[k].where_positive(active, undeformed);
+                    }
+                    scratch.deformation[group][k] = f[k].store();
                 }
-                scratch.deformation[group][k] = f[k].store();
             }
-            let j = determinant(&f, &cofactor(&f));
+            let j = determinant_in::<V, AXISYMMETRIC>(&f, &cofactor_in::<V, AXISYMMETRIC>(&f));
             // a NaN does not survive this comparison; the energy of pass 2 keeps it
             min = j.where_positive(active, min).min(min);
             let volume = share_of_corner * active * V::load(&block.volume[group]);
@@ -251,21 +253,35 @@ impl<T: Real, L: PointLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T
             if volume.is_zero() {
                 continue;
             }
-            let f = load_all::<T, V, 9>(&scratch.deformation[group]);
-            let (density, stress) = law.at(group, &f, block.projected(scratch, group));
+            let f = load::<T, V, AXISYMMETRIC>(&scratch.deformation[group]);
+            let (density, stress) = law.at::<V, AXISYMMETRIC>(group, &f, block.projected(scratch, group));
             // what is no tissue must not spoil its neighbours in the vector
             let here = volume * volume;
             energy += (volume * density).where_positive(here, zero);
             let factor = volume * V::load(&block.scale[group]);
             let mut spread = [zero; 9];
             for i in 0..9 {
-                spread[i] = (factor * stress[i]).where_positive(here, zero);
+                if is_there::<AXISYMMETRIC>(i) {
+                    spread[i] = (factor * stress[i]).where_positive(here, zero);
+                }
             }
             let range = block.start[group] as usize..block.start[group + 1] as usize;
             scatter::<T, V, AXISYMMETRIC>(&block.local[range.clone()], &block.gradient[range], &spread, lanes);
         }
         scratch.energy = energy.store().sum().get();
     }
+}
+
+/// A deformation gradient; zeros where a half plane has no other.
+#[inline(always)]
+pub(super) fn load<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(f: &Gradient<Lanes<T>>) -> Gradient<V> {
+    let mut out = [V::default(); 9];
+    for k in 0..9 {
+        if is_there::<AXISYMMETRIC>(k) {
+            out[k] = V::load(&f[k]);
+        }
+    }
+    out
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients. In a half plane the second component of a gradient belongs to the hoop strain

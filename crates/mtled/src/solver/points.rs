@@ -163,7 +163,12 @@ pub(super) fn largest_square<T: Number>(a: &Gradient<T>) -> T {
 pub trait PointLaw<T: Real> {
     /// Energy density, less the projected volumetric part, and first Piola-Kirchhoff stress (Pa, row-major) of the
     /// points of one group of a block, from their deformation gradients and what is projected.
-    fn at<V: Vector<T>>(&self, group: usize, f: &Gradient<V>, projected: Projected<V>) -> (V, Gradient<V>);
+    fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
+        &self,
+        group: usize,
+        f: &Gradient<V>,
+        projected: Projected<V>,
+    ) -> (V, Gradient<V>);
     /// [`Constants::stiffness`] of the same points.
     fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T>;
 }
@@ -176,7 +181,12 @@ pub(super) struct Relaxing<'a> {
 
 impl<T: Real> PointLaw<T> for Relaxing<'_> {
     #[inline]
-    fn at<V: Vector<T>>(&self, group: usize, f: &Gradient<V>, projected: Projected<V>) -> (V, Gradient<V>) {
+    fn at<V: Vector<T>, const AXISYMMETRIC: bool>(
+        &self,
+        group: usize,
+        f: &Gradient<V>,
+        projected: Projected<V>,
+    ) -> (V, Gradient<V>) {
         let (f, pressure) = (f.map(V::store), projected.pressure.store());
         let (mut density, mut stress) = (Lanes::default(), [Lanes::default(); 9]);
         for lane in 0..LANES {
@@ -217,7 +227,7 @@ impl Relaxing<'_> {
             None => law.distortion(f, &cof, j),
         };
         let stress = if self.constants.mixed {
-            mixed::stress(f, &cof, law.shear_modulus(), projected, pressure)
+            mixed::stress::<f64, false>(f, &cof, law.shear_modulus(), projected, pressure)
         } else {
             std::array::from_fn(|i| stress[i] + (projected.pressure + pressure) * cof[i])
         };

@@ -3,9 +3,10 @@
 //! [`super::super::passes`], so that a member has the bits of a solver alone: there eight points in the lanes of a group have a sum each,
 //! and these eight are added up at last; here each point adds to the sum of its own lane of the group.
 
-use crate::material::neo_hookean::{Gradient, cofactor, determinant};
+use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
 use super::super::lane_law::{LaneLaw, WideLaw, stiffness_by_lane};
+use super::super::passes::load;
 use super::super::points::Projected;
 use super::super::strip::FIELDS;
 use super::table::PointTable;
@@ -77,14 +78,16 @@ impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Deform<'_, T, AXISYMMETRIC> 
             let mut f = gather::<T, V, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], u);
             let (active, scale) = (V::load(&active[point]), V::splat(table.scale[point]));
             for k in 0..9 {
-                let undeformed = if k % 4 == 0 { one } else { zero };
-                f[k] = f[k].fma(scale, undeformed);
-                if AXISYMMETRIC {
-                    f[k] = f[k].where_positive(active, undeformed);
+                if is_there::<AXISYMMETRIC>(k) {
+                    let undeformed = if k % 4 == 0 { one } else { zero };
+                    f[k] = f[k].fma(scale, undeformed);
+                    if AXISYMMETRIC {
+                        f[k] = f[k].where_positive(active, undeformed);
+                    }
+                    deformation[point][k] = f[k].store();
                 }
-                deformation[point][k] = f[k].store();
             }
-            let j = determinant(&f, &cofactor(&f));
+            let j = determinant_in::<V, AXISYMMETRIC>(&f, &cofactor_in::<V, AXISYMMETRIC>(&f));
             least = j.where_positive(active, least).min(least);
             let volume = share_of_corner * active * V::splat(table.volume[point]);
             let corners = &table.corners[point][..if AXISYMMETRIC { 3 } else { 4 }];
@@ -139,14 +142,16 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T,
             }
             let lane = table.lane(point);
             let given = projected::<T, V, AXISYMMETRIC>(coarse, &table.corners[point]);
-            let (density, stress) = law.at(&load::<T, V, AXISYMMETRIC>(&deformation[point]), given);
+            let (density, stress) = law.at::<AXISYMMETRIC>(&load::<T, V, AXISYMMETRIC>(&deformation[point]), given);
             // what is no tissue to one member must not spoil it
             let here = volume * volume;
             sums[lane] += (volume * density).where_positive(here, zero);
             let factor = volume * V::splat(table.scale[point]);
             let mut spread = [zero; 9];
             for i in 0..9 {
-                spread[i] = (factor * stress[i]).where_positive(here, zero);
+                if is_there::<AXISYMMETRIC>(i) {
+                    spread[i] = (factor * stress[i]).where_positive(here, zero);
+                }
             }
             let visits = table.visits(point);
             if !AXISYMMETRIC {
@@ -188,18 +193,6 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Bound<'_, T, L, 
             }
         }
     }
-}
-
-/// A deformation gradient, with zeros that the compiler sees where a half plane has them.
-#[inline(always)]
-fn load<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(f: &Gradient<Lanes<T>>) -> Gradient<V> {
-    let mut out = [V::default(); 9];
-    for k in 0..9 {
-        if !AXISYMMETRIC || k % 2 == 0 {
-            out[k] = V::load(&f[k]);
-        }
-    }
-    out
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients, as in [`super::super::passes`].
