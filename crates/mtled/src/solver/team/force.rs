@@ -8,12 +8,11 @@ use super::super::lane_law::{LaneLaw, NeoHookean};
 use super::super::mixed::Mixed;
 use super::super::points::Constants;
 use super::super::strip::FIELDS;
-use super::passes::{Bound, ByLane, Deform, Laws, Stress, Vectors};
+use super::passes::{Bound, Deform, Laws, Stress, Vectors, components, dimensions};
 use super::projection::Projected;
 use super::table::PointTable;
 use super::transfer::{Load, Store, SumLanes, mirrored};
 use crate::approximation::Form;
-use crate::material::neo_hookean::Gradient;
 use crate::number::lanes::{LANES, Lanes, run};
 use crate::number::vector::run_pass;
 use crate::number::{Number, Real};
@@ -34,7 +33,8 @@ pub struct Lockstep<T: Real> {
     seen: [Option<u64>; LANES],
     /// Share of each point that is tissue, by block.
     active: Vec<Vec<Lanes<T>>>,
-    deformation: Vec<Vec<Gradient<Lanes<T>>>>,
+    /// Of each point, by block, its [`components`].
+    deformation: Vec<Vec<Lanes<T>>>,
     /// V (J - 1) at all vertices, m^3, and V (I1 - 3) where the law is [mixed](super::super::mixed).
     sums: [Vec<Lanes<T>>; FIELDS],
     /// Pressure at all vertices, Pa, and r - 1.
@@ -43,10 +43,10 @@ pub struct Lockstep<T: Real> {
     min_jacobian: Lanes<T>,
     /// Of each block, J.
     energy: Vec<Lanes<T>>,
-    /// Of one block at a time: displacements, what is at its vertices, and forces.
-    local_u: Vec<Vectors<T>>,
+    /// Of one block at a time: displacements, what is at its vertices, and forces by lane of the groups; of vectors their [`dimensions`].
+    local_u: Vec<Lanes<T>>,
     at_vertices: [Vec<Lanes<T>>; FIELDS],
-    local_force: Vec<ByLane<T>>,
+    local_force: Vec<Lanes<T>>,
     /// Of each block on each of its nodes, block after block, N.
     force: Vec<Vectors<T>>,
 }
@@ -102,18 +102,20 @@ impl<T: Real> Lockstep<T> {
         let constants: Vec<Vec<Constants>> = kernels.iter().map(|k| k.constants.clone()).collect();
         let vertices = tables.dilation_shares.start.len() - 1;
         let most = |size: fn(&Block<T>) -> usize| tables.blocks.iter().map(size).max().unwrap_or(0);
+        let planar = tables.blocks.first().is_some_and(is_planar);
+        let nodes = dimensions(planar) * most(|b| b.nodes.len());
         Some(Self {
             seen: [None; LANES],
             laws,
             active: points.iter().map(|p| vec![Lanes::of(1.0); p.len()]).collect(),
-            deformation: points.iter().map(|p| vec![[zero; 9]; p.len()]).collect(),
+            deformation: points.iter().map(|p| vec![zero; components(planar) * p.len()]).collect(),
             sums: fields(vertices),
             coarse: fields(vertices),
             projection: Projected::new(&tables.projection, &constants, mixed),
             min_jacobian: Lanes::of(1.0),
             energy: vec![zero; points.len()],
-            local_u: vec![[zero; 3]; most(|b| b.nodes.len())],
-            local_force: vec![[[zero; 3]; LANES]; most(|b| b.nodes.len())],
+            local_u: vec![zero; nodes],
+            local_force: vec![zero; LANES * nodes],
             force: vec![[zero; 3]; tables.force_runs.total()],
             at_vertices: fields(most(|b| b.vertices.len())),
             common,
@@ -178,11 +180,11 @@ impl<T: Real> Lockstep<T> {
         for b in 0..self.common.points.len() {
             self.load_coarse(b);
             let block = &self.common.tables.blocks[b];
-            let (nodes, region) = (block.nodes.len(), usize::from(block.region));
+            let region = usize::from(block.region);
             let Self { common, laws, deformation, at_vertices, local_force, .. } = self;
             let coarse = at_vertices.each_ref().map(Vec::as_slice);
-            let (table, deformation, force) = (&common.points[b], &deformation[b][..], &mut local_force[..nodes]);
-            let planar = block_form(&common.tables.blocks[b]);
+            let (table, deformation, force) = (&common.points[b], &deformation[b][..], &mut local_force[..]);
+            let planar = is_planar(&common.tables.blocks[b]);
             match laws {
                 OfRegions::Plain(l) => bound(planar, table, &l[region], deformation, coarse, force),
                 OfRegions::Mixed(l) => bound(planar, table, &l[region], deformation, coarse, force),
@@ -200,7 +202,11 @@ impl<T: Real> Lockstep<T> {
     /// Adds up what the lanes of a block's groups have added to its nodes.
     fn sum_lanes(&mut self, b: usize) -> &mut [Vectors<T>] {
         let to = &mut self.force[self.common.tables.force_runs.run(b)];
-        run(SumLanes { from: &mut self.local_force[..to.len()], to });
+        let from = &mut self.local_force[..];
+        match is_planar(&self.common.tables.blocks[b]) {
+            true => run(SumLanes::<_, 2> { from, to }),
+            false => run(SumLanes::<_, 3> { from, to }),
+        }
         to
     }
 
@@ -218,7 +224,7 @@ impl<T: Real> Lockstep<T> {
             let here = at_vertices.each_mut().map(Vec::as_mut_slice);
             let (table, active, u, deformation) =
                 (&common.points[b], &active[b][..], &local_u[..], &mut deformation[b][..]);
-            match block_form(block) {
+            match is_planar(block) {
                 true => run_pass(Deform::<_, true> { table, active, u, deformation, sums: here, min: min_jacobian }),
                 false => run_pass(Deform::<_, false> { table, active, u, deformation, sums: here, min: min_jacobian }),
             }
@@ -254,7 +260,7 @@ impl<T: Real> Lockstep<T> {
         let block = &common.tables.blocks[b];
         let (table, active, coarse) = (&common.points[b], &active[b][..], at_vertices.each_ref().map(Vec::as_slice));
         let (deformation, force, energy) = (&deformation[b][..], &mut local_force[..], &mut energy[b]);
-        match block_form(block) {
+        match is_planar(block) {
             true => run_pass(Stress::<_, _, true> { table, laws, active, deformation, coarse, force, energy }),
             false => run_pass(Stress::<_, _, false> { table, laws, active, deformation, coarse, force, energy }),
         }
@@ -266,9 +272,9 @@ fn bound<T: Real, L: LaneLaw<T>>(
     planar: bool,
     table: &PointTable<T>,
     laws: &Laws<L>,
-    deformation: &[Gradient<Lanes<T>>],
+    deformation: &[Lanes<T>],
     coarse: [&[Lanes<T>]; FIELDS],
-    force: &mut [ByLane<T>],
+    force: &mut [Lanes<T>],
 ) {
     if planar {
         run(Bound::<_, _, true> { table, laws, deformation, coarse, force });
@@ -278,7 +284,7 @@ fn bound<T: Real, L: LaneLaw<T>>(
 }
 
 /// Whether a block is of a half plane.
-fn block_form<T: Real>(block: &Block<T>) -> bool {
+fn is_planar<T: Real>(block: &Block<T>) -> bool {
     matches!(block.form, Form::Axisymmetric)
 }
 

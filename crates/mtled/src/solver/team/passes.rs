@@ -6,7 +6,6 @@
 use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
 use super::super::lane_law::{LaneLaw, WideLaw, stiffness_by_lane};
-use super::super::passes::load;
 use super::super::points::Projected;
 use super::super::strip::FIELDS;
 use super::table::PointTable;
@@ -23,8 +22,21 @@ const AHEAD: usize = 2048;
 /// A number of each member at each of a vector's components.
 pub type Vectors<T> = [Lanes<T>; 3];
 
-/// What the points in each lane of the groups add to a node; zero between passes.
-pub type ByLane<T> = [Vectors<T>; LANES];
+/// Components of a node's vector that the passes keep: x and z of a half plane, where y is zero. What they keep stands in the second cache,
+/// whose lines are most of what a point costs.
+pub const fn dimensions(axisymmetric: bool) -> usize {
+    if axisymmetric { 2 } else { 3 }
+}
+
+/// Components of a deformation gradient that are kept, of what [`is_there`].
+pub const fn components(axisymmetric: bool) -> usize {
+    if axisymmetric { 5 } else { 9 }
+}
+
+/// Where the component k stands among those.
+const fn place<const AXISYMMETRIC: bool>(k: usize) -> usize {
+    if AXISYMMETRIC { k / 2 } else { k }
+}
 
 /// The laws of eight members in one region.
 #[derive(Clone, Copy, Debug)]
@@ -55,8 +67,10 @@ fn mean_of_corners<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(vertices: &[
 pub struct Deform<'a, T: Real, const AXISYMMETRIC: bool> {
     pub table: &'a PointTable<T>,
     pub active: &'a [Lanes<T>],
-    pub u: &'a [Vectors<T>],
-    pub deformation: &'a mut [Gradient<Lanes<T>>],
+    /// Of each node, its [`dimensions`].
+    pub u: &'a [Lanes<T>],
+    /// Of each point, its [`components`].
+    pub deformation: &'a mut [Lanes<T>],
     /// At each vertex of the block, m^3: of V (J - 1), and of V (I1 - 3) where the law is [mixed](super::super::mixed), or empty.
     pub sums: [&'a mut [Lanes<T>]; FIELDS],
     /// Smallest volume ratio so far.
@@ -77,6 +91,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Deform<'_, T, AXISYMMETRIC> 
             }
             let mut f = gather::<T, V, AXISYMMETRIC>(&table.local[visits.clone()], &table.gradient[visits], u);
             let (active, scale) = (V::load(&active[point]), V::splat(table.scale[point]));
+            let kept = &mut deformation[components(AXISYMMETRIC) * point..][..components(AXISYMMETRIC)];
             for k in 0..9 {
                 if is_there::<AXISYMMETRIC>(k) {
                     let undeformed = if k % 4 == 0 { one } else { zero };
@@ -84,7 +99,7 @@ impl<T: Real, const AXISYMMETRIC: bool> Pass<T> for Deform<'_, T, AXISYMMETRIC> 
                     if AXISYMMETRIC {
                         f[k] = f[k].where_positive(active, undeformed);
                     }
-                    deformation[point][k] = f[k].store();
+                    kept[place::<AXISYMMETRIC>(k)] = f[k].store();
                 }
             }
             let j = determinant_in::<V, AXISYMMETRIC>(&f, &cofactor_in::<V, AXISYMMETRIC>(&f));
@@ -119,11 +134,12 @@ pub struct Stress<'a, T: Real, L, const AXISYMMETRIC: bool> {
     pub table: &'a PointTable<T>,
     pub laws: &'a Laws<L>,
     pub active: &'a [Lanes<T>],
-    pub deformation: &'a [Gradient<Lanes<T>>],
+    /// As that of [`Deform`].
+    pub deformation: &'a [Lanes<T>],
     /// At each vertex of the block, Pa, and r - 1 or nothing.
     pub coarse: [&'a [Lanes<T>]; FIELDS],
-    /// On each node of the block, N.
-    pub force: &'a mut [ByLane<T>],
+    /// What the points in each lane of the groups add to each node of the block, N, its [`dimensions`]; zero between passes.
+    pub force: &'a mut [Lanes<T>],
     /// Of the block, J.
     pub energy: &'a mut Lanes<T>,
 }
@@ -142,7 +158,7 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T,
             }
             let lane = table.lane(point);
             let given = projected::<T, V, AXISYMMETRIC>(coarse, &table.corners[point]);
-            let (density, stress) = law.at::<AXISYMMETRIC>(&load::<T, V, AXISYMMETRIC>(&deformation[point]), given);
+            let (density, stress) = law.at::<AXISYMMETRIC>(&load::<T, V, AXISYMMETRIC>(deformation, point), given);
             // what is no tissue to one member must not spoil it
             let here = volume * volume;
             sums[lane] += (volume * density).where_positive(here, zero);
@@ -171,11 +187,11 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Stress<'_, T,
 pub struct Bound<'a, T: Real, L, const AXISYMMETRIC: bool> {
     pub table: &'a PointTable<T>,
     pub laws: &'a Laws<L>,
-    pub deformation: &'a [Gradient<Lanes<T>>],
     /// As those of [`Stress`].
+    pub deformation: &'a [Lanes<T>],
     pub coarse: [&'a [Lanes<T>]; FIELDS],
     /// Share of the masses over s, in the first component.
-    pub force: &'a mut [ByLane<T>],
+    pub force: &'a mut [Lanes<T>],
 }
 
 impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Bound<'_, T, L, AXISYMMETRIC> {
@@ -186,13 +202,27 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Bound<'_, T, L, 
             let lane = table.lane(point);
             let volume = Lanes::splat(table.volume[point].max(-table.volume[point]));
             let given = projected::<T, Lanes<T>, AXISYMMETRIC>(coarse, &table.corners[point]);
-            let stiffness = stiffness_by_lane(|lane| &laws.0[lane], &deformation[point], given);
+            let f = load::<T, Lanes<T>, AXISYMMETRIC>(deformation, point);
+            let stiffness = stiffness_by_lane(|lane| &laws.0[lane], &f, given);
             let share = volume * Lanes::splat(table.squares[point]) * stiffness;
             for &l in &table.local[table.visits(point)] {
-                force[usize::from(l)][lane][0] += share;
+                force[dimensions(AXISYMMETRIC) * (LANES * usize::from(l) + lane)] += share;
             }
         }
     }
+}
+
+/// A point's deformation gradient; zeros where a half plane has no other.
+#[inline(always)]
+fn load<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(kept: &[Lanes<T>], point: usize) -> Gradient<V> {
+    let kept = &kept[components(AXISYMMETRIC) * point..][..components(AXISYMMETRIC)];
+    let mut f = [V::default(); 9];
+    for k in 0..9 {
+        if is_there::<AXISYMMETRIC>(k) {
+            f[k] = V::load(&kept[place::<AXISYMMETRIC>(k)]);
+        }
+    }
+    f
 }
 
 /// sum_j u_j (x) grad phi_j, over the scale of the gradients, as in [`super::super::passes`].
@@ -200,20 +230,26 @@ impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Bound<'_, T, L, 
 fn gather<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     local: &[u16],
     gradient: &[[T; 3]],
-    u: &[Vectors<T>],
+    u: &[Lanes<T>],
 ) -> Gradient<V> {
     let mut f = [V::default(); 9];
-    for (l, g) in local.iter().zip(gradient) {
-        let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
-        let u = &u[usize::from(*l)];
-        if AXISYMMETRIC {
-            let (radial, axial) = (V::load(&u[0]), V::load(&u[2]));
+    let visits = local.iter().zip(gradient).map(|(l, g)| (usize::from(*l), g));
+    if AXISYMMETRIC {
+        let u = u.as_chunks::<2>().0;
+        for (l, g) in visits {
+            let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
+            let (radial, axial) = (V::load(&u[l][0]), V::load(&u[l][1]));
             f[0] = radial.fma(g[0], f[0]);
             f[2] = radial.fma(g[2], f[2]);
             f[4] = radial.fma(g[1], f[4]);
             f[6] = axial.fma(g[0], f[6]);
             f[8] = axial.fma(g[2], f[8]);
-        } else {
+        }
+    } else {
+        let u = u.as_chunks::<3>().0;
+        for (l, g) in visits {
+            let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
+            let u = &u[l];
             for i in 0..3 {
                 let u = V::load(&u[i]);
                 for k in 0..3 {
@@ -232,15 +268,22 @@ fn scatter<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     gradient: &[[T; 3]],
     p: &Gradient<V>,
     lane: usize,
-    force: &mut [ByLane<T>],
+    force: &mut [Lanes<T>],
 ) {
-    for (l, g) in local.iter().zip(gradient) {
-        let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
-        let force = &mut force[usize::from(*l)][lane];
-        if AXISYMMETRIC {
-            force[0] = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], V::load(&force[0])))).store();
-            force[2] = p[6].fma(g[0], p[8].fma(g[2], V::load(&force[2]))).store();
-        } else {
+    let visits = local.iter().zip(gradient).map(|(l, g)| (LANES * usize::from(*l) + lane, g));
+    if AXISYMMETRIC {
+        let force = force.as_chunks_mut::<2>().0;
+        for (at, g) in visits {
+            let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
+            let [radial, axial] = &mut force[at];
+            *radial = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], V::load(radial)))).store();
+            *axial = p[6].fma(g[0], p[8].fma(g[2], V::load(axial))).store();
+        }
+    } else {
+        let force = force.as_chunks_mut::<3>().0;
+        for (at, g) in visits {
+            let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
+            let force = &mut force[at];
             for i in 0..3 {
                 let sum = p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], V::load(&force[i])));
                 force[i] = p[3 * i].fma(g[0], sum).store();

@@ -1,7 +1,7 @@
 //! Members' own fields into the lanes and back.
 
 use super::super::block::{Block, Shares};
-use super::passes::{ByLane, Vectors};
+use super::passes::Vectors;
 use crate::approximation::Form;
 use crate::mirror::Mirror;
 use crate::number::Real;
@@ -11,7 +11,8 @@ use crate::number::lanes::{LANES, Lanes, Loop};
 pub struct Load<'a, T: Real> {
     pub block: &'a Block<T>,
     pub from: &'a [&'a [[f64; 3]]; LANES],
-    pub to: &'a mut [Vectors<T>],
+    /// Of each node, its [`dimensions`](super::passes::dimensions).
+    pub to: &'a mut [Lanes<T>],
 }
 
 impl<T: Real> Loop for Load<'_, T> {
@@ -22,12 +23,12 @@ impl<T: Real> Loop for Load<'_, T> {
         let nodes = from[0].len();
         let from = from.map(|u| &u[..nodes]);
         let (own, images) = block.nodes.split_at(block.originals);
-        let (to, of_images) = to[..block.nodes.len()].split_at_mut(own.len());
         let mut origin = gathered(&from, block.nodes[0]);
         match block.form {
-            Form::Full => load(&from, &origin, own, to),
+            Form::Full => load::<T, 3>(&from, &origin, own, to),
             Form::Mirrored(mirror) => {
-                load(&from, &origin, own, to);
+                let (to, of_images) = to.as_chunks_mut::<3>().0.split_at_mut(own.len());
+                load::<T, 3>(&from, &origin, own, to.as_flattened_mut());
                 for (to, &n) in of_images.iter_mut().zip(images) {
                     let image = mirrored(&mirror, &gathered(&from, n));
                     *to = std::array::from_fn(|c| Lanes::narrow(image[c] - origin[c]));
@@ -36,22 +37,35 @@ impl<T: Real> Loop for Load<'_, T> {
             Form::Axisymmetric => {
                 // only a motion along the axis is rigid
                 origin[0] = Lanes::default();
-                load(&from, &origin, own, to);
-                load(&from, &origin, images, of_images);
-                of_images.iter_mut().for_each(|to| to[0] = -to[0]);
+                let (to, of_images) = to.as_chunks_mut::<2>().0.split_at_mut(own.len());
+                load::<T, 2>(&from, &origin, own, to.as_flattened_mut());
+                load::<T, 2>(&from, &origin, images, of_images.as_flattened_mut());
+                of_images.iter_mut().take(images.len()).for_each(|to| to[0] = -to[0]);
             }
         }
     }
 }
 
+/// Three components of a vector, or x and z.
 #[inline(always)]
-fn load<T: Real>(from: &[&[[f64; 3]]; LANES], origin: &Vectors<f64>, nodes: &[u32], to: &mut [Vectors<T>]) {
-    for (to, &n) in to.iter_mut().zip(nodes) {
+fn load<T: Real, const D: usize>(
+    from: &[&[[f64; 3]]; LANES],
+    origin: &Vectors<f64>,
+    nodes: &[u32],
+    to: &mut [Lanes<T>],
+) {
+    for (to, &n) in to.as_chunks_mut::<D>().0.iter_mut().zip(nodes) {
         let u = gathered(from, n);
-        for c in 0..3 {
-            to[c] = Lanes::narrow(u[c] - origin[c]);
+        for (k, c) in of_vector(D).enumerate() {
+            to[k] = Lanes::narrow(u[c] - origin[c]);
         }
     }
+}
+
+/// Components of a vector of which so many are kept: see [`dimensions`](super::passes::dimensions).
+#[inline(always)]
+fn of_vector(kept: usize) -> impl Iterator<Item = usize> {
+    (0..3).step_by(4 - kept)
 }
 
 /// A node's vector of each member.
@@ -66,23 +80,25 @@ fn gathered(from: &[&[[f64; 3]]; LANES], n: u32) -> Vectors<f64> {
 }
 
 /// Adds up what the lanes of the groups have added to each node, and leaves zero in them.
-pub struct SumLanes<'a, T: Real> {
-    pub from: &'a mut [ByLane<T>],
+pub struct SumLanes<'a, T: Real, const D: usize> {
+    /// Of each node and lane, its [`dimensions`](super::passes::dimensions).
+    pub from: &'a mut [Lanes<T>],
     pub to: &'a mut [Vectors<T>],
 }
 
-impl<T: Real> Loop for SumLanes<'_, T> {
+impl<T: Real, const D: usize> Loop for SumLanes<'_, T, D> {
     #[inline(always)]
     fn go(self) {
-        for (from, to) in self.from.iter_mut().zip(self.to) {
-            for c in 0..3 {
+        let by_lane = self.from.as_chunks_mut::<D>().0.as_chunks_mut::<LANES>().0;
+        for (from, to) in by_lane.iter_mut().zip(self.to) {
+            for (k, c) in of_vector(D).enumerate() {
                 let mut lanes = [Lanes::default(); LANES];
                 for (lane, from) in lanes.iter_mut().zip(from.iter()) {
-                    *lane = from[c];
+                    *lane = from[k];
                 }
                 to[c] = Lanes::sum_of(&lanes);
             }
-            *from = [[Lanes::default(); 3]; LANES];
+            *from = [[Lanes::default(); D]; LANES];
         }
     }
 }
