@@ -53,7 +53,8 @@ pub(super) struct Capture {
 impl Capture {
     /// How far the node is held along the needle: a ramp from 0 to 1.
     pub fn share(&self, depth: f64, window: f64) -> f64 {
-        ((depth - self.since) / window).clamp(0.0, 1.0)
+        let way = depth - self.since;
+        if way >= window { 1.0 } else { (way / window).clamp(0.0, 1.0) }
     }
 
     /// Whether the needle comes back the way that it came.
@@ -69,7 +70,10 @@ impl Capture {
 
 /// s of a node at depth z.
 pub(super) fn passed(depth: f64, z: f64, layer: f64) -> f64 {
-    // a tip that is at a layer but for round-off has passed it
+    // most nodes are long behind the tip; one that is at a layer but for round-off has passed it
+    if depth >= z {
+        return 1.0;
+    }
     (1.0 + 1e-9 + (depth - z) / layer).clamp(0.0, 1.0)
 }
 

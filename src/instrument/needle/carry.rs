@@ -35,7 +35,7 @@ impl NeedlePath {
             self.progress.hold[i] = hold;
             if let Hold::Captured(capture) = hold {
                 self.carry(i, &capture, tip, solver);
-                if capture.passed >= 1.0 {
+                if capture.passed >= 1.0 && !self.revolved {
                     behind = self.off_path(tip, z, capture.beside);
                 }
             }

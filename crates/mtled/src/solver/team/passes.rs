@@ -270,20 +270,20 @@ fn scatter<T: Real, V: Vector<T>, const AXISYMMETRIC: bool>(
     lane: usize,
     force: &mut [Lanes<T>],
 ) {
-    let visits = local.iter().zip(gradient).map(|(l, g)| (LANES * usize::from(*l) + lane, g));
+    let visits = local.iter().zip(gradient).map(|(l, g)| (usize::from(*l), g));
     if AXISYMMETRIC {
-        let force = force.as_chunks_mut::<2>().0;
-        for (at, g) in visits {
+        let by_lane = force.as_chunks_mut::<2>().0.as_chunks_mut::<LANES>().0;
+        for (l, g) in visits {
             let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
-            let [radial, axial] = &mut force[at];
+            let [radial, axial] = &mut by_lane[l][lane];
             *radial = p[0].fma(g[0], p[4].fma(g[1], p[2].fma(g[2], V::load(radial)))).store();
             *axial = p[6].fma(g[0], p[8].fma(g[2], V::load(axial))).store();
         }
     } else {
-        let force = force.as_chunks_mut::<3>().0;
-        for (at, g) in visits {
+        let by_lane = force.as_chunks_mut::<3>().0.as_chunks_mut::<LANES>().0;
+        for (l, g) in visits {
             let g = [V::splat(g[0]), V::splat(g[1]), V::splat(g[2])];
-            let force = &mut force[at];
+            let force = &mut by_lane[l][lane];
             for i in 0..3 {
                 let sum = p[3 * i + 1].fma(g[1], p[3 * i + 2].fma(g[2], V::load(&force[i])));
                 force[i] = p[3 * i].fma(g[0], sum).store();
