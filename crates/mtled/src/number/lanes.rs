@@ -147,6 +147,10 @@ impl<T: Real> Number for Lanes<T> {
         out
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(Number::sqrt)
+    }
+    #[inline(always)]
     fn inverse_cube_root(self) -> Self {
         let mut y = self.map(T::inverse_cube_root_estimate);
         for _ in 0..T::CUBE_ROOT_ITERATIONS {

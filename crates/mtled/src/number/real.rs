@@ -30,6 +30,9 @@ pub trait Number:
     /// self * b + c: rounded once in single precision, twice in double, in which laws are evaluated where a fused product would be a call.
     #[must_use]
     fn product_sum(self, b: Self, c: Self) -> Self;
+    /// Square root.
+    #[must_use]
+    fn sqrt(self) -> Self;
     /// x^(-1/3) for x > 0.
     #[must_use]
     fn inverse_cube_root(self) -> Self;
@@ -97,6 +100,10 @@ macro_rules! real {
             #[inline(always)]
             fn product_sum(self, b: Self, c: Self) -> Self {
                 $product_sum(self, b, c)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <$t>::sqrt(self)
             }
             #[inline(always)]
             fn inverse_cube_root(self) -> Self {

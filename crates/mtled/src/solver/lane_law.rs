@@ -17,8 +17,6 @@ pub(super) trait LaneLaw<T: Real>: Copy {
     fn splat<V: Vector<T>>(&self) -> Self::Wide<V>;
     /// Each lane's own law; what is no number from the first.
     fn side_by_side<V: Vector<T>>(laws: &[Self; LANES]) -> Self::Wide<V>;
-    /// [`Constants::stiffness`](super::points::Constants::stiffness) of a point.
-    fn stiffness_of_lane(&self, f: &Gradient<T>, projected: Projected<T>) -> T;
 }
 
 /// A law of as many points as a number has lanes.
@@ -26,6 +24,8 @@ pub(super) trait WideLaw<N: Number>: Copy {
     /// Energy density, less what is projected, and first Piola-Kirchhoff stress, of what
     /// [`is_there`](crate::material::neo_hookean::is_there).
     fn at<const AXISYMMETRIC: bool>(&self, f: &Gradient<N>, projected: Projected<N>) -> (N, Gradient<N>);
+    /// [`Constants::stiffness`](super::points::Constants::stiffness).
+    fn stiffness(&self, f: &Gradient<N>, projected: Projected<N>) -> N;
 }
 
 impl<T: Real, L: LaneLaw<T>> PointLaw<T> for L {
@@ -40,24 +40,9 @@ impl<T: Real, L: LaneLaw<T>> PointLaw<T> for L {
     }
 
     #[inline(always)]
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T> {
-        stiffness_by_lane(|_| self, f, projected)
+    fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V {
+        self.splat::<V>().stiffness(f, projected)
     }
-}
-
-/// Stiffness of eight points, each by its own law.
-#[inline(always)]
-pub(super) fn stiffness_by_lane<'l, T: Real, L: LaneLaw<T> + 'l>(
-    law: impl Fn(usize) -> &'l L,
-    f: &Gradient<Lanes<T>>,
-    projected: Projected<Lanes<T>>,
-) -> Lanes<T> {
-    let mut stiffness = Lanes::default();
-    for lane in 0..LANES {
-        let f = std::array::from_fn(|i| f[i].0[lane]);
-        stiffness.0[lane] = law(lane).stiffness_of_lane(&f, projected.of_lane(lane));
-    }
-    stiffness
 }
 
 /// [`crate::material::neo_hookean`] in the kernel's own precision.
@@ -93,17 +78,6 @@ impl<T: Real> LaneLaw<T> for NeoHookean<T> {
             resists_collapse: laws[0].resists_collapse,
         }
     }
-
-    // the energy of volume being quadratic, the pressure does not change its curvature
-    #[inline(always)]
-    fn stiffness_of_lane(&self, f: &Gradient<T>, _: Projected<T>) -> T {
-        let cof = cofactor(f);
-        let (j, lack) = clamped(determinant(f, &cof));
-        let root = j.inverse_cube_root();
-        let curvature = if self.resists_collapse { collapse_curvature(j) } else { T::of(1.0) };
-        let bulk = self.projected + self.pointwise * curvature;
-        plane_wave(f, largest_square(&cof), j, root * root * excess(lack), self.mu, bulk)
-    }
 }
 
 impl<N: Number> WideLaw<N> for NeoHookean<N> {
@@ -119,5 +93,16 @@ impl<N: Number> WideLaw<N> for NeoHookean<N> {
         };
         let energy = distortional_energy_in::<N, AXISYMMETRIC>(f, j, self.mu) + energy;
         (energy, first_piola_in::<N, AXISYMMETRIC>(f, &cof, j, self.mu, projected.pressure + own))
+    }
+
+    // the energy of volume being quadratic, the pressure does not change its curvature
+    #[inline(always)]
+    fn stiffness(&self, f: &Gradient<N>, _: Projected<N>) -> N {
+        let cof = cofactor(f);
+        let (j, lack) = clamped(determinant(f, &cof));
+        let root = j.inverse_cube_root();
+        let curvature = if self.resists_collapse { collapse_curvature(j) } else { N::of(1.0) };
+        let bulk = self.projected + self.pointwise * curvature;
+        plane_wave(f, largest_square(&cof), j, root * root * excess(lack), self.mu, bulk)
     }
 }

@@ -20,8 +20,8 @@ use super::memory::Memory;
 use super::model::{Model, Workspace, with_kernel};
 use super::points::{Constants, PointLaw, Relaxing};
 use super::state::State;
-use crate::number::lanes::{Loop, run};
-use crate::number::{Number, Real};
+use crate::number::Real;
+use crate::number::vector::{Pass, Vector, load_all, run_pass};
 
 /// Masses shrink by at most this factor per refresh, so that a point on the verge doesn't make them swing.
 const FADE: f64 = 0.95;
@@ -74,9 +74,11 @@ impl<T: Real> Block<T> {
         force: &mut [[T; 3]],
     ) {
         match (constants.of_mixed(), constants.plain()) {
-            (Some(law), _) => run(Bound { block: self, law: &law, scratch, lanes, force }),
-            (None, Some(law)) => run(Bound { block: self, law: &law, scratch, lanes, force }),
-            (None, None) => run(Bound { block: self, law: &Relaxing { constants, memory }, scratch, lanes, force }),
+            (Some(law), _) => run_pass(Bound { block: self, law: &law, scratch, lanes, force }),
+            (None, Some(law)) => run_pass(Bound { block: self, law: &law, scratch, lanes, force }),
+            (None, None) => {
+                run_pass(Bound { block: self, law: &Relaxing { constants, memory }, scratch, lanes, force })
+            }
         }
     }
 }
@@ -90,14 +92,15 @@ struct Bound<'a, T: Real, L> {
     force: &'a mut [[T; 3]],
 }
 
-impl<T: Real, L: PointLaw<T>> Loop for Bound<'_, T, L> {
+impl<T: Real, L: PointLaw<T>> Pass<T> for Bound<'_, T, L> {
     #[inline(always)]
-    fn go(self) {
+    fn go<V: Vector<T>>(self) {
         let Self { block, law, scratch, lanes, force } = self;
         for group in 0..block.volume.len() {
-            let volume = block.volume[group].max(-block.volume[group]);
-            let stiffness = law.stiffness(&scratch.deformation[group], block.projected(scratch, group));
-            let share = volume * block.squares[group] * stiffness;
+            let volume = V::load(&block.volume[group]);
+            let f = load_all::<T, V, 9>(&scratch.deformation[group]);
+            let stiffness = law.stiffness(&f, block.projected(scratch, group));
+            let share = (volume.max(-volume) * V::load(&block.squares[group]) * stiffness).store();
             for visit in block.start[group] as usize..block.start[group + 1] as usize {
                 lanes[usize::from(block.local[visit])][0] += share.where_bit(block.used[visit]);
             }

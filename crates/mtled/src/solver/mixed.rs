@@ -93,6 +93,21 @@ impl<N: Number> WideLaw<N> for Mixed<N> {
         let (energy, own) = collapse(determinant_in::<N, AXISYMMETRIC>(f, &cof), self.pointwise);
         (energy, stress::<N, AXISYMMETRIC>(f, &cof, self.mu, projected, own))
     }
+
+    /// Bound of a.A.a over unit vectors as [`Constants::stiffness`]: mu r + c^2 (kappa - kappa_s + kappa_s w'' + 5/9 mu theta^-8/3 I_P),
+    /// the last term from q: 5/3 (kappa - kappa_s - (kappa - kappa_s + q) / theta).
+    #[inline(always)]
+    fn stiffness(&self, f: &Gradient<N>, projected: Projected<N>) -> N {
+        let cof = cofactor(f);
+        let (j, _) = clamped(determinant(f, &cof));
+        let r = (N::of(1.0) + projected.shrinkage).max(N::of(0.01));
+        // theta^-1 = r^(3/2)
+        let inverse = r * r.sqrt();
+        let kappa = self.projected;
+        let distortion = N::of(5.0 / 3.0) * (kappa - (kappa + projected.pressure - self.mu) * inverse);
+        let bulk = kappa + self.pointwise * collapse_curvature(j) + distortion.max(N::of(5.0 / 3.0) * self.mu);
+        self.mu * r + bulk * largest_square(&cof)
+    }
 }
 
 impl<T: Real> LaneLaw<T> for Mixed<T> {
@@ -108,21 +123,6 @@ impl<T: Real> LaneLaw<T> for Mixed<T> {
         let of = |number: fn(&Self) -> T| Lanes(laws.each_ref().map(number));
         let (mu, pointwise, projected) = (of(|law| law.mu), of(|law| law.pointwise), of(|law| law.projected));
         Mixed { mu: V::load(&mu), pointwise: V::load(&pointwise), projected: V::load(&projected) }
-    }
-
-    /// Bound of a.A.a over unit vectors as [`Constants::stiffness`]: mu r + c^2 (kappa - kappa_s + kappa_s w'' + 5/9 mu theta^-8/3 I_P),
-    /// the last term from q: 5/3 (kappa - kappa_s - (kappa - kappa_s + q) / theta).
-    #[inline(always)]
-    fn stiffness_of_lane(&self, f: &Gradient<T>, projected: Projected<T>) -> T {
-        let cof = cofactor(f);
-        let (j, _) = clamped(determinant(f, &cof));
-        let r = (T::of(1.0) + projected.shrinkage).max(T::of(0.01));
-        // theta^-1 = r^(3/2)
-        let inverse = r * T::of(r.get().sqrt());
-        let kappa = self.projected;
-        let distortion = T::of(5.0 / 3.0) * (kappa - (kappa + projected.pressure - self.mu) * inverse);
-        let bulk = kappa + self.pointwise * collapse_curvature(j) + distortion.max(T::of(5.0 / 3.0) * self.mu);
-        self.mu * r + bulk * largest_square(&cof)
     }
 }
 
@@ -153,7 +153,7 @@ mod tests {
                     + if i == 2 { size } else { 0.05 * size.min(1.0) * (1.7 * i as f64).sin() }
             });
             let (_, at) = parts(&f);
-            let bound = point.stiffness_of_lane(&f, Projected { pressure: at.pressure, shrinkage: at.shrinkage });
+            let bound = point.stiffness(&f, Projected { pressure: at.pressure, shrinkage: at.shrinkage });
             for k in 0..60 {
                 let angle = |n: usize| (1.3 + n as f64) * f64::from(k) + n as f64;
                 let unit = |n: usize| {

@@ -36,14 +36,6 @@ pub struct Projected<N> {
     pub shrinkage: N,
 }
 
-impl<T: Real> Projected<Lanes<T>> {
-    /// Of one point.
-    #[inline(always)]
-    pub fn of_lane(&self, lane: usize) -> Projected<T> {
-        Projected { pressure: self.pressure.0[lane], shrinkage: self.shrinkage.0[lane] }
-    }
-}
-
 impl Constants {
     /// How this bulk modulus is shared out for a volume ratio.
     pub fn new(law: &Law, volume_ratio: VolumeRatio) -> Self {
@@ -133,30 +125,51 @@ pub(super) fn plane_wave<T: Number>(f: &Gradient<T>, c2: T, j: T, cube: T, mu: T
 /// all are equal.
 #[inline(always)]
 pub(super) fn largest_square<T: Number>(a: &Gradient<T>) -> T {
-    // symmetric: xx, yy, zz, xy, yz, zx
-    let dot = |i: usize, j: usize| a[i] * a[j] + a[i + 3] * a[j + 3] + a[i + 6] * a[j + 6];
-    let own = [dot(0, 0), dot(1, 1), dot(2, 2), dot(0, 1), dot(1, 2), dot(2, 0)];
-    let trace = own[0] + own[1] + own[2];
+    let mut s = [
+        of_columns(a, 0, 0),
+        of_columns(a, 1, 1),
+        of_columns(a, 2, 2),
+        of_columns(a, 0, 1),
+        of_columns(a, 1, 2),
+        of_columns(a, 2, 0),
+    ];
+    let trace = s[0] + s[1] + s[2];
     let inverse = T::of(1.0) / trace;
-    let s = own.map(|x| x * inverse);
-    // of two that commute
-    let times = |x: &[T; 6], y: &[T; 6]| {
-        [
-            x[0] * y[0] + x[3] * y[3] + x[5] * y[5],
-            x[3] * y[3] + x[1] * y[1] + x[4] * y[4],
-            x[5] * y[5] + x[4] * y[4] + x[2] * y[2],
-            x[0] * y[3] + x[3] * y[1] + x[5] * y[4],
-            x[3] * y[5] + x[1] * y[4] + x[4] * y[2],
-            x[5] * y[0] + x[4] * y[3] + x[2] * y[5],
-        ]
-    };
-    let inner = |x: &[T; 6], y: &[T; 6]| {
-        let off = x[3] * y[3] + x[4] * y[4] + x[5] * y[5];
-        x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + off + off
-    };
-    let s2 = times(&s, &s);
-    let s3 = times(&s2, &s);
+    for x in &mut s {
+        *x = *x * inverse;
+    }
+    let s2 = product(&s, &s);
+    let s3 = product(&s2, &s);
     trace * inner(&s3, &s2) / inner(&s2, &s2)
+}
+
+/// Inner product of two columns.
+#[inline(always)]
+fn of_columns<T: Number>(a: &Gradient<T>, i: usize, j: usize) -> T {
+    a[i] * a[j] + a[i + 3] * a[j + 3] + a[i + 6] * a[j + 6]
+}
+
+/// A symmetric tensor: xx, yy, zz, xy, yz, zx.
+type Symmetric<T> = [T; 6];
+
+/// Product of two that commute.
+#[inline(always)]
+fn product<T: Number>(x: &Symmetric<T>, y: &Symmetric<T>) -> Symmetric<T> {
+    [
+        x[0] * y[0] + x[3] * y[3] + x[5] * y[5],
+        x[3] * y[3] + x[1] * y[1] + x[4] * y[4],
+        x[5] * y[5] + x[4] * y[4] + x[2] * y[2],
+        x[0] * y[3] + x[3] * y[1] + x[5] * y[4],
+        x[3] * y[5] + x[1] * y[4] + x[4] * y[2],
+        x[5] * y[0] + x[4] * y[3] + x[2] * y[5],
+    ]
+}
+
+/// Inner product of two.
+#[inline(always)]
+fn inner<T: Number>(x: &Symmetric<T>, y: &Symmetric<T>) -> T {
+    let off = x[3] * y[3] + x[4] * y[4] + x[5] * y[5];
+    x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + off + off
 }
 
 /// Energy density and stress of a group of points.
@@ -170,7 +183,7 @@ pub trait PointLaw<T: Real> {
         projected: Projected<V>,
     ) -> (V, Gradient<V>);
     /// [`Constants::stiffness`] of the same points.
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T>;
+    fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V;
 }
 
 /// Any law, with memory if it relaxes. In double precision: logarithms and nearly equal stretches need the digits.
@@ -201,13 +214,14 @@ impl<T: Real> PointLaw<T> for Relaxing<'_> {
     }
 
     #[inline]
-    fn stiffness(&self, f: &Gradient<Lanes<T>>, projected: Projected<Lanes<T>>) -> Lanes<T> {
+    fn stiffness<V: Vector<T>>(&self, f: &Gradient<V>, projected: Projected<V>) -> V {
+        let (f, pressure) = (f.map(V::store), projected.pressure.store());
         let mut stiffness = Lanes::default();
         for lane in 0..LANES {
             let f = f.map(|x| x.0[lane].get());
-            stiffness.0[lane] = T::of(self.constants.stiffness(&f, projected.pressure.0[lane].get()));
+            stiffness.0[lane] = T::of(self.constants.stiffness(&f, pressure.0[lane].get()));
         }
-        stiffness
+        V::load(&stiffness)
     }
 }
 

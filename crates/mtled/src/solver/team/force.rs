@@ -277,9 +277,9 @@ fn bound<T: Real, L: LaneLaw<T>>(
     force: &mut [Lanes<T>],
 ) {
     if planar {
-        run(Bound::<_, _, true> { table, laws, deformation, coarse, force });
+        run_pass(Bound::<_, _, true> { table, laws, deformation, coarse, force });
     } else {
-        run(Bound::<_, _, false> { table, laws, deformation, coarse, force });
+        run_pass(Bound::<_, _, false> { table, laws, deformation, coarse, force });
     }
 }
 

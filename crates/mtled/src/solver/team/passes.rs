@@ -5,12 +5,12 @@
 
 use crate::material::neo_hookean::{Gradient, cofactor_in, determinant_in, is_there};
 
-use super::super::lane_law::{LaneLaw, WideLaw, stiffness_by_lane};
+use super::super::lane_law::{LaneLaw, WideLaw};
 use super::super::points::Projected;
 use super::super::strip::FIELDS;
 use super::table::PointTable;
 use crate::number::Real;
-use crate::number::lanes::{LANES, Lanes, Loop};
+use crate::number::lanes::{LANES, Lanes};
 use crate::number::vector::{Pass, Vector};
 
 /// Bytes of a line of the cache, and how far ahead gradients are asked for.
@@ -194,19 +194,20 @@ pub struct Bound<'a, T: Real, L, const AXISYMMETRIC: bool> {
     pub force: &'a mut [Lanes<T>],
 }
 
-impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Loop for Bound<'_, T, L, AXISYMMETRIC> {
+impl<T: Real, L: LaneLaw<T>, const AXISYMMETRIC: bool> Pass<T> for Bound<'_, T, L, AXISYMMETRIC> {
     #[inline(always)]
-    fn go(self) {
+    fn go<V: Vector<T>>(self) {
         let Self { table, laws, deformation, coarse, force } = self;
+        let law = L::side_by_side::<V>(&laws.0);
         for point in 0..table.len() {
             let lane = table.lane(point);
-            let volume = Lanes::splat(table.volume[point].max(-table.volume[point]));
-            let given = projected::<T, Lanes<T>, AXISYMMETRIC>(coarse, &table.corners[point]);
-            let f = load::<T, Lanes<T>, AXISYMMETRIC>(deformation, point);
-            let stiffness = stiffness_by_lane(|lane| &laws.0[lane], &f, given);
-            let share = volume * Lanes::splat(table.squares[point]) * stiffness;
+            let volume = V::splat(table.volume[point].max(-table.volume[point]));
+            let given = projected::<T, V, AXISYMMETRIC>(coarse, &table.corners[point]);
+            let stiffness = law.stiffness(&load::<T, V, AXISYMMETRIC>(deformation, point), given);
+            let share = volume * V::splat(table.squares[point]) * stiffness;
             for &l in &table.local[table.visits(point)] {
-                force[dimensions(AXISYMMETRIC) * (LANES * usize::from(l) + lane)] += share;
+                let sum = &mut force[dimensions(AXISYMMETRIC) * (LANES * usize::from(l) + lane)];
+                *sum = (V::load(sum) + share).store();
             }
         }
     }
