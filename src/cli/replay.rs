@@ -92,7 +92,12 @@ fn replay(
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
         let sightings = recording.sightings();
-        members.add(&mut run, scene, Driven { readings: &readings, at: &at, sightings: &sightings }, stop)?;
+        members.add(
+            &mut run,
+            scene,
+            Driven { readings: &readings, at: &at, sightings: &sightings, twin: Some(&twin) },
+            stop,
+        )?;
     }
     Ok(run)
 }

@@ -86,7 +86,12 @@ pub(super) fn solve(scene: &Scene, motion: &Motion, keep: Keep, members: Option<
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
         let readings: Vec<_> = readings().collect();
-        members.add(&mut run, scene, Driven { readings: &readings, at: &at, sightings: &[] }, stop)?;
+        members.add(
+            &mut run,
+            scene,
+            Driven { readings: &readings, at: &at, sightings: &[], twin: Some(&twin) },
+            stop,
+        )?;
     }
     Ok(run)
 }

@@ -183,7 +183,7 @@ fn a_member_that_is_lost_is_counted_and_left_out() {
     let mut run = single(&scene, &readings);
     let at: Vec<usize> = (0..run.answers.len()).collect();
     let crew = Crew { threads: 2, stop: None, done: &|| {} };
-    let driven = Driven { readings: &readings, at: &at, sightings: &[] };
+    let driven = Driven { readings: &readings, at: &at, sightings: &[], twin: None };
     ensemble::add(&mut run, &scene, &members, driven, Size { members: 4, seed: 0 }, &crew).unwrap();
     let found = run.ensemble.clone().unwrap();
     assert_eq!((found.members, found.used), (4, 3));

@@ -271,7 +271,7 @@ fn drive(
         let mut run = compare::drive(&mut twin, readings.iter().copied(), measured, collector, &mut answered);
         if !members.is_empty() {
             let crew = Crew { threads: rayon::current_num_threads(), stop: Some(flag), done: &|| {} };
-            let driven = Driven { readings: &readings, at: &answered.at, sightings: &sightings };
+            let driven = Driven { readings: &readings, at: &answered.at, sightings: &sightings, twin: Some(&twin) };
             ensemble::add(&mut run, scene, &members, driven, size, &crew).map_err(error::ensemble)?;
         }
         Ok(run)

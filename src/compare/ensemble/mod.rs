@@ -31,6 +31,7 @@ use std::time::Instant;
 use super::rows::at_rest;
 use super::{Reading, Run};
 use crate::scene::{Scene, Uncertain};
+use crate::twin::Twin;
 use assimilate::{Observed, Tracked};
 
 /// What an ensemble says of a run.
@@ -104,6 +105,8 @@ pub struct Driven<'a> {
     pub at: &'a [usize],
     /// Tracked points, in the order of time.
     pub sightings: &'a [Sighting],
+    /// The twin that they drove: members share its cloud, if it is theirs, and none is built for them.
+    pub twin: Option<&'a Twin>,
 }
 
 /// Runs [`members`] of a scene over the readings of a finished run and adds what they say to it. A member that comes to no end is left out,
@@ -120,7 +123,7 @@ pub fn add(
     crew: &Crew,
 ) -> Result<(), EnsembleError> {
     let begun = Instant::now();
-    let Driven { readings, at, sightings } = driven;
+    let Driven { readings, at, sightings, twin } = driven;
     let mut sightings = sightings.to_vec();
     let (before, targets) = (sightings.len(), scene.targets.len());
     sightings.retain(|seen| seen.places.len() == targets);
@@ -131,10 +134,10 @@ pub fn add(
         ));
     }
     let times: Vec<f64> = sightings.iter().map(|seen| seen.time_s).collect();
-    let Paths { of_member, runs } = tracked_paths(members, readings, &times, crew)?;
+    let Paths { of_member, runs } = path::paths_beside(members, readings, &times, crew, twin)?;
     let used: Vec<&MemberPath> = of_member.iter().filter_map(|path| path.as_ref().ok()).collect();
     let spread = |t: usize| Spread::of(used.iter().filter_map(|path| path.targets.get(t).copied()));
-    let assimilated = measured(run, members, &of_member, Driven { readings, at, sightings: &sightings });
+    let assimilated = measured(run, members, &of_member, Driven { sightings: &sightings, ..driven });
     run.ensemble = Some(Ensemble {
         members: size.members,
         used: used.len(),
@@ -161,7 +164,7 @@ fn measured(
     run: &Run,
     members: &[Member],
     paths: &[Result<MemberPath, String>],
-    Driven { readings, at, sightings }: Driven,
+    Driven { readings, at, sightings, .. }: Driven,
 ) -> Option<(Vec<usize>, Assimilated)> {
     let used: Vec<(&Member, &MemberPath)> =
         members.iter().zip(paths).filter_map(|(member, path)| Some((member, path.as_ref().ok()?))).collect();

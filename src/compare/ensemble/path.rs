@@ -14,6 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Answered, Crew, EnsembleError, Member, together};
 use crate::compare::{self, Answer, At, Collector, Keep, Reading, TargetRow, Watch};
+use crate::scene::Scene;
 use crate::twin::{Pose, Team, Twin};
 
 /// Why a run that somebody wanted to end has no path.
@@ -58,9 +59,21 @@ pub fn tracked_paths(
     times_s: &[f64],
     crew: &Crew,
 ) -> Result<Paths, EnsembleError> {
+    paths_beside(members, readings, times_s, crew, None)
+}
+
+/// The same beside a twin whose cloud members share, if it is theirs.
+pub(super) fn paths_beside(
+    members: &[Member],
+    readings: &[Reading],
+    times_s: &[f64],
+    crew: &Crew,
+    twin: Option<&Twin>,
+) -> Result<Paths, EnsembleError> {
     let (first, run_of) = distinct(members);
     // members on one cloud share it; a first one that can't be built says so in its own run
-    let cloud = if first.len() > 1 { Twin::new(&members[first[0]].scene).ok() } else { None };
+    let build = |scene: &Scene| twin.and_then(|twin| twin.sibling(scene)).or_else(|| Twin::new(scene).ok());
+    let cloud = if first.len() > 1 { build(&members[first[0]].scene) } else { None };
     let course = Course { readings, times_s, stop: crew.stop.clone() };
     let groups = together::groups(first.len(), crew.threads);
     let beside = cloud.as_ref().filter(|_| groups.iter().any(|g| g.len() > 1)).and_then(|c| Team::new(&[c], None));
