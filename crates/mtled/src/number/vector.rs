@@ -115,36 +115,24 @@ mod avx2 {
         }
     }
 
-    impl Add for Eight {
-        type Output = Self;
-        #[inline(always)]
-        fn add(self, other: Self) -> Self {
-            instruction!(x86::_mm256_add_ps(self.0, other.0))
-        }
+    /// Operators, each an instruction of two registers.
+    macro_rules! operators {
+        ($($operator:ident::$method:ident: $instruction:ident,)+) => {$(
+            impl $operator for Eight {
+                type Output = Self;
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    instruction!(x86::$instruction(self.0, other.0))
+                }
+            }
+        )+};
     }
 
-    impl Sub for Eight {
-        type Output = Self;
-        #[inline(always)]
-        fn sub(self, other: Self) -> Self {
-            instruction!(x86::_mm256_sub_ps(self.0, other.0))
-        }
-    }
-
-    impl Mul for Eight {
-        type Output = Self;
-        #[inline(always)]
-        fn mul(self, other: Self) -> Self {
-            instruction!(x86::_mm256_mul_ps(self.0, other.0))
-        }
-    }
-
-    impl Div for Eight {
-        type Output = Self;
-        #[inline(always)]
-        fn div(self, other: Self) -> Self {
-            instruction!(x86::_mm256_div_ps(self.0, other.0))
-        }
+    operators! {
+        Add::add: _mm256_add_ps,
+        Sub::sub: _mm256_sub_ps,
+        Mul::mul: _mm256_mul_ps,
+        Div::div: _mm256_div_ps,
     }
 
     impl Neg for Eight {
