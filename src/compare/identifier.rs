@@ -206,12 +206,14 @@ impl Identifier {
         }
         self.clock_s += if since_s.is_finite() { since_s } else { 0.0 };
         let row = self.effects(predicted_n, inserted).to_vec();
+        let before = self.learner.tally(self.force);
         self.learner.take(
             self.force,
             self.clock_s,
             Reading { off: measured_n - predicted_n, row, force_n: Some(predicted_n), doubt: doubt_n },
         );
-        self.judge()
+        // nothing is learnt within a block
+        if self.learner.tally(self.force) == before { None } else { self.judge() }
     }
 
     /// Takes note that the load cell is at fault. Gives the state if it has changed.

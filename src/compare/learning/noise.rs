@@ -30,10 +30,14 @@ impl Differences {
 
     /// Standard deviation, from at least so many.
     fn deviation(&self, fewest: usize) -> Option<f64> {
-        let mut sorted: Vec<f64> = self.0.iter().copied().collect();
-        sorted.sort_unstable_by(f64::total_cmp);
+        if self.0.len() < fewest.max(1) {
+            return None;
+        }
+        let mut sizes: Vec<f64> = self.0.iter().copied().collect();
+        let half = sizes.len() / 2;
+        let (_, median, _) = sizes.select_nth_unstable_by(half, f64::total_cmp);
         // the median of the size of a normal number is 0.6745 of its standard deviation
-        sorted.get(sorted.len() / 2).filter(|_| sorted.len() >= fewest).map(|median| median / 0.6745)
+        Some(*median / 0.6745)
     }
 }
 
