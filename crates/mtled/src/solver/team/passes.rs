@@ -22,8 +22,8 @@ const AHEAD: usize = 2048;
 /// A number of each member at each of a vector's components.
 pub type Vectors<T> = [Lanes<T>; 3];
 
-/// Components of a node's vector that the passes keep: x and z of a half plane, where y is zero. What they keep stands in the second cache,
-/// whose lines are most of what a point costs.
+/// Components of a node's vector that the passes keep: x and z of a half plane, where y is zero. What they keep fills the first cache
+/// many times over.
 pub const fn dimensions(axisymmetric: bool) -> usize {
     if axisymmetric { 2 } else { 3 }
 }
