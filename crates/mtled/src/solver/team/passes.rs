@@ -23,7 +23,7 @@ const AHEAD: usize = 2048;
 pub type Vectors<T> = [Lanes<T>; 3];
 
 /// Components of a node's vector that the passes keep: x and z of a half plane, where y is zero. What they keep fills the first cache
-/// many times over.
+/// several times over.
 pub const fn dimensions(axisymmetric: bool) -> usize {
     if axisymmetric { 2 } else { 3 }
 }
