@@ -27,7 +27,8 @@
 //!
 //! Capture is continuous: while the tip approaches, a node is moved along the axis from its present displacement to the one that
 //! the rule prescribes, on a linear ramp over the capture window that ends when the tip reaches the node. So everything behind
-//! the tip follows the rule exactly, and the held length grows without a jump. A window of one layer of nodes, or a smoother
+//! the tip follows the rule exactly, and the held length grows without a jump; in space but for the last eighth of a layer, over which a node
+//! sets off, since velocities that jump make a peak of the force at each layer. A window of one layer of nodes, or a smoother
 //! ramp, leaves a saw-tooth of 2 to 4 % in the force at the distance of the layers. A ramp that ends half a layer later makes
 //! the force 3 % larger at a depth of 2 mm, since tissue ahead of the tip is dragged along and released late.
 //! In a half plane, where nothing moves sideways, the radial displacement is on that ramp, too.

@@ -143,8 +143,10 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     }
     let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| moved::back(moved, t.position)).collect();
     let beyond = to_the_half(&mut targets, body.mirror.as_ref());
-    let mut table = approximation.repaired_table(&[&cloud.points[..], &targets].concat())?;
-    if scene.is_consistent_in(scene.dimension().dimension) {
+    let consistent = scene.is_consistent_in(scene.dimension().dimension);
+    let surface = if consistent { approximation.surface_points() } else { Vec::new() };
+    let mut table = approximation.repaired_table(&[&cloud.points[..], &targets, &surface].concat())?;
+    if consistent {
         let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
         table = approximation.consistent(table, &tied)?;
     }

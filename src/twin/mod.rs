@@ -36,7 +36,7 @@ use mtled::mirror::Mirror;
 use mtled::solver::{Solver, StepWork};
 
 pub use along::{Along, FOLLOWED, REST};
-pub use body::{Body, PATH_SPACING};
+pub use body::{Body, coarsest_path};
 pub use happened::Happening;
 pub use health::Health;
 pub use look_ahead::Motion;

@@ -139,9 +139,10 @@ fn the_plane_may_stand_at_any_azimuth() {
         let (sin, cos) = azimuth.sin_cos();
         let turned = |v: [f64; 3]| [cos * v[0] + sin * v[1], cos * v[1] - sin * v[0], v[2]];
         for (mine, theirs, within) in [
-            (turned(force_n), straight.force_n, 1e-3 * straight.force_n[2]),
-            // a small moment of forces that nearly balance
-            (turned(torque_nm), straight.torque_nm, 0.02 * straight.torque_nm[1].abs()),
+            // rounding decides between nodes of the pressure that are equally good
+            (turned(force_n), straight.force_n, 2e-3 * straight.force_n[2]),
+            // a small moment of forces that nearly balance: over the force times the depth
+            (turned(torque_nm), straight.torque_nm, 1e-3 * straight.force_n[2] * 2e-3),
         ] {
             println!("azimuth {azimuth}: {mine:?} {theirs:?}");
             (0..3).for_each(|k| assert!((mine[k] - theirs[k]).abs() < within, "{azimuth}: {mine:?} {theirs:?}"));

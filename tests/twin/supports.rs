@@ -21,12 +21,17 @@ fn five_cells() -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
     ((0..8).map(corner).collect(), vec![[0, 1, 2, 4], [3, 2, 1, 7], [5, 4, 7, 1], [6, 7, 4, 2], [1, 4, 7, 2]])
 }
 
-/// Largest g = L (sum_j |grad phi_j|^2)^(1/2), L the mean edge of the cell.
+/// Largest g = L (sum_j |grad phi_j|^2)^(1/2), L the mean length of the edges at the cell's corners.
 fn steepest(points: &[[f64; 3]], cells: &[[u32; 4]], table: &ShapeTable) -> f64 {
-    let edge = |c: [u32; 4]| {
-        let pairs = (0..4).flat_map(|a| (0..a).map(move |b| (a, b)));
-        pairs.map(|(a, b)| norm(clouds::minus(points[c[a] as usize], points[c[b] as usize]))).sum::<f64>() / 6.0
-    };
+    let (mut sum, mut count) = (vec![0.0; points.len()], vec![0.0; points.len()]);
+    for c in cells {
+        for (a, b) in (0..4).flat_map(|a| (0..a).map(move |b| (c[a] as usize, c[b] as usize))) {
+            let length = norm(clouds::minus(points[a], points[b]));
+            [a, b].iter().for_each(|&n| sum[n] += length);
+            [a, b].iter().for_each(|&n| count[n] += 1.0);
+        }
+    }
+    let edge = |c: [u32; 4]| c.map(|n| sum[n as usize] / count[n as usize]).iter().sum::<f64>() / 4.0;
     let g = |p: usize| {
         let gradients = &table.gradient[table.start[p] as usize..table.start[p + 1] as usize];
         edge(cells[table.cell[p] as usize]) * gradients.iter().flatten().map(|g| g * g).sum::<f64>().sqrt()
@@ -44,7 +49,7 @@ fn tight_supports_are_enlarged_until_the_fits_are_good() {
         let table = approximation.repaired_table(&cloud.points).unwrap();
         let (after, repaired) = (steepest(&cloud.points, &cloud.cells, &table), approximation.repaired_supports());
         println!("{basis:?}: {repaired} of {} supports enlarged, g from {before:.2} to {after:.2}", cloud.points.len());
-        assert!(before > 5.0 && after <= 3.0 && repaired > 0);
+        assert!(before > 5.0 && after <= 4.0 && repaired > 0);
         // one field with the supports that it then has
         assert_eq!(approximation.table().unwrap().gradient, table.gradient);
     }
@@ -60,6 +65,35 @@ fn good_supports_are_left_alone() {
         assert_eq!(approximation.repaired_table(&cloud.points).unwrap().gradient, before.gradient);
         assert_eq!(approximation.repaired_supports(), 0, "{basis:?}");
     }
+}
+
+/// A cell three times as long as nodes are apart has the gradients of its neighbours: its support is as good as theirs. Supports that were
+/// enlarged round such a cell, beside an oblique path, made the force a tenth to a quarter too large.
+#[test]
+fn a_long_cell_among_evenly_spaced_nodes_is_left_alone() {
+    let (points, mut cells) = lattice(7);
+    let node = |[x, y, z]: [u32; 3]| 49 * z + 7 * y + x;
+    cells.push([[2, 2, 3], [5, 3, 3], [3, 5, 3], [4, 4, 2]].map(node));
+    for basis in [MLS, MMLS] {
+        let mut approximation = Approximation::new(&points, &cells, vec![false; points.len()], settings(basis, 1));
+        approximation.repaired_table(&points).unwrap();
+        assert_eq!(approximation.repaired_supports(), 0, "{basis:?}");
+    }
+}
+
+/// Nodes 1 mm apart, n in each direction, and the six tetrahedra of each cube round its diagonal.
+fn lattice(n: u32) -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
+    let points = (0..n * n * n).map(|i| [i % n, i / n % n, i / (n * n)].map(|k| 1e-3 * f64::from(k))).collect();
+    let step = [1, n, n * n];
+    let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let mut cells = Vec::new();
+    for i in (0..n * n * n).filter(|i| [i % n, i / n % n, i / (n * n)].iter().all(|k| *k < n - 1)) {
+        for (k, [a, b, c]) in orders.into_iter().enumerate() {
+            let [p, q, r] = [i + step[a], i + step[a] + step[b], i + step[a] + step[b] + step[c]];
+            cells.push(if k < 3 { [i, p, q, r] } else { [i, q, p, r] });
+        }
+    }
+    (points, cells)
 }
 
 /// Two sheets of nodes, each with cells that are squashed flat: no support reaches from one sheet to the other.

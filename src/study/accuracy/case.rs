@@ -5,8 +5,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::StudyError;
-use crate::scene::{Dimension, InstrumentKind, Method, Override, Scene};
-use crate::twin::PATH_SPACING;
+use crate::scene::{Dimension, Method, Override, Scene};
+use crate::twin::coarsest_path;
 
 /// Inertial error that is tolerated where the tissue is waited for, small against the errors under study.
 const TOLERANCE_AT_REST: &str = "0.003";
@@ -111,15 +111,24 @@ impl Case {
     /// The same with all spacings times a factor. A needle's path is never coarser than the needle takes.
     #[must_use]
     pub fn spaced(&self, scene: &Scene, factor: f64) -> Self {
-        let edge = (factor * self.edge_spacing_m).min(coarsest_edge(scene));
+        let edge = (factor * self.edge_spacing_m).min(self.coarsest_edge(scene));
         Self { spacing_m: rounded(factor * self.spacing_m), edge_spacing_m: rounded(edge), ..self.clone() }
     }
 
     /// The same with the spacing at the edge or along the path alone times a factor.
     #[must_use]
     pub fn spaced_at_edge(&self, scene: &Scene, factor: f64) -> Self {
-        let edge = factor * self.edge_spacing_m.min(coarsest_edge(scene));
+        let edge = factor * self.edge_spacing_m.min(self.coarsest_edge(scene));
         Self { edge_spacing_m: rounded(edge), ..self.clone() }
+    }
+
+    /// Spacing along a needle's path above which the needle is not resolved, m.
+    fn coarsest_edge(&self, scene: &Scene) -> f64 {
+        let half_plane = self.dimension == Dimension::Axisymmetric.as_str();
+        match (&scene.instrument, &scene.discretisation.grading) {
+            (Some(instrument), Some(grading)) => coarsest_path(instrument, grading, half_plane),
+            _ => f64::INFINITY,
+        }
     }
 
     /// The keys of a scene that make the case.
@@ -212,14 +221,6 @@ impl Case {
 /// A length in mm to four digits, without trailing zeros.
 pub(super) fn millimetres(length_m: f64) -> String {
     rounded(1e3 * length_m).to_string()
-}
-
-/// Spacing along a needle's path above which the needle is not resolved, m.
-fn coarsest_edge(scene: &Scene) -> f64 {
-    match scene.instrument.map(|i| i.kind) {
-        Some(InstrumentKind::Needle(needle)) => PATH_SPACING * needle.capture_radius.get(),
-        _ => f64::INFINITY,
-    }
 }
 
 /// A positive number to [`DIGITS`] digits.

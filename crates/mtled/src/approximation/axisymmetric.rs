@@ -73,6 +73,8 @@ pub struct AxisymmetricApproximation {
     triangles: Vec<[u32; 3]>,
     settings: Settings,
     supports: MirroredSupports,
+    /// Mean length of the edges at each node, m.
+    spacing: Vec<f64>,
     /// Radii before any repair, m.
     first: Vec<f64>,
     /// Triangles that get a single point.
@@ -91,6 +93,7 @@ impl AxisymmetricApproximation {
     /// the field's value.
     #[must_use]
     pub fn new(points: &[[f64; 3]], triangles: &[[u32; 3]], interpolating: &[bool], settings: Settings) -> Self {
+        let spacing = radii(points, triangles, 1.0);
         let first = radii(points, triangles, settings.support_factor);
         let supports = in_half_plane(points, &first, interpolating);
         let plain = vec![false; triangles.len()];
@@ -100,6 +103,7 @@ impl AxisymmetricApproximation {
             triangles: triangles.to_vec(),
             settings,
             supports,
+            spacing,
             first,
             plain,
             filled: Vec::new(),
@@ -312,7 +316,7 @@ impl Supported for AxisymmetricApproximation {
     }
 
     fn edge(&self, cell: usize) -> f64 {
-        repair::mean_edge(&self.corners(&self.triangles[cell]))
+        repair::mean(&self.spacing, &self.triangles[cell])
     }
 
     fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {

@@ -123,6 +123,8 @@ pub struct Approximation {
     cells: Vec<[u32; 4]>,
     settings: Settings,
     supports: MirroredSupports,
+    /// Mean length of the edges at each node, m.
+    spacing: Vec<f64>,
     /// Radii before any repair, m.
     first: Vec<f64>,
     /// What each cell is integrated with.
@@ -140,12 +142,23 @@ impl Approximation {
     /// Indexes a cloud; `interpolating` marks nodes whose nodal value must be the field's value.
     #[must_use]
     pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], interpolating: Vec<bool>, settings: Settings) -> Self {
+        let spacing = radii(points, cells, 1.0);
         let first = radii(points, cells, settings.support_factor);
         let supports = MirroredSupports::whole(points, &first, &interpolating);
         let share = shares(points, cells, &[], &settings);
         let regions = Regions::default();
         let four = Vec::new();
-        Self { points: points.to_vec(), cells: cells.to_vec(), settings, supports, first, share, regions, four }
+        Self {
+            points: points.to_vec(),
+            cells: cells.to_vec(),
+            settings,
+            supports,
+            spacing,
+            first,
+            share,
+            regions,
+            four,
+        }
     }
 
     /// Takes the cloud for the half of a body with n.x >= 0; `on_plane` are the nodes on the plane.
@@ -341,7 +354,7 @@ impl Supported for Approximation {
     }
 
     fn edge(&self, cell: usize) -> f64 {
-        repair::mean_edge(&self.corners(&self.cells[cell]))
+        repair::mean(&self.spacing, &self.cells[cell])
     }
 
     fn determined(&self, x: [f64; 3]) -> Result<(), ApproximationError> {

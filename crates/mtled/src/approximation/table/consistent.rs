@@ -69,6 +69,18 @@ impl Approximation {
         Ok(table)
     }
 
+    /// The points that [`Self::consistent`] needs a fit at besides those of the table, m: those of the surface's integrals.
+    #[must_use]
+    pub fn surface_points(&self) -> Vec<V> {
+        let of_face = |face: [u32; 3]| face_points().map(move |(share, _)| self.on_face(&face, share));
+        self.surface().into_iter().flat_map(|(face, ..)| of_face(face)).collect()
+    }
+
+    fn on_face(&self, face: &[u32; 3], share: V) -> V {
+        let x = face.map(|n| self.points[n as usize]);
+        std::array::from_fn(|k| (0..3).map(|c| share[c] * x[c][k]).sum())
+    }
+
     /// b_j of every entry of a table, m².
     fn surface_integrals(&self, tied: &[bool], basis: Basis) -> Result<Vec<V>, ApproximationError> {
         let images = if self.supports.mirror().is_some() { self.points.len() } else { 0 };
@@ -80,10 +92,8 @@ impl Approximation {
                 face.iter().for_each(|&n| add(n, 1.0 / 3.0, area));
                 continue;
             }
-            let x = face.map(|n| self.points[n as usize]);
-            for (at, weight) in face_points() {
-                let at = std::array::from_fn(|k| (0..3).map(|c| at[c] * x[c][k]).sum());
-                self.with_fit(at, region, basis, false, |near, fit| {
+            for (share, weight) in face_points() {
+                self.with_fit(self.on_face(&face, share), region, basis, false, |near, fit| {
                     near.iter()
                         .zip(&fit.value)
                         .for_each(|(n, phi)| add(self.supports.entry(n.node), weight * phi, area));
