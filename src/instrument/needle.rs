@@ -89,6 +89,8 @@ pub struct NeedlePath {
     slope: [f64; 2],
     /// Vertical distance between the layers of nodes, m.
     layer: f64,
+    /// Vertical distance of each node's layer from the one above, m; of a half plane, where nothing moves sideways, the largest.
+    above: Vec<f64>,
     /// Vertical length of each node's capture window, m.
     window: Vec<f64>,
     /// Of the tissue at each node, Pa.
@@ -150,6 +152,7 @@ impl NeedlePath {
         let slope = needle.slope();
         let secant = 1.0_f64.hypot(slope[0]).hypot(slope[1]);
         let end = length / secant * (1.0 + 1e-9);
+        let above = vec![layer; nodes.len()];
         let window = vec![window(&needle, layer, LEAST_WINDOW); nodes.len()];
         let mut inner = Vec::new();
         let mut filled = 0.0;
@@ -170,6 +173,7 @@ impl NeedlePath {
             needle,
             slope,
             layer,
+            above,
             window,
             watched,
             progress: Progress {
@@ -217,13 +221,14 @@ impl NeedlePath {
     pub fn graded(self) -> Self {
         let mut depths: Vec<f64> = self.nodes.iter().map(|(_, z)| *z).collect();
         depths.dedup_by(|a, b| (*a - *b).abs() < SAME_LAYER);
-        let layer = |z: f64| {
+        let above = |z: f64| {
             let below = depths.partition_point(|d| *d < z - SAME_LAYER).max(1);
-            depths.get(below).map_or(self.layer, |d| d - depths[below - 1])
+            depths.get(below).map_or(self.layer, |d| d - depths[below - 1]).min(self.layer)
         };
+        let above: Vec<f64> = self.nodes.iter().map(|(_, z)| above(*z)).collect();
         let least = if self.revolved { LEAST_WINDOW_IN_HALF_PLANE } else { LEAST_WINDOW };
-        let window = self.nodes.iter().map(|(_, z)| window(&self.needle, layer(*z).min(self.layer), least)).collect();
-        Self { window, ..self }
+        let window = above.iter().map(|layer| window(&self.needle, *layer, least)).collect();
+        Self { window, above: if self.revolved { self.above } else { above }, ..self }
     }
 
     /// The same path in the half of a body beside a plane of symmetry, of whose nodes these are the places in m.

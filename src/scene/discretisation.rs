@@ -56,7 +56,7 @@ section! {
                 .because("cells that grow faster than by half their size from one to the next lose their shape"),
         ),
         /// Fewest rings of nodes round a needle's path in space, within its capture radius; layers are as far apart as rings. 0: three
-        /// where the path leans, two where it is upright.
+        /// down to ten radii where a kinematic needle leans and enters at once, else two.
         path_rings: u32 = generated(Key::one_of("discretisation.path_rings", &[0, 2, 3, 4]).or("0")),
     }
 }

@@ -3,7 +3,7 @@
 use crate::instrument::{Contact, Resistance, surface};
 use crate::mesh::Volumes;
 use crate::scene::{Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
-use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Reflected, Solid, Spacing};
+use mtled::cloud::{self, Axis, Cloud, Domain, Feature, MAX_GROWTH, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
 use super::{BuildError, mesh, outline, regions};
@@ -13,9 +13,11 @@ const PATH_MARGIN: f64 = 1.0;
 /// Largest spacing along a needle's path over the capture radius, that is two rings of nodes round it: the effective radius equals the capture
 /// radius only where the cloud resolves it.
 const PATH_SPACING: f64 = 0.5;
-/// Fewest rings round a path that leans, where the tip enters at once. Two can't follow the field at its entry: in every seventh of 48 clouds
-/// the force vector was more than 1 % off that of four rings, with three in none (`docs/lab/verification.md`).
-const LEANING_RINGS: u32 = 3;
+/// Rings round the upper part of a path that leans, where the tip enters at once. Two can't follow the field at its entry: in every seventh of
+/// 48 clouds the force vector was more than 1 % off that of four rings, with three in none (`docs/lab/verification.md`).
+const LEANING_RINGS: f64 = 3.0;
+/// Down to this depth over the capture radius.
+const LEANING_DEPTH: f64 = 10.0;
 /// Numbers of rings that differ by less are the same: the digits that a scene writes.
 const SAME_RINGS: f64 = 0.01;
 /// A contact ring has at least this many nodes along its radius's worth of arc.
@@ -71,6 +73,8 @@ pub struct Body {
     pub held: Vec<u32>,
     /// Vertical distance between the layers of nodes along a needle's path, 0 without a needle.
     pub layer: f64,
+    /// Whether they are closer to each other where the path enters.
+    pub graded: bool,
     /// Volume groups of a mesh's cells.
     pub volumes: Volumes,
     /// What is worth knowing about a mesh and is no error.
@@ -139,6 +143,7 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
         reach: layout.reach,
         held,
         layer: layout.layer(),
+        graded: layout.is_graded(),
         volumes: Volumes::default(),
         warnings: Vec::new(),
     })
@@ -150,10 +155,10 @@ fn half(domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> Result<Cloud, cl
     let mut own = spacing.clone();
     for feature in &mut own.features {
         match feature {
-            Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } | Feature::Entry { centre, .. } => {
-                *centre = within(*centre);
+            Feature::ContactRing { centre, .. } | Feature::Patch { centre, .. } => *centre = within(*centre),
+            Feature::Path { axis, .. } | Feature::Entry { axis, .. } => {
+                (axis.entry, axis.slope) = (within(axis.entry), within(axis.slope))
             }
-            Feature::Path { axis, .. } => (axis.entry, axis.slope) = (within(axis.entry), within(axis.slope)),
             Feature::Region { solid: Solid::Sphere { centre, .. } | Solid::Cylinder { centre, .. }, .. } => {
                 let [x, _] = within([centre[0], centre[1]]);
                 *centre = [x, 0.0, centre[2]];
@@ -252,6 +257,9 @@ impl Layout {
                     let capture_radius = needle.capture_radius.get();
                     let spacing =
                         along_path(edge, instrument, capture_radius, coarsest_path(instrument, grading, point < 1.0));
+                    if leans(instrument) && grading.path_rings == 0 {
+                        features.extend(three_rings(axis, capture_radius, spacing));
+                    }
                     let floor = domain.length_along(&axis) - 2.0 * spacing;
                     let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
                     let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
@@ -281,7 +289,6 @@ pub fn coarsest_path(instrument: &Instrument, grading: &Grading, half_plane: boo
     let InstrumentKind::Needle(needle) = &instrument.kind else { return f64::INFINITY };
     let share = match grading.path_rings {
         _ if half_plane => PATH_SPACING,
-        0 if leans(instrument) => 1.0 / f64::from(LEANING_RINGS),
         0 => PATH_SPACING,
         given => 1.0 / f64::from(given),
     };
@@ -298,6 +305,13 @@ fn along_path(asked: f64, instrument: &Instrument, capture_radius: f64, coarsest
 /// Whether a needle's path leans, and its tip enters at once ([`enters_at_once`] has why the others keep their cloud).
 fn leans(instrument: &Instrument) -> bool {
     instrument.slope() != [0.0; 2] && enters_at_once(instrument)
+}
+
+/// What gives a path that leans three rings where it enters, if it has fewer.
+fn three_rings(axis: Axis, radius: f64, spacing: f64) -> Option<Feature> {
+    let fine = radius / LEANING_RINGS;
+    let entry = Feature::Entry { axis, radius, spacing: fine, depth: LEANING_DEPTH * radius, growth: MAX_GROWTH };
+    (spacing > (1.0 + SAME_RINGS) * fine).then_some(entry)
 }
 
 /// Cells across the thickness of a region in a half plane, at least, and in space across one that is crushed; across others one has to do.
@@ -335,7 +349,7 @@ pub(super) fn enters_at_once(instrument: &Instrument) -> bool {
 fn entry(feature: &Feature) -> Option<Feature> {
     let Feature::Path { axis, capture_radius, spacing, .. } = *feature else { return None };
     let (radius, fine) = (ENTRY_RADIUS * capture_radius, ENTRY_SPACING * spacing);
-    let entry = Feature::Entry { centre: axis.entry, radius, spacing: fine, growth: ENTRY_GROWTH };
+    let entry = Feature::Entry { axis, radius, spacing: fine, depth: 0.0, growth: ENTRY_GROWTH };
     (spacing > GRADED_FROM * capture_radius).then_some(entry)
 }
 

@@ -263,6 +263,7 @@ fn make_contact(
             let cells = corners.zip(table.volume.iter().copied());
             let path = NeedlePath::new(nodes, cloud.points.len(), *needle, *reach, *layer, watched, cells);
             let path = in_tissue(path, scene, *top);
+            let path = if body.graded { path.graded() } else { path };
             let path = match body.mirror {
                 Some(mirror) => path.mirrored(mirror, &cloud.points),
                 None => path,

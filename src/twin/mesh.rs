@@ -35,6 +35,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
         reach: highest - lowest,
         held: Vec::new(),
         layer: 0.0,
+        graded: false,
         mirror: None,
         cloud,
         volumes,

@@ -28,6 +28,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile, grading: &Grading) -> Result<
         reach: layout.reach,
         held: Vec::new(),
         layer: layout.layer(),
+        graded: layout.is_graded(),
         mirror: None,
         cloud,
         volumes,

@@ -51,7 +51,7 @@ impl NeedlePath {
     fn capture(&self, i: usize, tip: &Tip, behind: [f64; 2], solver: &Solver) -> Capture {
         let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
         let depth = -tip.offset[2];
-        let passed = passed(depth, z, self.layer);
+        let passed = passed(depth, z, self.above[i]);
         let hold = self.progress.hold[i];
         let beside = |behind: [f64; 2]| {
             let axis = tip.axis_at(z);
@@ -91,7 +91,7 @@ impl NeedlePath {
     fn carry(&self, i: usize, capture: &Capture, tip: &Tip, solver: &mut Solver) {
         let (n, z) = (self.nodes[i].0 as usize, self.nodes[i].1);
         let depth = -tip.offset[2];
-        let along = self.follow(depth, z);
+        let along = self.follow(i, depth);
         let off = self.off_path(tip, z, capture.beside);
         let to = [off[0] + self.slope[0] * along, off[1] + self.slope[1] * along, -along];
         let (s, from) = (capture.share(depth, self.window[i]), capture.from);
@@ -104,7 +104,7 @@ impl NeedlePath {
             // motion along the path takes its lateral share along, on the ramp as behind the tip
             solver.prescribe(n, [off[0] - self.slope[0] * z, off[1] - self.slope[1] * z, z]);
         } else {
-            let spring = self.share[i] * capture.spring(self.shear_modulus[i], self.layer);
+            let spring = self.share[i] * capture.spring(self.shear_modulus[i], self.above[i]);
             self.guide(n, off, [&from, &to], s, spring, solver);
         }
     }
@@ -148,18 +148,18 @@ impl NeedlePath {
         if count > 0.0 { [x / count, y / count] } else { [x, y] }
     }
 
-    /// Way x of the tip past a node, m, or 0 ahead of it; within b of the node (x + b)^2 / (4 b), so that its velocity has no jump.
-    fn way_behind(&self, x: f64) -> f64 {
-        let b = if self.revolved { 0.0 } else { ONSET * self.layer };
+    /// Way x of the tip past node i, m, or 0 ahead of it; within b of the node (x + b)^2 / (4 b), so that its velocity has no jump.
+    fn way_behind(&self, i: usize, x: f64) -> f64 {
+        let b = if self.revolved { 0.0 } else { ONSET * self.above[i] };
         if x.abs() < b { (x + b) * (x + b) / (4.0 * b) } else { x.max(0.0) }
     }
 
-    /// Displacement along the axis, into the sample, of a node at reference depth z.
-    fn follow(&self, depth: f64, z: f64) -> f64 {
-        let n = &self.needle;
+    /// Displacement along the axis, into the sample, of node i.
+    fn follow(&self, i: usize, depth: f64) -> f64 {
+        let (n, z) = (&self.needle, self.nodes[i].1);
         let deepest = self.progress.state.deepest;
         let reached = match n.deformation_rule {
-            DeformationRule::Incremental => n.deformation_coefficient * self.way_behind(deepest - z),
+            DeformationRule::Incremental => n.deformation_coefficient * self.way_behind(i, deepest - z),
             DeformationRule::Absolute => n.deformation_coefficient * deepest,
         };
         // what retraction can undo ends where the node is released

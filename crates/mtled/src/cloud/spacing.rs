@@ -59,13 +59,15 @@ pub enum Feature {
     },
     /// Refines the upper part of a needle's path, its layers and rings, and the cloud beside it.
     Entry {
-        /// Centre in x, y: where the path begins.
-        centre: [f64; 2],
-        /// Radius of the cylinder about the vertical through it within which the spacing depends on depth alone.
+        /// The path's axis.
+        axis: Axis,
+        /// Radius of the cylinder about it within which the spacing depends on depth alone.
         radius: f64,
         /// Spacing at the top face.
         spacing: f64,
-        /// Growth of the spacing per metre of depth.
+        /// Depth from which it grows.
+        depth: f64,
+        /// Growth of the spacing per metre of depth from there.
         growth: f64,
     },
     /// A region of another material: nodes lie on its boundary, and no cell reaches across. Of several that hold a point the
@@ -103,9 +105,12 @@ impl Feature {
                 let z = if top { height - p[2] } else { p[2] };
                 length2(domain.rim_distance([p[0], p[1]]), z)
             }
-            Feature::Patch { centre, radius, .. } | Feature::Entry { centre, radius, .. } => {
+            Feature::Patch { centre, radius, .. } => {
                 let r = length2(p[0] - centre[0], p[1] - centre[1]);
                 length2((r - radius).max(0.0), height - p[2])
+            }
+            Feature::Entry { axis, radius, depth, .. } => {
+                length2((axis.distance(height, p) - radius).max(0.0), (height - depth - p[2]).max(0.0))
             }
             Feature::Path { axis, capture_radius, length, .. } => {
                 let r = (axis.distance(height, p) - capture_radius).max(0.0);
@@ -142,8 +147,10 @@ impl Feature {
     fn offset_area(&self, domain: &Domain, s: f64) -> f64 {
         match *self {
             Feature::ContactRing { radius, .. } => 2.0 * PI * radius * PI * s,
-            Feature::Patch { radius, .. } | Feature::Entry { radius, .. } => {
-                PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s
+            Feature::Patch { radius, .. } => PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s,
+            Feature::Entry { radius, depth, .. } => {
+                let cap = PI * radius * radius + PI * PI * radius * s + 2.0 * PI * s * s;
+                cap + 2.0 * PI * (radius + s) * depth
             }
             Feature::Rim { .. } => {
                 let length = match *domain {
@@ -209,9 +216,10 @@ impl Spacing {
 
     /// What an entry asks for; infinite for other features.
     fn at_entry(&self, f: &Feature, domain: &Domain, p: Point) -> f64 {
-        let Feature::Entry { centre, radius, spacing, growth } = *f else { return f64::INFINITY };
-        let r = length2(p[0] - centre[0], p[1] - centre[1]);
-        spacing + growth * (domain.height() - p[2]) + self.growth * (r - radius).max(0.0)
+        let Feature::Entry { axis, radius, spacing, depth, growth } = *f else { return f64::INFINITY };
+        let height = domain.height();
+        let r = axis.distance(height, p);
+        spacing + growth * (height - p[2] - depth).max(0.0) + self.growth * (r - radius).max(0.0)
     }
 
     /// Smallest spacing anywhere.
