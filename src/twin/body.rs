@@ -257,14 +257,15 @@ impl Layout {
                     let capture_radius = needle.capture_radius.get();
                     let spacing =
                         along_path(edge, instrument, capture_radius, coarsest_path(instrument, grading, point < 1.0));
-                    if leans(instrument) && grading.path_rings == 0 {
-                        features.extend(three_rings(axis, capture_radius, spacing));
-                    }
                     let floor = domain.length_along(&axis) - 2.0 * spacing;
                     let deepest = scene.motion.as_ref().map_or(floor, |m| m.depth.get());
                     let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
                     reach = length;
                     features.push(Feature::Path { axis, capture_radius, length, spacing });
+                    if leans(instrument) && grading.path_rings == 0 {
+                        let depth = (LEANING_DEPTH * capture_radius).min(length / axis.secant());
+                        features.extend(three_rings(axis, capture_radius, spacing, depth));
+                    }
                 }
             }
         }
@@ -307,10 +308,10 @@ fn leans(instrument: &Instrument) -> bool {
     instrument.slope() != [0.0; 2] && enters_at_once(instrument)
 }
 
-/// What gives a path that leans three rings where it enters, if it has fewer.
-fn three_rings(axis: Axis, radius: f64, spacing: f64) -> Option<Feature> {
+/// What gives a path that leans three rings down to a depth, if it has fewer.
+fn three_rings(axis: Axis, radius: f64, spacing: f64, depth: f64) -> Option<Feature> {
     let fine = radius / LEANING_RINGS;
-    let entry = Feature::Entry { axis, radius, spacing: fine, depth: LEANING_DEPTH * radius, growth: MAX_GROWTH };
+    let entry = Feature::Entry { axis, radius, spacing: fine, depth, growth: MAX_GROWTH };
     (spacing > (1.0 + SAME_RINGS) * fine).then_some(entry)
 }
 
