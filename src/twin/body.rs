@@ -288,12 +288,8 @@ impl Layout {
 #[must_use]
 pub fn coarsest_path(instrument: &Instrument, grading: &Grading, half_plane: bool) -> f64 {
     let InstrumentKind::Needle(needle) = &instrument.kind else { return f64::INFINITY };
-    let share = match grading.path_rings {
-        _ if half_plane => PATH_SPACING,
-        0 => PATH_SPACING,
-        given => 1.0 / f64::from(given),
-    };
-    share * needle.capture_radius.get()
+    let given = (!half_plane && grading.path_rings > 0).then(|| 1.0 / f64::from(grading.path_rings));
+    given.unwrap_or(PATH_SPACING) * needle.capture_radius.get()
 }
 
 /// Spacing along a needle's path, m: what is asked for, or less. Layers of a path that leans are as far apart as its rings: where the capture

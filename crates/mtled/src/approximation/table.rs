@@ -146,8 +146,6 @@ impl Approximation {
         let first = radii(points, cells, settings.support_factor);
         let supports = MirroredSupports::whole(points, &first, &interpolating);
         let share = shares(points, cells, &[], &settings);
-        let regions = Regions::default();
-        let four = Vec::new();
         Self {
             points: points.to_vec(),
             cells: cells.to_vec(),
@@ -156,8 +154,8 @@ impl Approximation {
             spacing,
             first,
             share,
-            regions,
-            four,
+            regions: Regions::default(),
+            four: Vec::new(),
         }
     }
 
@@ -306,7 +304,7 @@ impl Approximation {
             volume,
             nodes: neighbours.iter().map(|n| self.supports.entry(n.node)).collect(),
             gradient: fit.gradient.clone(),
-            squares: squares(&fit.gradient),
+            squares: fit.gradient.iter().flatten().map(|g| g * g).sum(),
         })
     }
 
@@ -385,11 +383,6 @@ pub(super) struct Row {
     pub gradient: Vec<[f64; 3]>,
     /// sum_j |grad phi_j|^2, 1/m^2; 0 for a finite element, which has no support.
     pub squares: f64,
-}
-
-/// sum_j |grad phi_j|^2, 1/m^2.
-pub(super) fn squares(gradient: &[[f64; 3]]) -> f64 {
-    gradient.iter().flatten().map(|g| g * g).sum()
 }
 
 /// Volume and gradients of the four barycentric coordinates of a tetrahedron.
