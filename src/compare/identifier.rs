@@ -205,7 +205,7 @@ impl Identifier {
             return None;
         }
         self.clock_s += if since_s.is_finite() { since_s } else { 0.0 };
-        let row = self.effects(predicted_n, inserted).to_vec();
+        let row = self.effects(predicted_n, inserted);
         let before = self.learner.tally(self.force);
         self.learner.take(
             self.force,
@@ -240,11 +240,10 @@ impl Identifier {
     fn is_known(&self) -> bool {
         let known = |parameter: Parameter| {
             let (value, error) = self.known(parameter);
-            let most =
-                if parameter == Parameter::Offset { self.learner.noise(self.force) } else { CONVERGED_SHARE * value };
-            !self.wanted[parameter.index()] || error <= most
+            let offset = parameter == Parameter::Offset;
+            error <= if offset { self.learner.noise(self.force) } else { CONVERGED_SHARE * value }
         };
-        Parameter::ALL.into_iter().all(known)
+        Parameter::ALL.into_iter().filter(|parameter| self.wanted[parameter.index()]).all(known)
     }
 }
 

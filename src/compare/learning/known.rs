@@ -14,9 +14,14 @@
 //! Candidates lie a factor of four apart in both, from a sensor's least noise up: no error that a blocks' mean can show lies between two of them, so a
 //! finer grid gives the same.
 
+use std::array::from_fn;
+use std::sync::OnceLock;
+
+use mtled::number::lanes::{Loop, run};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::process::{Block, Process};
+use super::process::{Block, Posterior, Processes};
+use super::side::{at, mean};
 
 /// How far apart sizes and times of errors are.
 const STEP: f64 = 4.0;
@@ -27,22 +32,16 @@ const TIMES: i32 = 5;
 /// A candidate less likely than this says nothing that is seen in double precision.
 const LEAST_WEIGHT: f64 = 1e-9;
 
-/// What a candidate makes of the unknowns.
-#[derive(Clone, Debug)]
-struct View {
-    weight: f64,
-    m: DVector<f64>,
-    c: DMatrix<f64>,
-}
-
 /// Candidates of one channel.
 #[derive(Clone, Debug)]
-struct Errors {
-    candidates: Vec<Process>,
+struct Errors<const N: usize> {
+    candidates: Processes<N>,
     /// The smallest size that is not none.
     least: f64,
-    /// Of each candidate; `None` for one that is too unlikely.
-    views: Vec<Option<View>>,
+    /// p_j; 0 of one that is too unlikely, whose m_j and C_j say nothing.
+    weight: [f64; N],
+    m: Vec<[f64; N]>,
+    c: Vec<[f64; N]>,
     /// Means of G and b.
     g: DMatrix<f64>,
     b: DVector<f64>,
@@ -54,19 +53,21 @@ struct Errors {
     largest: f64,
 }
 
-impl Errors {
+/// All sizes and times, and the right model.
+type All = Errors<{ 1 + (SIZES * TIMES) as usize }>;
+
+impl<const N: usize> Errors<N> {
     fn new(unknowns: usize, least: f64, m: &DVector<f64>, c: &DMatrix<f64>) -> Self {
-        let right = Process::new(unknowns, 0.0, 1.0);
-        let wrong = (0..SIZES).flat_map(|size| (0..TIMES).map(move |time| (size, time)));
-        let wrong = wrong.map(|(size, time)| Process::new(unknowns, least * STEP.powi(size), STEP.powi(time)));
-        let candidates: Vec<Process> = std::iter::once(right).chain(wrong).collect();
-        let weight = 1.0 / candidates.len() as f64;
-        let views = candidates.iter().map(|_| Some(View { weight, m: m.clone(), c: c.clone() })).collect();
+        let grid = |j: usize| j.checked_sub(1).map(|j| (j as i32 % SIZES, j as i32 / SIZES));
+        let size = from_fn(|j| grid(j).map_or(0.0, |(size, _)| least * STEP.powi(size)));
+        let time = from_fn(|j| grid(j).map_or(1.0, |(_, time)| STEP.powi(time)));
         let none = DMatrix::zeros(unknowns, unknowns);
         Self {
-            candidates,
+            candidates: Processes::new(unknowns, size, time),
             least,
-            views,
+            weight: [1.0 / N as f64; N],
+            m: m.iter().map(|m| [*m; N]).collect(),
+            c: triangle(c).map(|c| [c; N]).collect(),
             g: none.clone(),
             b: DVector::zeros(unknowns),
             spread: none,
@@ -77,74 +78,108 @@ impl Errors {
 
     fn grow(&mut self) {
         let n = self.b.len() + 1;
-        self.candidates.iter_mut().for_each(Process::grow);
-        for view in self.views.iter_mut().flatten() {
-            view.m.resize_vertically_mut(n, 0.0);
-            add_one(&mut view.c);
-        }
+        self.candidates.grow();
+        self.m.resize(n, [0.0; N]);
+        self.c.resize(at(n, 0) - 1, [0.0; N]);
+        self.c.push([1.0; N]);
         self.b.resize_vertically_mut(n, 0.0);
         self.g.resize_mut(n, n, 0.0);
         self.spread.resize_mut(n, n, 0.0);
     }
 
+    #[inline(always)]
     fn advance(&mut self, number: f64) {
         let k = number - self.last;
         if k > 0.0 {
-            self.candidates.iter_mut().for_each(|process| process.advance(k));
+            self.candidates.advance(k);
         }
         self.last = number;
     }
 
-    fn seen(&self) -> impl Iterator<Item = (&Process, &View)> {
-        self.candidates.iter().zip(&self.views).filter_map(|(process, view)| Some((process, view.as_ref()?)))
-    }
-
-    /// Whether an error of this size is one of those that are looked for.
-    fn possible(&self, process: &Process, largest: f64) -> bool {
-        process.size <= largest.max(self.least)
+    /// The largest error that is looked for at a force.
+    fn bound(&self, largest: f64) -> f64 {
+        largest.max(self.least)
     }
 
     /// Whether there are more of them at a larger force.
     fn widens(&self, largest: f64) -> bool {
-        self.candidates.iter().any(|process| self.possible(process, largest) && !self.possible(process, self.largest))
+        let (before, now) = (self.bound(self.largest), self.bound(largest));
+        self.candidates.size.iter().any(|size| before < *size && *size <= now)
     }
 
     /// The module's formulas, with P and b; mean and covariance of the unknowns. `None`, and nothing is learnt, where double precision can't tell.
+    #[inline(always)]
     fn learn(&mut self, largest: f64, p: &DMatrix<f64>, b: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         self.largest = largest;
-        let posterior = |process: &Process| self.possible(process, largest).then(|| process.posterior(p, b)).flatten();
-        let each: Vec<_> = self.candidates.iter().map(posterior).collect();
-        let least = each.iter().flatten().map(|posterior| posterior.misfit).fold(f64::INFINITY, f64::min);
+        let bound = self.bound(largest);
+        let Posterior { m: each_m, c: each_c, mut misfit } = self.candidates.posterior(p, b);
+        for (misfit, size) in misfit.iter_mut().zip(&self.candidates.size) {
+            *misfit = if *size <= bound && misfit.is_finite() { *misfit } else { f64::INFINITY };
+        }
+        let least = misfit.into_iter().fold(f64::INFINITY, f64::min);
         if least == f64::INFINITY {
             return None;
         }
-        let likely = |misfit: f64| (0.5 * (least - misfit)).exp();
-        let all: f64 = each.iter().flatten().map(|posterior| likely(posterior.misfit)).sum();
-        self.views = each
-            .into_iter()
-            .map(|posterior| {
-                let posterior = posterior?;
-                let weight = likely(posterior.misfit) / all;
-                (weight > LEAST_WEIGHT).then(|| View { weight, m: posterior.m, c: posterior.p.inverse() })
-            })
-            .collect();
-        let n = b.len();
-        let (mut g, mut own, mut m) = (DMatrix::zeros(n, n), DVector::zeros(n), DVector::zeros(n));
-        for (process, view) in self.seen() {
-            g.zip_apply(&process.g, |mean, g| *mean += view.weight * g);
-            own.axpy(view.weight, &process.b, 1.0);
-            m.axpy(view.weight, &view.m, 1.0);
-        }
-        let (mut c, mut spread) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
-        for (_, view) in self.seen() {
-            let d = &view.m - &m;
-            spread.ger(view.weight, &d, &d, 1.0);
-            c.zip_apply(&view.c, |mean, c| *mean += view.weight * c);
-        }
-        c += &spread;
-        (self.g, self.b, self.spread) = (g, own, spread);
-        Some((m, c))
+        let likely = misfit.map(|misfit| (0.5 * (least - misfit)).exp());
+        let all: f64 = likely.iter().sum();
+        self.weight = likely.map(|likely| if likely / all > LEAST_WEIGHT { likely / all } else { 0.0 });
+        (self.m, self.c) = (each_m, each_c);
+        let (n, candidates) = (b.len(), &self.candidates);
+        let mean = |each: &[f64; N]| mean(&self.weight, each);
+        let m = DVector::from_fn(n, |i, _| mean(&self.m[i]));
+        let off = |i: usize, j: usize| self.m[i][j] - m[i];
+        let spread = symmetric(n, |i, k| mean(&from_fn(|j| off(i, j) * off(k, j))));
+        let c = symmetric(n, |i, k| mean(&self.c[at(i, k)]));
+        self.g = symmetric(n, |i, k| mean(&candidates.g[at(i, k)]));
+        self.b = DVector::from_fn(n, |i, _| mean(&candidates.b[i]));
+        self.spread = spread;
+        Some((m, c + &self.spread))
     }
+}
+
+/// [`Errors::learn`], with what comes of it.
+struct Learn<'a>(&'a mut All, f64, &'a DMatrix<f64>, &'a DVector<f64>, &'a mut Option<(DVector<f64>, DMatrix<f64>)>);
+
+impl Loop for Learn<'_> {
+    #[inline(always)]
+    fn go(self) {
+        let Self(errors, largest, p, b, known) = self;
+        *known = errors.learn(largest, p, b);
+    }
+}
+
+/// How far off a block of this number is.
+struct Judge<'a>(&'a All, f64, &'a Block, &'a mut Off);
+
+impl Loop for Judge<'_> {
+    #[inline(always)]
+    fn go(self) {
+        let Self(errors, number, block, Off { mean: middle, variance }) = self;
+        let [off, mut each] = errors.candidates.off(number - errors.last, block, &errors.m, &errors.c);
+        *middle = mean(&errors.weight, &off);
+        for (each, off) in each.iter_mut().zip(&off) {
+            *each += (*off - *middle).powi(2);
+        }
+        *variance = mean(&errors.weight, &each);
+    }
+}
+
+/// Elements of the lower triangle.
+fn triangle(c: &DMatrix<f64>) -> impl Iterator<Item = f64> {
+    (0..c.nrows()).flat_map(move |i| (0..=i).map(move |k| c[(i, k)]))
+}
+
+/// The matrix of a lower triangle.
+#[inline(always)]
+fn symmetric(n: usize, of: impl Fn(usize, usize) -> f64) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(n, n);
+    for i in 0..n {
+        for k in 0..=i {
+            all[(i, k)] = of(i, k);
+            all[(k, i)] = all[(i, k)];
+        }
+    }
+    all
 }
 
 /// One unknown more, of variance 1.
@@ -173,9 +208,9 @@ impl Off {
 pub(super) struct Known {
     pub m: DVector<f64>,
     pub c: DMatrix<f64>,
-    /// The symmetric root of C.
-    pub root: DMatrix<f64>,
-    errors: Vec<Errors>,
+    /// The symmetric root of C, once it has been asked for.
+    root: OnceLock<DMatrix<f64>>,
+    errors: Vec<All>,
     /// The largest force that was expected, N, and what the unknowns add to it.
     largest: (f64, DVector<f64>),
 }
@@ -183,23 +218,32 @@ pub(super) struct Known {
 impl Known {
     /// Nothing, of the size of the force alone.
     pub fn new() -> Self {
-        let one = DMatrix::identity(1, 1);
-        let none = DVector::zeros(1);
-        Self { m: none.clone(), c: one.clone(), root: one, errors: Vec::new(), largest: (0.0, none) }
+        let (none, one) = (DVector::zeros(1), DMatrix::identity(1, 1));
+        Self { m: none.clone(), c: one, root: OnceLock::new(), errors: Vec::new(), largest: (0.0, none) }
     }
 
     /// One unknown more, of which nothing is known.
     pub fn grow(&mut self) {
         let n = self.m.len() + 1;
         [&mut self.m, &mut self.largest.1].into_iter().for_each(|vector| vector.resize_vertically_mut(n, 0.0));
-        [&mut self.c, &mut self.root].into_iter().for_each(add_one);
-        self.errors.iter_mut().for_each(Errors::grow);
+        add_one(&mut self.c);
+        self.root.take();
+        self.errors.iter_mut().for_each(All::grow);
+    }
+
+    /// The symmetric root of C.
+    pub fn root(&self) -> &DMatrix<f64> {
+        self.root.get_or_init(|| {
+            let eigen = SymmetricEigen::new(self.c.clone());
+            let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
+            &eigen.eigenvectors * roots * eigen.eigenvectors.transpose()
+        })
     }
 
     /// Notes the force that was expected of a block.
     pub fn measure(&mut self, force_n: f64, block: &Block) {
         if force_n.abs() > self.largest.0.abs() {
-            self.largest = (force_n, block.row.rows(1, self.m.len()).into_owned());
+            self.largest = (force_n, DVector::from_column_slice(&block.row[1..]));
         }
     }
 
@@ -212,30 +256,27 @@ impl Known {
 
     /// Adds a channel whose sensor has at least this noise.
     pub fn add(&mut self, least: f64) {
-        self.errors.push(Errors::new(self.m.len(), least, &self.m, &self.c));
+        self.errors.push(All::new(self.m.len(), least, &self.m, &self.c));
     }
 
     /// How far off a block of a number, or a reading in it, is.
     pub fn off(&self, channel: usize, number: f64, block: &Block) -> Off {
-        let errors = &self.errors[channel];
-        let k = number - errors.last;
-        let each: Vec<_> =
-            errors.seen().map(|(process, view)| (view.weight, process.off(k, block, &view.m, &view.c))).collect();
-        let mean: f64 = each.iter().map(|(weight, (off, _))| weight * off).sum();
-        let spread = |(weight, (off, variance)): &(f64, (f64, f64))| weight * (variance + (off - mean).powi(2));
-        Off { mean, variance: each.iter().map(spread).sum() }
+        let mut off = Off { mean: 0.0, variance: 0.0 };
+        run(Judge(&self.errors[channel], number, block, &mut off));
+        off
     }
 
     /// Mean square of what the model is off by in the block after the last, without noise and what is not known of the unknowns.
     pub fn error(&self, channel: usize, largest: f64) -> f64 {
-        self.errors[channel].seen().map(|(process, view)| view.weight * process.error(1.0, largest, &view.m)).sum()
+        let errors = &self.errors[channel];
+        mean(&errors.weight, &errors.candidates.error(1.0, largest, &errors.m))
     }
 
     /// Takes in a block.
     pub fn take(&mut self, channel: usize, number: f64, block: &Block) {
         let errors = &mut self.errors[channel];
         errors.advance(number);
-        errors.candidates.iter_mut().for_each(|process| process.take(block));
+        errors.candidates.take(block);
         self.learn(channel, block.largest);
     }
 
@@ -245,11 +286,13 @@ impl Known {
         let most = far * self.off(channel, number, block).variance.sqrt();
         let errors = &mut self.errors[channel];
         errors.advance(number);
-        for (process, view) in errors.candidates.iter_mut().zip(&errors.views) {
-            let (m, c) = view.as_ref().map_or((&self.m, &self.c), |view| (&view.m, &view.c));
-            let (off, variance) = process.off(0.0, block, m, c);
-            process.pass(block, off.clamp(-most, most), variance);
+        // to one that is too unlikely, the unknowns are what they are to all
+        let all = self.m.iter().copied().chain(triangle(&self.c));
+        for (each, all) in errors.m.iter_mut().chain(&mut errors.c).zip(all) {
+            each.iter_mut().zip(&errors.weight).for_each(|(x, weight)| *x = if *weight > 0.0 { *x } else { all });
         }
+        let [off, variance] = errors.candidates.off(0.0, block, &errors.m, &errors.c);
+        errors.candidates.pass(block, &off.map(|off| off.clamp(-most, most)), &variance);
         self.learn(channel, block.largest);
     }
 
@@ -271,10 +314,10 @@ impl Known {
             b += &other.b;
             spread += &other.spread;
         }
-        let Some((m, c)) = self.errors[channel].learn(largest, &p, &b) else { return };
+        let mut known = None;
+        run(Learn(&mut self.errors[channel], largest, &p, &b, &mut known));
+        let Some((m, c)) = known else { return };
         (self.m, self.c) = (m, c + spread);
-        let eigen = SymmetricEigen::new(self.c.clone());
-        let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
-        self.root = &eigen.eigenvectors * roots * eigen.eigenvectors.transpose();
+        self.root.take();
     }
 }

@@ -14,6 +14,8 @@ mod basis;
 mod known;
 mod noise;
 mod process;
+mod reading;
+mod side;
 mod swing;
 
 use nalgebra::DVector;
@@ -23,6 +25,8 @@ use basis::Basis;
 use known::{Known, Off};
 use noise::Noise;
 use process::Block;
+pub use reading::Reading;
+use reading::Readings;
 pub use swing::Swing;
 
 /// Length of a block, s: how far ahead a reading is forecast.
@@ -34,41 +38,6 @@ const PERSISTENT: usize = 2;
 const RIGHT: usize = 10;
 /// Blocks from one saved state to the next; trouble goes back to the last but one. A longer pause forgets the readings before it.
 const ASIDE: f64 = 10.0;
-
-/// A number that was measured.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
-    /// What was measured, less what was expected.
-    pub off: f64,
-    /// What each unknown adds to that, for one standard deviation of it.
-    pub row: Vec<f64>,
-    /// The force that was expected, N; `None` for a number whose size says nothing of the error of the model.
-    pub force_n: Option<f64>,
-    /// How far what was expected may be off by itself, with the readings beside it: standard deviation.
-    pub doubt: f64,
-}
-
-impl Reading {
-    /// The mean of several.
-    fn mean(readings: &[Self]) -> Self {
-        let share = 1.0 / readings.len().max(1) as f64;
-        let mean = |of: &dyn Fn(&Self) -> f64| readings.iter().map(of).sum::<f64>() * share;
-        let unknowns = readings.first().map_or(0, |reading| reading.row.len());
-        Self {
-            off: mean(&|r| r.off),
-            row: (0..unknowns).map(|k| mean(&|r| r.row[k])).collect(),
-            force_n: Some(mean(&|r| r.force_n.unwrap_or(0.0))),
-            doubt: mean(&|r| r.doubt * r.doubt).sqrt(),
-        }
-    }
-
-    /// What was measured, the effect of the size of the force, and those along the directions of a basis; what is left of the row.
-    fn along(&self, basis: &Basis) -> (DVector<f64>, DVector<f64>) {
-        let (along, left) = basis.of(&self.row);
-        let size = FORCE_ERROR * self.force_n.unwrap_or(0.0);
-        (DVector::from_iterator(along.len() + 2, [self.off, size].into_iter().chain(along)), left)
-    }
-}
 
 /// How far off the expectation a reading will be, and how far about that.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +57,7 @@ struct Channel {
     /// Largest expected force so far.
     largest: f64,
     /// Readings of the block that is not over yet, and its number.
-    block: Vec<Reading>,
+    block: Readings,
     number: f64,
     /// Number of the block before, and the time of the first reading.
     last: f64,
@@ -165,7 +134,7 @@ impl Learner {
             noise: Noise::new(least_noise),
             of_one: least_noise,
             largest: 0.0,
-            block: Vec::new(),
+            block: Readings::default(),
             number: 0.0,
             last: f64::NEG_INFINITY,
             first_s: None,
@@ -175,11 +144,11 @@ impl Learner {
     }
 
     /// Takes a reading, no earlier than the one before. Whether it comes in the block after the last one that was seen, or in the same.
-    pub fn take(&mut self, channel: usize, time_s: f64, reading: Reading) -> bool {
+    pub fn take(&mut self, channel: usize, time_s: f64, reading: Reading<impl AsRef<[f64]>>) -> bool {
         self.begin(channel, time_s);
         let own = &mut self.channels[channel];
         own.largest = own.largest.max(reading.force_n.map_or(f64::INFINITY, f64::abs));
-        own.block.push(reading);
+        own.block.push(&reading);
         own.number - own.last <= 1.0
     }
 
@@ -224,15 +193,11 @@ impl Learner {
     }
 
     fn close(&mut self, channel: usize) {
-        let readings = std::mem::take(&mut self.channels[channel].block);
+        let readings = &self.channels[channel].block;
         if readings.is_empty() {
             return;
         }
-        let unexplained = |reading: &Reading| {
-            let (row, _) = reading.along(&self.basis);
-            row[0] - row.rows(1, row.len() - 1).dot(&self.now.m)
-        };
-        let unexplained: Vec<f64> = readings.iter().map(unexplained).collect();
+        let unexplained = readings.unexplained(&self.basis, self.now.m.as_slice());
         let own = &mut self.channels[channel];
         if own.number - own.last > ASIDE {
             own.noise.pause();
@@ -240,7 +205,7 @@ impl Learner {
         let (number, largest) = (own.number, own.largest);
         if let Some((of_one, noise)) = own.noise.see(&unexplained) {
             own.of_one = of_one;
-            let mean = Reading::mean(&readings);
+            let mean = own.block.mean();
             if self.basis.grow(&mean.row, of_one) {
                 let others = self.saved.iter_mut().flatten().chain(self.trouble.iter_mut().map(|t| &mut t.kept));
                 others.chain([&mut self.now]).for_each(Known::grow);
@@ -251,7 +216,9 @@ impl Learner {
             self.now.measure(force_n, &block);
             self.learn(channel, number, &block, force_n);
         }
-        self.channels[channel].last = number;
+        let own = &mut self.channels[channel];
+        own.last = number;
+        own.block.clear();
     }
 
     fn learn(&mut self, channel: usize, number: f64, block: &Block, force_n: f64) {
@@ -356,7 +323,7 @@ impl Learner {
     pub fn narrowed(&self, row: &[f64]) -> Vec<f64> {
         let (along, mut effects) = self.basis.of(row);
         let n = along.len();
-        let narrower = self.believed().root.view((1, 1), (n, n)) * DVector::from_vec(along);
+        let narrower = self.believed().root().view((1, 1), (n, n)) * DVector::from_vec(along);
         self.basis.add(narrower.as_slice(), &mut effects);
         effects.iter().copied().collect()
     }

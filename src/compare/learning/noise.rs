@@ -7,8 +7,6 @@
 //! l is half a block, so that neighbours that are not independent (a filter, an interpolation) don't hide it. The same of blocks' means says what is left of the
 //! noise in these.
 
-use std::collections::VecDeque;
-
 /// Second differences of the latest readings, or blocks, that the noise is taken from.
 const SEEN: usize = 1000;
 /// Fewest second differences that tell it: nothing is taken in before.
@@ -16,28 +14,66 @@ const FEWEST_SEEN: usize = 3;
 /// Fewest second differences of blocks' means: a median of fewer is off by half.
 const FEWEST_BLOCKS: usize = 8;
 
-/// Sizes of the latest second differences over sqrt(6).
+/// Sizes of the latest second differences over sqrt(6), as bits, which are in the same order.
 #[derive(Clone, Debug, Default)]
-struct Differences(VecDeque<f64>);
+struct Differences {
+    latest: Vec<u64>,
+    /// Where the oldest of them stands, once there are enough.
+    oldest: usize,
+    /// Those about the median, in order: all from the first of these bounds to the second.
+    middle: Vec<u64>,
+    bounds: [u64; 2],
+    /// How many are smaller.
+    smaller: usize,
+}
 
 impl Differences {
     fn see(&mut self, [one, two, three]: [f64; 3]) {
-        self.0.push_back((one - 2.0 * two + three).abs() / 6f64.sqrt());
-        if self.0.len() > SEEN {
-            self.0.pop_front();
+        let size = ((one - 2.0 * two + three).abs() / 6f64.sqrt()).to_bits();
+        match self.place(size) {
+            Some(place) => self.middle.insert(place, size),
+            None => self.smaller += usize::from(size < self.bounds[0]),
+        }
+        if self.latest.len() < SEEN {
+            self.latest.push(size);
+            return;
+        }
+        let old = std::mem::replace(&mut self.latest[self.oldest], size);
+        self.oldest = (self.oldest + 1) % SEEN;
+        match self.place(old) {
+            Some(place) => _ = self.middle.remove(place),
+            None => self.smaller -= usize::from(old < self.bounds[0]),
         }
     }
 
+    /// Where a size belongs in the middle, if it does.
+    fn place(&self, size: u64) -> Option<usize> {
+        // one comparison: whether a size is below the middle is a toss, and a processor that guesses wrong loses more time than all else takes
+        let inside = size.wrapping_sub(self.bounds[0]) <= self.bounds[1] - self.bounds[0];
+        inside.then(|| self.middle.partition_point(|other| *other < size))
+    }
+
     /// Standard deviation, from at least so many.
-    fn deviation(&self, fewest: usize) -> Option<f64> {
-        if self.0.len() < fewest.max(1) {
+    fn deviation(&mut self, fewest: usize) -> Option<f64> {
+        if self.latest.len() < fewest.max(1) {
             return None;
         }
-        let mut sizes: Vec<f64> = self.0.iter().copied().collect();
-        let half = sizes.len() / 2;
-        let (_, median, _) = sizes.select_nth_unstable_by(half, f64::total_cmp);
+        let half = self.latest.len() / 2;
+        if half < self.smaller || half - self.smaller >= self.middle.len() {
+            self.sort(half);
+        }
         // the median of the size of a normal number is 0.6745 of its standard deviation
-        Some(*median / 0.6745)
+        Some(f64::from_bits(self.middle[half - self.smaller]) / 0.6745)
+    }
+
+    /// Begins a new middle, an eighth of all.
+    fn sort(&mut self, half: usize) {
+        let mut all = self.latest.clone();
+        all.sort_unstable();
+        self.bounds = [all[half - half / 8], all[half + half / 8]];
+        self.smaller = all.partition_point(|size| *size < self.bounds[0]);
+        let larger = all.partition_point(|size| *size <= self.bounds[1]);
+        self.middle = all[self.smaller..larger].to_vec();
     }
 }
 
@@ -85,5 +121,31 @@ impl Noise {
         let of_one = self.of_readings.deviation(FEWEST_SEEN)?.max(self.least);
         let of_mean = self.of_means.deviation(FEWEST_BLOCKS).unwrap_or(0.0);
         Some((of_one, (of_one * of_one / count).max(of_mean * of_mean)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_that_of_the_sorted_sizes() {
+        let mut differences = Differences::default();
+        let mut sizes: Vec<f64> = Vec::new();
+        for i in 0..6 * SEEN {
+            // louder, all the same, and in steps as of a quantised sensor
+            let wave = (0.7 * (i * i % 9973) as f64).sin() * (1.0 + (i / 700) as f64);
+            let reading = if i / 1500 == 1 { 0.0 } else { wave };
+            let reading = if i / 1500 == 2 { reading.round() } else { reading };
+            differences.see([reading, 0.0, 0.0]);
+            sizes.push(reading.abs() / 6f64.sqrt());
+            if i % 7 == 0 {
+                let mut latest = sizes[sizes.len().saturating_sub(SEEN)..].to_vec();
+                latest.sort_by(f64::total_cmp);
+                assert_eq!(differences.deviation(1), Some(latest[latest.len() / 2] / 0.6745), "{i}");
+            }
+        }
+        // fewer than are asked for
+        assert_eq!(Differences::default().deviation(FEWEST_SEEN), None);
     }
 }
