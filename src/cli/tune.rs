@@ -145,7 +145,8 @@ struct Proof {
 /// What the run of the written scene shows.
 fn proof(run: &Run, yardstick: &Yardstick, goal: Goal) -> Proof {
     let path: Vec<(f64, f64)> = run.answers.iter().map(|a| (a.depth_m, a.predicted_n)).collect();
-    let errors = yardstick.force_errors(&path);
+    let vectors: Vec<[f64; 3]> = run.answers.iter().map(|a| a.predicted_vector_n).collect();
+    let errors = yardstick.force_errors(&path, &vectors);
     let whole = errors.len() == yardstick.force.len() && run.diverged.is_none();
     let error = largest_error(&errors).filter(|_| whole);
     let factor = run.real_time_factor().unwrap_or(0.0);

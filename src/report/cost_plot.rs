@@ -167,6 +167,8 @@ fn sample(method: &str, volume_ratio: &str, dimension: &str, pose_hz: f64) -> Ca
         dimension: dimension.to_owned(),
         spacing_m: 0.0,
         edge_spacing_m: 0.0,
+        growth: 0.3,
+        path_rings: 0,
         support_factor: 1.8,
         points_per_cell: 1,
         cells_per_point: 1,

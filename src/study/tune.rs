@@ -1,9 +1,9 @@
 //! The cheapest discretisation and the fewest steps per pose that keep a scene's force within a tolerance, found by running
 //! them on this machine.
 //!
-//! The search: coarse clouds first, with the scene's own pace, until one is within the tolerance; there and on the next
-//! coarser one other supports, more points and linear moving least squares; then, for the cheapest that are near enough, one,
-//! two, four steps per pose until the force is right and the run's stability table holds; last, the other precision. The half
+//! The search: coarse clouds first, with the scene's own pace, in space each with coarser surroundings as well, until one is within the tolerance; there
+//! and on the next coarser one other supports, more points and linear moving least squares; then, for the cheapest that are near enough, one,
+//! two, four steps per pose until the force is right and the run's stability table holds (where none is near enough, for the nearest); last, the other precision. The half
 //! plane comes before space, where the scene's `discretisation.dimension` leaves the choice. What counts is measured, nothing is
 //! estimated.
 
@@ -18,6 +18,9 @@ const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
 const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 /// Steps per pose that are tried, few first.
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
+/// Growth of the spacing and support factor of coarse surroundings in space.
+const GROWTH: f64 = 0.45;
+const SUPPORT: f64 = 1.5;
 /// Discretisations whose steps per pose are tried.
 const FINALISTS: usize = 4;
 /// Share of the time between two poses that the mean pose may take: the rest is for what else the machine does.
@@ -121,17 +124,29 @@ impl Search<'_> {
     /// Everything in one dimension; `None` if it was stopped.
     fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
         let factors: &[f64] = if own.is_half_plane() { &SPACINGS } else { &SPACINGS_IN_SPACE };
-        for (i, &factor) in factors.iter().enumerate() {
-            let Some(row) = self.run(&own.spaced(self.scene, factor))? else { return Ok(None) };
-            if self.goal.near(&row) {
-                let coarser = factors[i.saturating_sub(1)];
-                for case in [coarser, factor].into_iter().flat_map(|f| variants(&own.spaced(self.scene, f))) {
+        let mut coarser = None;
+        for &factor in factors {
+            let (mut near, mut fits) = (false, false);
+            for case in clouds(own.spaced(self.scene, factor)) {
+                let row = match self.run(&case) {
+                    // the scene's own spacing is near the coarsest that its sample takes
+                    Err(StudyError::Scene(_)) if factor > 1.0 => continue,
+                    row => row?,
+                };
+                let Some(row) = row else { return Ok(None) };
+                near |= self.goal.near(&row);
+                fits = true;
+            }
+            if near {
+                let both = coarser.into_iter().chain([factor]);
+                for case in both.flat_map(|factor| variants(&own.spaced(self.scene, factor))) {
                     if self.run(&case)?.is_none() {
                         return Ok(None);
                     }
                 }
                 break;
             }
+            coarser = fits.then_some(factor);
         }
         for case in self.finalists(&own.dimension) {
             if self.fewest_steps(&case)?.is_none() {
@@ -147,13 +162,18 @@ impl Search<'_> {
         Ok(Some(()))
     }
 
-    /// The cheapest per step of those that are near enough at the scene's own pace.
+    /// The cheapest per step of those that are near enough at the scene's own pace; the nearest if none is, since more steps may do.
     fn finalists(&self, dimension: &str) -> Vec<Case> {
-        let mut near: Vec<&Row> =
-            self.rows.iter().filter(|row| row.case.dimension == dimension && self.goal.near(row)).collect();
-        let per_step = |row: &Row| row.cost_s / row.steps.max(1) as f64;
-        near.sort_by(|a, b| per_step(a).total_cmp(&per_step(b)));
-        near.into_iter().take(FINALISTS).map(|row| row.case.clone()).collect()
+        let own = || self.rows.iter().filter(|row| row.case.dimension == dimension);
+        let mut best: Vec<&Row> = own().filter(|row| self.goal.near(row)).collect();
+        if best.is_empty() {
+            best = own().filter(|row| row.max_force_error().is_some()).collect();
+            best.sort_by(|a, b| error(a).total_cmp(&error(b)));
+        } else {
+            let per_step = |row: &Row| row.cost_s / row.steps.max(1) as f64;
+            best.sort_by(|a, b| per_step(a).total_cmp(&per_step(b)));
+        }
+        best.into_iter().take(FINALISTS).map(|row| row.case.clone()).collect()
     }
 
     /// Tries few steps per pose first, until force and stability are right or the pose too late.
@@ -211,7 +231,6 @@ impl Search<'_> {
             rows.into_iter().min_by(|a, b| key(a).total_cmp(&key(b))).map_or_else(|| "none".to_owned(), told)
         };
         let whole = || self.rows.iter().filter(|row| row.max_force_error().is_some());
-        let error = |row: &Row| row.max_force_error().unwrap_or(f64::INFINITY);
         format!(
             "nothing that was run has both an error of {:.3} % and {:.3} ms per pose ({:.0} % of the time between two){}. \
              Nearest to the reference: {}. Nearest in time: {}. Ask for a wider --tolerance or a lower --pose-hz",
@@ -223,6 +242,17 @@ impl Search<'_> {
             by(&error, whole().filter(|row| self.goal.in_time(row)).collect()),
         )
     }
+}
+
+fn error(row: &Row) -> f64 {
+    row.max_force_error().unwrap_or(f64::INFINITY)
+}
+
+/// Clouds of one spacing: in space one with coarse surroundings, which are too soft, and narrow supports, which are too stiff, beside the scene's own
+/// (`docs/lab/performance.md`).
+fn clouds(case: Case) -> Vec<Case> {
+    let coarse = Case { growth: GROWTH, support_factor: SUPPORT, path_rings: 2, ..case.clone() };
+    if case.is_half_plane() || case.method == "tet4" { vec![case] } else { vec![coarse, case] }
 }
 
 /// Other ways to discretise on the same cloud.
@@ -238,4 +268,27 @@ fn variants(case: &Case) -> Vec<Case> {
         cases.push(Case { method: "mls".to_owned(), ..case.clone() });
     }
     cases
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn in_space_a_cloud_with_coarse_surroundings_is_tried_first() {
+        let mut scene = Scene::preset("needle_insertion").unwrap();
+        let half_plane = Case::of(&scene).unwrap();
+        assert_eq!(clouds(half_plane.clone()), [half_plane]);
+        scene.set("instrument.tilt_rad", "0.3").unwrap();
+        let own = Case::of(&scene).unwrap();
+        let [coarse, same] = &clouds(own.clone())[..] else { panic!("two") };
+        assert_eq!(*same, own);
+        let tried = coarse.scene(&scene).unwrap().discretisation;
+        let grading = tried.grading.unwrap();
+        assert_eq!((grading.growth, grading.path_rings, tried.support_factor), (GROWTH, 2, SUPPORT));
+        assert_eq!(grading.spacing, scene.discretisation.grading.unwrap().spacing);
+        let elements = Case { method: "tet4".to_owned(), ..own };
+        assert_eq!(clouds(elements.clone()), [elements], "which have no supports");
+    }
 }

@@ -24,6 +24,8 @@ pub struct Yardstick {
     pub source: String,
     /// (depth in m, force in N) by rising depth.
     pub force: Vec<(f64, f64)>,
+    /// All of these forces, frame `sample`, N, where a path leans and what is across it counts as well; else none.
+    pub vectors: Vec<[f64; 3]>,
     /// Relative uncertainty of these forces, where it is known.
     pub uncertainty: Option<f64>,
     /// Points in the tissue that are compared at the last depth, and where they should be then, m.
@@ -72,9 +74,13 @@ impl Yardstick {
             return Err(StudyError::Lost { scene: scene.name.clone(), why });
         }
         let force = depths.iter().map(|d| Some((*d, force_at(&driven.path, *d)?))).collect::<Option<Vec<_>>>();
+        let leans = scene.instrument.is_some_and(|i| i.slope() != [0.0; 2]);
+        let vector = |depth: &f64| vector_at(&driven.path, &driven.vectors, *depth);
+        let vectors = leans.then(|| depths.iter().map(vector).collect::<Option<Vec<_>>>());
         let source = format!("the own model, {} nodes, double precision", driven.nodes);
         Ok(Self {
             force: force.ok_or_else(lost)?,
+            vectors: vectors.unwrap_or_else(|| Some(Vec::new())).ok_or_else(lost)?,
             uncertainty: None,
             displaced: scene.targets.iter().cloned().zip(driven.targets).collect(),
             displacement_source: source.clone(),
@@ -88,11 +94,19 @@ impl Yardstick {
         self.force.last().map_or(0.0, |p| p.0)
     }
 
-    /// (depth in m, force over that of the yardstick - 1) where a path of (depth, force) reaches.
+    /// Where a path of (depth in m, force) reaches: depth, and force over that of the yardstick - 1. Where a path leans it is the distance of the
+    /// forces of `vectors` from the yardstick's, over their length.
     #[must_use]
-    pub fn force_errors(&self, path: &[(f64, f64)]) -> Vec<(f64, f64)> {
-        let error = |&(depth, force): &(f64, f64)| Some((depth, force_at(path, depth)? / force - 1.0));
-        self.force.iter().filter_map(error).collect()
+    pub fn force_errors(&self, path: &[(f64, f64)], vectors: &[[f64; 3]]) -> Vec<(f64, f64)> {
+        let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let error = |(i, &(depth, force)): (usize, &(f64, f64))| match self.vectors.get(i) {
+            None => Some((depth, force_at(path, depth)? / force - 1.0)),
+            Some(all) => {
+                let found = vector_at(path, vectors, depth)?;
+                Some((depth, length(std::array::from_fn(|k| found[k] - all[k])) / length(*all)))
+            }
+        };
+        self.force.iter().enumerate().filter_map(error).collect()
     }
 
     /// Largest distance between places and where they should be, over the last depth; `None` if none is compared.
@@ -108,10 +122,24 @@ impl Yardstick {
 
 /// Force at a depth on the way in, between the two answers (depth, force) next to it; `None` if it was not reached.
 pub(super) fn force_at(path: &[(f64, f64)], depth_m: f64) -> Option<f64> {
+    let (before, next, share) = between(path, depth_m)?;
+    let [a, b] = [path[before].1, path[next].1];
+    Some(a + share * (b - a))
+}
+
+/// The same of all components, those of each answer.
+fn vector_at(path: &[(f64, f64)], vectors: &[[f64; 3]], depth_m: f64) -> Option<[f64; 3]> {
+    let (before, next, share) = between(path, depth_m)?;
+    let [a, b] = [vectors.get(before)?, vectors.get(next)?];
+    Some(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])))
+}
+
+/// The answers next to a depth, and its place between them.
+fn between(path: &[(f64, f64)], depth_m: f64) -> Option<(usize, usize, f64)> {
     let next = path.iter().position(|(depth, _)| *depth >= depth_m * (1.0 - 1e-9))?;
-    let ((a, fa), (b, fb)) = (path[next.saturating_sub(1)], path[next]);
-    let share = if b > a { ((depth_m - a) / (b - a)).min(1.0) } else { 1.0 };
-    Some(fa + share * (fb - fa))
+    let before = next.saturating_sub(1);
+    let (a, b) = (path[before].0, path[next].0);
+    Some((before, next, if b > a { ((depth_m - a) / (b - a)).min(1.0) } else { 1.0 }))
 }
 
 /// The preset or sample of several materials that poses the same problem (sample, materials, instrument), whatever its discretisation.
@@ -178,6 +206,30 @@ mod tests {
         let path: Vec<(f64, f64)> = (0..=500).map(|i| (1e-5 * f64::from(i), 2e-5 * f64::from(i))).collect();
         assert!((force_at(&path, 1.234e-3).unwrap() - 2.468e-3).abs() < 1e-12);
         assert_eq!(force_at(&path, 6e-3), None);
+    }
+
+    #[test]
+    fn what_is_across_a_path_that_leans_is_an_error_of_its_force() {
+        let path = [(0.0, 0.0), (0.001, 2.0), (0.002, 4.0)];
+        let vectors = [[0.0; 3], [0.3, 0.0, 2.0], [0.6, 0.0, 4.0]];
+        let all = Yardstick { force: vec![(0.0015, 3.0)], vectors: vec![[0.0, 0.0, 3.0]], ..Yardstick::default() };
+        let [(depth_m, error)] = all.force_errors(&path, &vectors)[..] else { panic!("one depth") };
+        assert!(depth_m == 0.0015 && (error - 0.15).abs() < 1e-12, "{error}");
+        let along = Yardstick { vectors: Vec::new(), ..all };
+        assert!(along.force_errors(&path, &vectors)[0].1.abs() < 1e-12);
+        // and so `of` a scene
+        let leaning = |tilt: &str| {
+            let mut scene = Scene::preset("needle_insertion").unwrap();
+            for (key, value) in
+                [("instrument.tilt_rad", tilt), ("discretisation.spacing_m", "0.005"), ("motion.pose_hz", "50")]
+            {
+                scene.set(key, value).unwrap();
+            }
+            Yardstick::own(&scene, 0.001).unwrap().vectors
+        };
+        assert!(leaning("0.0").is_empty());
+        let all = leaning("0.3");
+        assert!(all.len() == 20 && all[19][0] < 0.0 && all[19][2] > 0.0, "{all:?}");
     }
 
     #[test]

@@ -59,6 +59,10 @@ pub struct Case {
     pub spacing_m: f64,
     /// Spacing at the instrument's edge of contact or along its path, m.
     pub edge_spacing_m: f64,
+    /// `discretisation.growth`; 0 in a table that does not say it.
+    pub growth: f64,
+    /// `discretisation.path_rings`.
+    pub path_rings: u32,
     /// `discretisation.support_factor`; linear tetrahedra have no support, and the scene's value here.
     pub support_factor: f64,
     /// `discretisation.points_per_cell`.
@@ -91,6 +95,8 @@ impl Case {
             dimension: dimension.as_str().to_owned(),
             spacing_m,
             edge_spacing_m: rounded(spacing_m * grading.edge_refinement),
+            growth: grading.growth,
+            path_rings: grading.path_rings,
             support_factor: scene.support_factor(),
             points_per_cell: d.points_per_cell,
             cells_per_point: d.cells_per_point,
@@ -141,6 +147,8 @@ impl Case {
             ("discretisation.dimension", self.dimension.clone()),
             ("discretisation.spacing_m", self.spacing_m.to_string()),
             ("discretisation.edge_refinement", refinement.to_string()),
+            ("discretisation.growth", self.growth.to_string()),
+            ("discretisation.path_rings", self.path_rings.to_string()),
             ("discretisation.support_factor", self.support_factor.to_string()),
             ("discretisation.points_per_cell", self.points_per_cell.to_string()),
             ("discretisation.cells_per_point", self.cells_per_point.to_string()),
@@ -204,11 +212,13 @@ impl Case {
     #[must_use]
     pub fn name(&self) -> String {
         format!(
-            "{}, {}, spacing {} mm ({} mm at the edge), support {}, {}, {}, {} Hz, steps {}",
+            "{}, {}, spacing {} mm ({} mm at the edge), growth {}{}, support {}, {}, {}, {} Hz, steps {}",
             self.method_name(),
             self.dimension,
             millimetres(self.spacing_m),
             millimetres(self.edge_spacing_m),
+            self.growth,
+            if self.path_rings == 0 { String::new() } else { format!(", {} rings", self.path_rings) },
             self.support_factor,
             self.integration(),
             self.precision,

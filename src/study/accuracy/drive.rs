@@ -33,6 +33,8 @@ pub(in crate::study) struct Driven {
     pub recoveries: u64,
     /// (depth in m, force against the instrument's axis in N), those that are compared or between.
     pub path: Vec<(f64, f64)>,
+    /// All of that force, frame `sample`, N.
+    pub vectors: Vec<[f64; 3]>,
     /// Places of the targets at the end, m.
     pub targets: Vec<[f64; 3]>,
     /// Why it ended before its depth, if it did.
@@ -63,7 +65,8 @@ pub(in crate::study) fn drive(
     let mut spent = 0.0;
     for _ in 0..REPEATS {
         twin.reset();
-        let mut run = Run { twin: &mut twin, driven: Driven { min_jacobian: 1.0, ..Driven::default() }, stop };
+        let driven = Driven { min_jacobian: 1.0, ..Driven::default() };
+        let mut run = Run { twin: &mut twin, driven, force_n: [0.0; 3], stop };
         let clock = ThreadClock::start();
         let end = match case.steps {
             Steps::Rest => run.rest_at_each(depths),
@@ -94,6 +97,8 @@ enum End {
 struct Run<'a> {
     twin: &'a mut Twin,
     driven: Driven,
+    /// Force of the last pose, N.
+    force_n: [f64; 3],
     stop: &'a dyn Fn() -> bool,
 }
 
@@ -103,8 +108,8 @@ impl Run<'_> {
         let deepest = depths.last().copied().unwrap_or(0.0);
         let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..*motion };
         for (time_s, depth) in motion.poses() {
-            let (force, _) = self.pose(time_s, depth)?;
-            self.driven.path.push((depth, force));
+            self.pose(time_s, depth)?;
+            self.note(depth);
             if depth >= deepest * (1.0 - 1e-9) {
                 break;
             }
@@ -119,25 +124,32 @@ impl Run<'_> {
             for i in 1..POSES_PER_DEPTH {
                 self.next_pose(from + (depth - from) * f64::from(i) / f64::from(POSES_PER_DEPTH))?;
             }
-            let (mut force, mut steps) = self.next_pose(depth)?;
+            let mut steps = self.next_pose(depth)?;
             for _ in 0..LONGEST_REST {
                 if steps == 0 {
                     break;
                 }
-                (force, steps) = self.next_pose(depth)?;
+                steps = self.next_pose(depth)?;
             }
-            self.driven.path.push((depth, force));
+            self.note(depth);
             from = depth;
         }
         Ok(())
     }
 
-    fn next_pose(&mut self, depth_m: f64) -> Result<(f64, u32), End> {
+    fn next_pose(&mut self, depth_m: f64) -> Result<u32, End> {
         self.pose(REST_PERIOD_S * (self.driven.poses + 1) as f64, depth_m)
     }
 
-    /// Answers one pose: the force against the instrument's axis in N, and the steps that it took.
-    fn pose(&mut self, time_s: f64, depth_m: f64) -> Result<(f64, u32), End> {
+    /// Keeps the last force, against the instrument's axis and all of it.
+    fn note(&mut self, depth_m: f64) {
+        let axis = self.twin.pose_at_depth(depth_m).axis;
+        self.driven.path.push((depth_m, -(0..3).map(|k| self.force_n[k] * axis[k]).sum::<f64>()));
+        self.driven.vectors.push(self.force_n);
+    }
+
+    /// Answers one pose: the steps that it took.
+    fn pose(&mut self, time_s: f64, depth_m: f64) -> Result<u32, End> {
         if (self.stop)() {
             return Err(End::Stopped);
         }
@@ -147,8 +159,8 @@ impl Run<'_> {
         self.driven.poses += 1;
         self.driven.simulated_s = time_s;
         self.driven.min_jacobian = self.driven.min_jacobian.min(answer.health.min_jacobian);
-        let force = -(0..3).map(|k| answer.force_n[k] * pose.axis[k]).sum::<f64>();
-        Ok((force, answer.steps))
+        self.force_n = answer.force_n;
+        Ok(answer.steps)
     }
 
     fn finish(self, end: Result<(), End>) -> Driven {

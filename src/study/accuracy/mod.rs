@@ -95,7 +95,7 @@ impl Case {
         Ok(Some(Row {
             scene: scene.name.clone(),
             case: self.clone(),
-            force_error: yardstick.force_errors(&driven.path),
+            force_error: yardstick.force_errors(&driven.path, &driven.vectors),
             displacement_error: yardstick.displacement_error(&driven.targets),
             nodes: driven.nodes,
             integration_points: driven.integration_points,

@@ -17,6 +17,10 @@ struct Record {
     dimension: String,
     spacing_m: f64,
     edge_spacing_m: f64,
+    #[serde(default)]
+    growth: f64,
+    #[serde(default)]
+    path_rings: u32,
     support_factor: f64,
     points_per_cell: u32,
     cells_per_point: u32,
@@ -58,6 +62,8 @@ impl From<&Row> for Record {
             dimension: c.dimension,
             spacing_m: c.spacing_m,
             edge_spacing_m: c.edge_spacing_m,
+            growth: c.growth,
+            path_rings: c.path_rings,
             support_factor: c.support_factor,
             points_per_cell: c.points_per_cell,
             cells_per_point: c.cells_per_point,
@@ -99,6 +105,8 @@ impl Record {
                 dimension: self.dimension,
                 spacing_m: self.spacing_m,
                 edge_spacing_m: self.edge_spacing_m,
+                growth: self.growth,
+                path_rings: self.path_rings,
                 support_factor: self.support_factor,
                 points_per_cell: self.points_per_cell,
                 cells_per_point: self.cells_per_point,
