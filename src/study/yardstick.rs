@@ -213,8 +213,8 @@ mod tests {
         let path = [(0.0, 0.0), (0.001, 2.0), (0.002, 4.0)];
         let vectors = [[0.0; 3], [0.3, 0.0, 2.0], [0.6, 0.0, 4.0]];
         let all = Yardstick { force: vec![(0.0015, 3.0)], vectors: vec![[0.0, 0.0, 3.0]], ..Yardstick::default() };
-        let [(depth_m, error)] = all.force_errors(&path, &vectors)[..] else { panic!("one depth") };
-        assert!(depth_m == 0.0015 && (error - 0.15).abs() < 1e-12, "{error}");
+        let errors = all.force_errors(&path, &vectors);
+        assert!(errors.len() == 1 && errors[0].0 == 0.0015 && (errors[0].1 - 0.15).abs() < 1e-12, "{errors:?}");
         let along = Yardstick { vectors: Vec::new(), ..all };
         assert!(along.force_errors(&path, &vectors)[0].1.abs() < 1e-12);
         // and so `of` a scene
