@@ -1,11 +1,11 @@
 //! The cheapest discretisation and the fewest steps per pose that keep a scene's force within a tolerance, found by running
 //! them on this machine.
 //!
-//! The search: coarse clouds first, with the scene's own pace, in space each with coarser surroundings as well, until one is within the tolerance; there
-//! and on the next coarser one other supports, more points and linear moving least squares; then, for the cheapest that are near enough, one,
-//! two, four steps per pose until the force is right and the run's stability table holds (where none is near enough, for the nearest); last, the other precision. The half
-//! plane comes before space, where the scene's `discretisation.dimension` leaves the choice. What counts is measured, nothing is
-//! estimated.
+//! The search: coarse clouds first, with the scene's own pace, in space each with coarser surroundings as well, until one is
+//! within the tolerance; there and on the next coarser one other supports, more points and linear moving least squares; then,
+//! for the cheapest that are near enough, or for the nearest if none is, one, two, four steps per pose until the force is right
+//! and the run's stability table holds; last, the other precision. The half plane comes before space, where the scene's
+//! `discretisation.dimension` leaves the choice. What counts is measured, nothing is estimated.
 
 use super::accuracy::{Case, Row, Steps, StudyError};
 use super::yardstick::Yardstick;
