@@ -18,6 +18,8 @@ const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
 const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 /// Steps per pose that are tried, few first.
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
+/// Most steps per pose at a scene's own pace: the key's default.
+const MOST_STEPS: u32 = 2000;
 /// Growth of the spacing and support factor of coarse surroundings in space.
 const GROWTH: f64 = 0.45;
 const SUPPORT: f64 = 1.5;
@@ -85,6 +87,51 @@ pub fn tune(
         }
     }
     Err(StudyError::Untuned(search.nearest()))
+}
+
+/// The fewest steps per pose, or the scene's own pace, with which a scene that is [corrected](super::correction) is within the goal, of the `case` that
+/// its cloud is; `None` if it was stopped.
+///
+/// # Errors
+/// As [`tune`].
+pub fn paced(
+    scene: &Scene,
+    case: &Case,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    for steps in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)) {
+        let case = Case { steps, ..case.clone() };
+        let paced = with_pace(scene, steps)?;
+        let Some(row) = case.row_of(&paced, yardstick, stop)? else { return Ok(None) };
+        (search.seen)(&row);
+        search.rows.push(row.clone());
+        if !goal.in_time(&row) || steps != Steps::Auto && goal.near(&row) {
+            break;
+        }
+    }
+    let mut meeting: Vec<Row> = search.rows.iter().filter(|r| goal.near(r) && goal.in_time(r)).cloned().collect();
+    meeting.sort_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()));
+    for row in meeting {
+        let paced = with_pace(scene, row.case.steps)?;
+        if search.holds(&paced, &row.case)? {
+            return Ok(Some(Tuned { scene: paced, row }));
+        }
+    }
+    Err(StudyError::Untuned(search.nearest()))
+}
+
+/// A scene with so many steps for every pose that moves, or with its own pace.
+pub(super) fn with_pace(scene: &Scene, steps: Steps) -> Result<Scene, StudyError> {
+    let (least, most) = match steps {
+        Steps::Fixed(steps) => (steps, steps),
+        Steps::Auto | Steps::Rest => (1, MOST_STEPS),
+    };
+    let keys = [("stepping.min_steps_per_pose", least), ("stepping.max_steps_per_pose", most)];
+    Ok(scene.with(&keys.map(|(path, steps)| Override::typed(path, steps, "tune")))?)
 }
 
 /// Ends a run where the search is ended.
@@ -203,12 +250,17 @@ impl Search<'_> {
 
     /// Whether the stability table holds over the whole motion, way out included, as `solve` goes it.
     fn is_stable(&mut self, case: &Case) -> Result<bool, StudyError> {
+        let scene = case.scene(self.scene)?;
+        self.holds(&scene, case)
+    }
+
+    /// The same of a scene that has the case's keys already.
+    fn holds(&mut self, scene: &Scene, case: &Case) -> Result<bool, StudyError> {
         if let Some((_, known)) = self.stable.iter().find(|(of, _)| of == case) {
             return Ok(*known);
         }
-        let scene = case.scene(self.scene)?;
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
-        let (mut twin, build_s) = compare::build(&scene)?;
+        let (mut twin, build_s) = compare::build(scene)?;
         let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
         let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
         let run = compare::drive(&mut twin, readings, None, collector, &mut Stop(self.stop));
