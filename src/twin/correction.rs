@@ -7,9 +7,10 @@
 //! v' = s R(w) v        s = |v_fine| / |v_coarse|,   R(w): the rotation by |w| about w that takes v_coarse to v_fine the short way
 //! ```
 //!
-//! is applied to whatever the coarse cloud answers (a bridging function between models of two fidelities; multiplicative, as in Chang, Haftka,
-//! Giles, Kao 1993, J. Aircraft 30:590). s and w are linear between two depths, and constant before the first and after the last. On the way back
-//! those of the deepest point count, since what was captured to there is what there is in the tissue.
+//! is applied to whatever the coarse cloud answers (a bridging function between models of two fidelities, multiplicative as the scale factor of Haftka
+//! 1991, AIAA J. 29:1361). s and w are linear between two depths, and constant before the first and after the last. On the way back
+//! those of the deepest point count, since what was captured to there is what there is in the tissue; nothing was learnt there, and the errors of the
+//! cloud stay as they are.
 
 use crate::scene::Correction;
 
@@ -66,6 +67,15 @@ impl Similarity {
         let number = |k: usize| (1.0 - share) * list[NUMBERS * a + k] + share * list[NUMBERS * b + k];
         Self { scale: number(0), turn: [number(1), number(2), number(3)] }
     }
+}
+
+/// What to say of a model that is corrected.
+pub(super) fn told(correction: &Correction) -> String {
+    let left = match correction.left {
+        0.0 => String::new(),
+        left => format!(", within {:.2} % in a run that it was not learnt from", 100.0 * left),
+    };
+    format!("; force and targets corrected by what {} have at rest{left}", correction.learnt_from)
 }
 
 impl Twin {
