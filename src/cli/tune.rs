@@ -116,13 +116,12 @@ fn search(scene: &Scene, depth: f64, goal: Goal, correct: bool) -> Result<Option
     eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
     let mut seen = |row: &Row| eprint(&row.line());
     let stop = || interrupt.pressed();
-    let tolerance = if correct { (TO_BE_CORRECTED * goal.tolerance).min(0.5) } else { goal.tolerance };
-    let Some(tuned) = tune::tune(scene, &yardstick, Goal { tolerance, ..goal }, &mut seen, &stop)? else {
-        return Ok(None);
-    };
     if !correct {
-        return Ok(Some(Found { yardstick, tuned, learnt: None }));
+        let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &stop)?;
+        return Ok(tuned.map(|tuned| Found { yardstick, tuned, learnt: None }));
     }
+    let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
+    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
     eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
     let Some(learnt) = correction::learn(scene, &tuned.scene, &stop)? else { return Ok(None) };
     let paced = tune::paced(&learnt.scene, &tuned.row.case, &yardstick, goal, &mut seen, &stop)?;

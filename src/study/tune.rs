@@ -89,6 +89,29 @@ pub fn tune(
     Err(StudyError::Untuned(search.nearest()))
 }
 
+/// The scene on the coarsest cloud whose force is within a tolerance at the scene's own pace, with what that gave; `None` if it was stopped.
+///
+/// # Errors
+/// As [`tune`].
+pub fn coarsest(
+    scene: &Scene,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let scene = scene.with(&[Override::text("motion.pose_hz", &goal.pose_hz.to_string(), "tune")])?;
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let own = Case::of(&scene)?;
+    let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
+    let case = search.finalists(&own.dimension).into_iter().next().filter(|_| near.is_some());
+    let Some(row) = case.and_then(|case| search.rows.iter().find(|row| row.case == case).cloned()) else {
+        return Err(StudyError::Untuned(search.nearest()));
+    };
+    let tuned = Scene { name: format!("{}_tuned", scene.name), ..row.case.scene(&scene)? };
+    Ok(Some(Tuned { scene: tuned, row }))
+}
+
 /// The fewest steps per pose, or the scene's own pace, with which a scene that is [corrected](super::correction) is within the goal, of the `case` that
 /// its cloud is; `None` if it was stopped.
 ///
@@ -168,8 +191,9 @@ impl Search<'_> {
         Ok(Some(row))
     }
 
-    /// Everything in one dimension; `None` if it was stopped.
-    fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
+    /// Runs clouds at the scene's own pace, coarse ones first, until one is near enough: the factor on the scene's spacings of that one, and
+    /// of the next coarser; `None` if it was stopped.
+    fn first_near(&mut self, own: &Case) -> Result<Option<[Option<f64>; 2]>, StudyError> {
         let factors: &[f64] = if own.is_half_plane() { &SPACINGS } else { &SPACINGS_IN_SPACE };
         let mut coarser = None;
         for &factor in factors {
@@ -185,15 +209,23 @@ impl Search<'_> {
                 fits = true;
             }
             if near {
-                let both = coarser.into_iter().chain([factor]);
-                for case in both.flat_map(|factor| variants(&own.spaced(self.scene, factor))) {
-                    if self.run(&case)?.is_none() {
-                        return Ok(None);
-                    }
-                }
-                break;
+                return Ok(Some([Some(factor), coarser]));
             }
             coarser = fits.then_some(factor);
+        }
+        Ok(Some([None, coarser]))
+    }
+
+    /// Everything in one dimension; `None` if it was stopped.
+    fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
+        let Some([near, coarser]) = self.first_near(own)? else { return Ok(None) };
+        if let Some(factor) = near {
+            let both = coarser.into_iter().chain([factor]);
+            for case in both.flat_map(|factor| variants(&own.spaced(self.scene, factor))) {
+                if self.run(&case)?.is_none() {
+                    return Ok(None);
+                }
+            }
         }
         for case in self.finalists(&own.dimension) {
             if self.fewest_steps(&case)?.is_none() {
