@@ -13,8 +13,12 @@ use crate::compare::{self, At, Collector, Keep, Reading, Run};
 use crate::report;
 use crate::scene::{Motion, Scene, Seconds};
 use crate::study::accuracy::{self, Row, StudyError, largest_error};
+use crate::study::correction::{self, Learnt};
 use crate::study::tune::{self, Goal, Tuned};
 use crate::study::yardstick::Yardstick;
+
+/// How far off a cloud may be that is to be corrected, over the tolerance: what is left is a tenth to a quarter of it (docs/lab/performance.md).
+const TO_BE_CORRECTED: f64 = 4.0;
 
 /// Find the coarsest cloud and the fewest steps that meet a tolerance and a rate of poses on this machine, and write
 /// them as a scene file
@@ -34,6 +38,11 @@ pub(super) struct Arguments {
     /// Poses per second that have to be answered
     #[arg(long, value_name = "R", default_value_t = 1000.0, value_parser = rate, help_heading = "Goal")]
     pose_hz: f64,
+
+    /// Take a coarser cloud, and correct its force and targets by what a finer one has at rest along the scene's path. What is left is
+    /// measured in a run with another deformation coefficient or Poisson's ratio, and held to the tolerance; clouds within 4 times that are tried
+    #[arg(long, help_heading = "Goal")]
+    correct: bool,
 
     #[command(flatten)]
     threads: ThreadOptions,
@@ -57,16 +66,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, [])?;
     let depth = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?.depth.get();
     let goal = Goal { tolerance: arguments.tolerance, pose_hz: arguments.pose_hz };
-    let found = arguments.threads.install(|| search(&scene, depth, goal))??;
-    let Some((yardstick, tuned)) = found else {
+    let found = arguments.threads.install(|| search(&scene, depth, goal, arguments.correct))??;
+    let Some(Found { yardstick, tuned, learnt }) = found else {
         warn("interrupted: nothing is written");
         return Ok(Outcome::Lossy);
     };
-    let text = written(&tuned, &yardstick, goal, rayon_threads(arguments));
+    let text = written(&tuned, &yardstick, goal, rayon_threads(arguments), learnt.as_ref());
     // what is shown is what the file says
     let scene = scene_file::from_text(&text, &tuned.scene.name)?;
     let run = arguments.threads.install(|| shown(&scene))??;
-    let proof = proof(&run, &yardstick, goal);
+    let mut proof = proof(&run, &yardstick, goal);
+    if let Some(learnt) = &learnt {
+        proof.text += &told(learnt, goal);
+        proof.met &= learnt.left <= goal.tolerance;
+    }
     match &arguments.out {
         Some(path) => {
             report::write_file(path, text.as_bytes())?;
@@ -90,17 +103,44 @@ fn eprint(text: &str) {
     let _ = write!(std::io::stderr(), "{text}"); // nowhere left to say that it can't be said
 }
 
-fn search(scene: &Scene, depth: f64, goal: Goal) -> Result<Option<(Yardstick, Tuned)>, CliError> {
+/// What was found, and what was measured on the way.
+struct Found {
+    yardstick: Yardstick,
+    tuned: Tuned,
+    learnt: Option<Learnt>,
+}
+
+fn search(scene: &Scene, depth: f64, goal: Goal, correct: bool) -> Result<Option<Found>, CliError> {
     let interrupt = Interrupt::listen();
     let yardstick = Yardstick::of(scene, depth)?;
     eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
     let mut seen = |row: &Row| eprint(&row.line());
-    let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &|| interrupt.pressed())?;
-    Ok(tuned.map(|tuned| (yardstick, tuned)))
+    let stop = || interrupt.pressed();
+    if !correct {
+        let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &stop)?;
+        return Ok(tuned.map(|tuned| Found { yardstick, tuned, learnt: None }));
+    }
+    let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
+    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
+    eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
+    let Some(learnt) = correction::learn(scene, &tuned.scene, &stop)? else { return Ok(None) };
+    let paced = tune::paced(&learnt.scene, &tuned.row.case, &yardstick, goal, &mut seen, &stop)?;
+    Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
+}
+
+/// What is left after a correction in the run that it was not learnt from.
+fn told(learnt: &Learnt, goal: Goal) -> String {
+    let (key, value) = learnt.held_out;
+    format!(
+        "corrected; with {key} = {value:.4}, which it was not learnt from, {:.2} % of force and targets are left of {:.2} %: {}\n",
+        100.0 * learnt.left,
+        100.0 * learnt.before,
+        if learnt.left <= goal.tolerance { "met" } else { "NOT met" }
+    )
 }
 
 /// The scene file, with what was measured above it.
-fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, threads: usize) -> String {
+fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, threads: usize, learnt: Option<&Learnt>) -> String {
     let row = &tuned.row;
     let mut text = String::new();
     // Writing to a String can't fail.
@@ -118,6 +158,9 @@ fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, threads: usize) -> 
         row.nodes,
         row.integration_points,
     );
+    if let Some(learnt) = learnt {
+        let _ = writeln!(text, "# That is {}", told(learnt, goal));
+    }
     text + &tuned.scene.to_toml()
 }
 

@@ -27,6 +27,7 @@ pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     check.stepping()?;
     check.motion()?;
     check.targets()?;
+    check.correction()?;
     check.uncertainty()
 }
 

@@ -12,6 +12,7 @@
 mod advice;
 mod check;
 mod check_materials;
+mod correction;
 mod correlation;
 mod discretisation;
 mod edit;
@@ -41,6 +42,7 @@ mod values;
 mod words;
 
 pub use check::LARGEST_POISSON_RATIO;
+pub use correction::Correction;
 pub use correlation::Dependence;
 pub use discretisation::{Dimension, Discretisation, Grading, Integration, Method, VolumeRatio};
 pub use edit::{NewValue, Override};
@@ -90,6 +92,8 @@ section! {
         motion: Option<Motion>,
         /// Material points whose position is predicted.
         targets: Vec<Target>,
+        /// What the cloud's answers lack against a finer one's; absent: nothing is corrected.
+        correction: Option<Correction>,
         /// Keys whose values are not known for sure, with their prior distributions.
         uncertainty: Vec<Uncertain>,
     }

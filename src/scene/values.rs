@@ -249,6 +249,12 @@ impl Values {
         }
     }
 
+    /// `path = value` of every key that was put in and counts, a line each, by path.
+    pub(super) fn lines(&self, counts: impl Fn(&str) -> bool) -> String {
+        let counting = self.entries.iter().filter(|(path, _)| counts(path));
+        counting.map(|(path, entry)| format!("{path} = {}\n", entry.value)).collect()
+    }
+
     /// Refuses an index of `targets` that would leave a hole, and a material or region that the scene doesn't have.
     pub(super) fn check_element(&self, path: &str, place: &str) -> Result<(), SceneError> {
         let refuse = |value: String, reason: String| {

@@ -1,7 +1,7 @@
 //! Studies of the method itself: what a discretisation costs and how near it comes to independent solutions.
 //!
 //! [`accuracy`] holds many discretisations of a scene against a [`yardstick`], which is the finite elements of
-//! [`mod@reference`] where there are any; [`tune`] picks one of them for a tolerance and a rate of poses. [`stability`]
+//! [`mod@reference`] where there are any; [`tune`] picks one of them for a tolerance and a rate of poses, and [`correction`] learns what it lacks. [`stability`]
 //! drives the indentation on until each method ends. [`verification`] holds the presets, as they ship, and [`composites`] to their targets.
 //! [`mod@calibrate`] finds the values of scene keys with which a recorded force is met. [`sensitivity`] says which uncertain key matters. [`speed`] times the step, beside the [`mod@bounds`] of the machine, and
 //! [`busy`] a needle beside other programs.
@@ -13,6 +13,7 @@ pub mod busy;
 pub mod calibrate;
 mod clock;
 pub mod composites;
+pub mod correction;
 mod csv;
 
 pub mod kept;

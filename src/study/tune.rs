@@ -18,6 +18,8 @@ const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
 const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 /// Steps per pose that are tried, few first.
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
+/// Most steps per pose at a scene's own pace: the key's default.
+const MOST_STEPS: u32 = 2000;
 /// Growth of the spacing and support factor of coarse surroundings in space.
 const GROWTH: f64 = 0.45;
 const SUPPORT: f64 = 1.5;
@@ -87,6 +89,74 @@ pub fn tune(
     Err(StudyError::Untuned(search.nearest()))
 }
 
+/// The scene on the coarsest cloud whose force is within a tolerance at the scene's own pace, with what that gave; `None` if it was stopped.
+///
+/// # Errors
+/// As [`tune`].
+pub fn coarsest(
+    scene: &Scene,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let scene = scene.with(&[Override::text("motion.pose_hz", &goal.pose_hz.to_string(), "tune")])?;
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let own = Case::of(&scene)?;
+    let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
+    let case = search.finalists(&own.dimension).into_iter().next().filter(|_| near.is_some());
+    let Some(row) = case.and_then(|case| search.rows.iter().find(|row| row.case == case).cloned()) else {
+        return Err(StudyError::Untuned(search.nearest()));
+    };
+    let tuned = Scene { name: format!("{}_tuned", scene.name), ..row.case.scene(&scene)? };
+    Ok(Some(Tuned { scene: tuned, row }))
+}
+
+/// The fewest steps per pose, or the scene's own pace, with which a scene that is [corrected](super::correction) is within the goal, of the `case` that
+/// its cloud is; `None` if it was stopped.
+///
+/// # Errors
+/// As [`tune`].
+pub fn paced(
+    scene: &Scene,
+    case: &Case,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    for steps in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)) {
+        let case = Case { steps, ..case.clone() };
+        let paced = with_pace(scene, steps)?;
+        let Some(row) = case.row_of(&paced, yardstick, stop)? else { return Ok(None) };
+        (search.seen)(&row);
+        search.rows.push(row.clone());
+        if !goal.in_time(&row) || steps != Steps::Auto && goal.near(&row) {
+            break;
+        }
+    }
+    let mut meeting: Vec<Row> = search.rows.iter().filter(|r| goal.near(r) && goal.in_time(r)).cloned().collect();
+    meeting.sort_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()));
+    for row in meeting {
+        let paced = with_pace(scene, row.case.steps)?;
+        if search.holds(&paced, &row.case)? {
+            return Ok(Some(Tuned { scene: paced, row }));
+        }
+    }
+    Err(StudyError::Untuned(search.nearest()))
+}
+
+/// A scene with so many steps for every pose that moves, or with its own pace.
+pub(super) fn with_pace(scene: &Scene, steps: Steps) -> Result<Scene, StudyError> {
+    let (least, most) = match steps {
+        Steps::Fixed(steps) => (steps, steps),
+        Steps::Auto | Steps::Rest => (1, MOST_STEPS),
+    };
+    let keys = [("stepping.min_steps_per_pose", least), ("stepping.max_steps_per_pose", most)];
+    Ok(scene.with(&keys.map(|(path, steps)| Override::typed(path, steps, "tune")))?)
+}
+
 /// Ends a run where the search is ended.
 struct Stop<'a>(&'a dyn Fn() -> bool);
 
@@ -121,8 +191,9 @@ impl Search<'_> {
         Ok(Some(row))
     }
 
-    /// Everything in one dimension; `None` if it was stopped.
-    fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
+    /// Runs clouds at the scene's own pace, coarse ones first, until one is near enough: the factor on the scene's spacings of that one, and
+    /// of the next coarser; `None` if it was stopped.
+    fn first_near(&mut self, own: &Case) -> Result<Option<[Option<f64>; 2]>, StudyError> {
         let factors: &[f64] = if own.is_half_plane() { &SPACINGS } else { &SPACINGS_IN_SPACE };
         let mut coarser = None;
         for &factor in factors {
@@ -138,15 +209,23 @@ impl Search<'_> {
                 fits = true;
             }
             if near {
-                let both = coarser.into_iter().chain([factor]);
-                for case in both.flat_map(|factor| variants(&own.spaced(self.scene, factor))) {
-                    if self.run(&case)?.is_none() {
-                        return Ok(None);
-                    }
-                }
-                break;
+                return Ok(Some([Some(factor), coarser]));
             }
             coarser = fits.then_some(factor);
+        }
+        Ok(Some([None, coarser]))
+    }
+
+    /// Everything in one dimension; `None` if it was stopped.
+    fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
+        let Some([near, coarser]) = self.first_near(own)? else { return Ok(None) };
+        if let Some(factor) = near {
+            let both = coarser.into_iter().chain([factor]);
+            for case in both.flat_map(|factor| variants(&own.spaced(self.scene, factor))) {
+                if self.run(&case)?.is_none() {
+                    return Ok(None);
+                }
+            }
         }
         for case in self.finalists(&own.dimension) {
             if self.fewest_steps(&case)?.is_none() {
@@ -203,12 +282,17 @@ impl Search<'_> {
 
     /// Whether the stability table holds over the whole motion, way out included, as `solve` goes it.
     fn is_stable(&mut self, case: &Case) -> Result<bool, StudyError> {
+        let scene = case.scene(self.scene)?;
+        self.holds(&scene, case)
+    }
+
+    /// The same of a scene that has the case's keys already.
+    fn holds(&mut self, scene: &Scene, case: &Case) -> Result<bool, StudyError> {
         if let Some((_, known)) = self.stable.iter().find(|(of, _)| of == case) {
             return Ok(*known);
         }
-        let scene = case.scene(self.scene)?;
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
-        let (mut twin, build_s) = compare::build(&scene)?;
+        let (mut twin, build_s) = compare::build(scene)?;
         let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
         let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
         let run = compare::drive(&mut twin, readings, None, collector, &mut Stop(self.stop));

@@ -7,9 +7,9 @@ use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use crate::scene::{Motion, Preset, Scene, Target};
 
 /// Spacing of the own fine cloud over the scene's, in a half plane.
-const FINE: f64 = 0.5;
+pub(super) const FINE: f64 = 0.5;
 /// The same in space, where half the spacing costs ten times as much.
-const FINE_IN_SPACE: f64 = 0.7;
+pub(super) const FINE_IN_SPACE: f64 = 0.7;
 /// Steps of each pose on the own fine cloud.
 const FINE_STEPS: u32 = 4;
 /// Depths at which forces are compared where the scene's own model is the reference.

@@ -60,7 +60,10 @@ impl Twin {
     }
 
     fn built(scene: &Scene, moved: Option<(Moved, &[Region])>) -> Result<Self, BuildError> {
-        let dimension = scene.dimension();
+        let mut dimension = scene.dimension();
+        if let Some(correction) = scene.correction.as_ref().filter(|c| c.apply) {
+            dimension.because += &super::correction::told(correction);
+        }
         let made_for = moved.as_ref().map(|(_, regions)| Scene { regions: regions.to_vec(), ..scene.clone() });
         let (made_for, moved) = (made_for.as_ref().unwrap_or(scene), moved.map(|(moved, _)| moved));
         let Built { solver, contact, tissue, top, height, reach, mut warnings, repaired_supports } =

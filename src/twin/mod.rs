@@ -5,6 +5,7 @@ mod axisymmetric;
 mod body;
 mod build;
 mod contain;
+mod correction;
 mod folds;
 mod happened;
 mod health;
@@ -37,6 +38,7 @@ use mtled::solver::{Solver, StepWork};
 
 pub use along::{Along, FOLLOWED, REST};
 pub use body::{Body, coarsest_path};
+pub use correction::Similarity;
 pub use happened::Happening;
 pub use health::Health;
 pub use look_ahead::Motion;

@@ -34,6 +34,7 @@ impl Twin {
     /// Present positions of the scene's targets, m, in the scene's order. Overwrites `out`.
     pub fn target_positions(&self, out: &mut Vec<[f64; 3]>) {
         self.fixed.tissue.target_positions(&self.fixed.scene.targets, self.solver.parameters(), out);
+        self.correct_targets(out);
         self.counters.targets.add(out.len());
     }
 

@@ -147,7 +147,10 @@ impl Twin {
 
     /// The answer after so many steps.
     pub(super) fn arrive(&mut self, time_s: f64, tip: &Tip, phase: Phase, balance: &Balance, taken: u32) -> Prediction {
-        self.happened.close(balance.instrument);
+        let corrected = |v| self.corrected(v, tip.depth);
+        let (force_n, base_force_n) = (corrected(balance.instrument), corrected(balance.base));
+        let torque_nm = corrected(self.torque(balance, tip));
+        self.happened.close(force_n);
         self.progress.tip = tip.offset;
         self.progress.shaft = tip.axis_at(0.0);
         self.progress.phase = phase;
@@ -160,9 +163,9 @@ impl Twin {
         Prediction {
             time_s,
             depth_m: tip.depth,
-            force_n: balance.instrument,
-            base_force_n: balance.base,
-            torque_nm: self.torque(balance, tip),
+            force_n,
+            base_force_n,
+            torque_nm,
             phase,
             event: None,
             steps: taken,

@@ -77,3 +77,36 @@ fn what_cannot_be_met_is_said_with_the_nearest() {
         assert_eq!(done.status.code(), Some(2), "{wrong:?}");
     }
 }
+
+#[test]
+fn a_coarser_cloud_is_corrected() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("corrected.toml").display().to_string();
+    let motion = [
+        "--set",
+        "motion.depth_m=0.001",
+        "--set",
+        "motion.speed_m_per_s=0.002",
+        "--set",
+        "material.poisson_ratio=0.48",
+    ];
+    let asked =
+        ["tune", "--scene", "compression", "--tolerance", "0.01", "--pose-hz", "200", "--threads", "1", "--correct"];
+    let done = run(&[&asked[..], &motion, &["--out", &scene]].concat());
+    let (said, seen) = (text(&done.stdout), text(&done.stderr));
+    assert_eq!(done.status.code(), Some(0), "{said}{seen}");
+    assert!(said.contains("material.poisson_ratio = 0.47") && said.contains("are left of"), "{said}");
+    assert!(!said.contains("NOT met") && seen.contains("_tuned"), "its pace was chosen with the correction: {seen}");
+    let written = std::fs::read_to_string(&scene).unwrap();
+    assert!(
+        written.contains("\n[correction]\napply = true\nlearnt_from = \"") && written.contains("are left of"),
+        "{written}"
+    );
+    // who changes the cloud learns it again, or does without
+    let other = ["solve", "--scene", &scene, "--set", "discretisation.support_factor=1.9"];
+    let refused = run(&other);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(text(&refused.stderr).contains("tune --correct"), "{}", text(&refused.stderr));
+    let without = run(&[&other[..], &["--set", "correction.apply=false", "--threads", "1", "--json"]].concat());
+    assert!(text(&without.stdout).contains("\"dimension_because\""), "{}", text(&without.stderr));
+}

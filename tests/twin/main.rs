@@ -10,6 +10,7 @@ mod coarse;
 #[path = "../common/mod.rs"]
 mod common;
 mod contact;
+mod correction;
 mod coulomb_ball;
 mod crossings;
 mod deformation_coefficient;

@@ -266,6 +266,10 @@ pub struct TwinStatus {
     pub region_depths_predicted: bool,
     /// Share of the strain energy in cells that have turned over; from 0.05 on the health is WARN.
     pub folded_energy: f64,
+    /// Which model answers, what it leaves out and why, and what its answers are corrected by; empty while it is built.
+    pub model: String,
+    /// What a correction left of force and targets in a run that it was not learnt from; 0: not known.
+    pub model_error: f64,
 }
 
 impl TwinStatus {

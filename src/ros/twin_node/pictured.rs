@@ -89,6 +89,7 @@ mod tests {
             scene: String::new(),
             method: String::new(),
             dimension: String::new(),
+            error: 0.0,
             nodes: 1,
             integration_points: 1,
             build: Duration::ZERO,

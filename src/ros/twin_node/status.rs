@@ -62,6 +62,8 @@ pub(super) fn status(
         latency_max_s: live.total.max(),
         instance: instance.to_owned(),
         region: live.region().to_owned(),
+        model: model.map_or_else(String::new, |model| model.dimension.clone()),
+        model_error: model.map_or(0.0, |model| model.error),
         ..TwinStatus::default()
     };
     let predicted = live.last.as_ref().and_then(|a| a.boundaries_m);

@@ -27,8 +27,10 @@ pub(super) struct Model {
     pub id: u64,
     pub scene: String,
     pub method: String,
-    /// Dimension of the model, and why.
+    /// Dimension of the model, and why; what corrects it.
     pub dimension: String,
+    /// What is left of its error, where it is corrected.
+    pub error: f64,
     pub nodes: usize,
     pub integration_points: usize,
     pub build: Duration,
@@ -55,6 +57,7 @@ impl Model {
             id: model_id(&scene.to_toml(), &points),
             scene: scene.name.clone(),
             dimension: format!("{}: {}", twin.dimension().as_str(), twin.dimension_because()),
+            error: twin.correction().map_or(0.0, |correction| correction.left),
             method: scene.get("discretisation.method").and_then(|v| v.as_text().map(str::to_owned)).unwrap_or_default(),
             nodes: twin.nodes(),
             integration_points: twin.integration_points(),

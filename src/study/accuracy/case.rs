@@ -172,7 +172,9 @@ impl Case {
     /// [`StudyError::Scene`] if the scene does not take them.
     pub fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
         let keys: Vec<_> = self.keys().iter().map(|(path, value)| Override::text(path, value, "study")).collect();
-        Ok(scene.with(&keys)?)
+        // which is of the scene's own cloud
+        let plain = Scene { correction: None, ..scene.clone() };
+        Ok(plain.with(&keys)?)
     }
 
     /// Whether it is the model of a half plane.

@@ -37,6 +37,8 @@ pub(in crate::study) struct Driven {
     pub vectors: Vec<[f64; 3]>,
     /// Places of the targets at the end, m.
     pub targets: Vec<[f64; 3]>,
+    /// The same at each depth where the tissue was waited for.
+    pub at_rest: Vec<Vec<[f64; 3]>>,
     /// Why it ended before its depth, if it did.
     pub ended: Option<String>,
     /// It was stopped from outside.
@@ -132,6 +134,9 @@ impl Run<'_> {
                 steps = self.next_pose(depth)?;
             }
             self.note(depth);
+            let mut targets = Vec::new();
+            self.twin.target_positions(&mut targets);
+            self.driven.at_rest.push(targets);
             from = depth;
         }
         Ok(())

@@ -22,7 +22,8 @@ pub use record::csv;
 pub use row::{Row, heading, largest_error};
 pub use table::{Table, merge, read};
 
-pub(super) use drive::drive;
+pub(super) use drive::{Driven, drive};
+pub(super) use row::COMPARED_FROM;
 
 use super::yardstick::Yardstick;
 use crate::scene::{Scene, SceneError};
@@ -87,16 +88,30 @@ impl Case {
     ) -> Result<Option<Row>, StudyError> {
         let mut cased = self.scene(scene)?;
         cased.targets = yardstick.displaced.iter().map(|(target, _)| target.clone()).collect();
+        self.row_of(&cased, yardstick, stop)
+    }
+
+    /// The row of a scene that has the case's keys already.
+    ///
+    /// # Errors
+    /// As [`Case::run`].
+    pub(super) fn row_of(
+        &self,
+        scene: &Scene,
+        yardstick: &Yardstick,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Row>, StudyError> {
         let depths: Vec<f64> = yardstick.force.iter().map(|p| p.0).collect();
-        let driven = drive(&cased, self, &depths, stop)?;
+        let driven = drive(scene, self, &depths, stop)?;
         if driven.stopped {
             return Ok(None);
         }
+        let compared = yardstick.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
         Ok(Some(Row {
             scene: scene.name.clone(),
             case: self.clone(),
             force_error: yardstick.force_errors(&driven.path, &driven.vectors),
-            displacement_error: yardstick.displacement_error(&driven.targets),
+            displacement_error: yardstick.displacement_error(&driven.targets).filter(|_| compared),
             nodes: driven.nodes,
             integration_points: driven.integration_points,
             simulated_s: driven.simulated_s,

@@ -3,7 +3,7 @@
 use super::Case;
 
 /// Share of the path before which the force is too small to be compared.
-const COMPARED_FROM: f64 = 0.2;
+pub(in crate::study) const COMPARED_FROM: f64 = 0.2;
 
 /// What one case gave.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,0 +1,92 @@
+//! `[correction]`: what the answers of a coarse cloud lack against those of a finer one, learnt offline along the scene's own path
+//! (`needle_twin tune --correct`), depth by depth. How it is applied: [`crate::twin::Similarity`].
+
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::check::Check;
+use super::section::{Section as _, section};
+use super::values::Values;
+use super::{Key, Range, Scene, SceneError, keys};
+
+/// Most depths.
+const MOST_DEPTHS: usize = 100;
+/// Most numbers of a list.
+const MOST_NUMBERS: usize = 100_000;
+/// Numbers of a similarity: its scale, and the vector of its rotation.
+pub const NUMBERS: usize = 4;
+/// Between which they are: a cloud that is off by more is no model.
+const NUMBER: Range = Range::closed(-2.0, 2.0);
+/// Sections whose keys make the problem and the cloud.
+const OF_CLOUD: [&str; 5] = ["sample", "regions", "instrument", "discretisation", "targets"];
+/// A mesh may be moved with its scene.
+const MOVABLE: &str = "sample.mesh";
+/// How deep the cloud is made for.
+const DEPTH: &str = "motion.depth_m";
+
+section! {
+    /// What force and targets of a coarse cloud lack, by depth.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Correction when |values| values.has_section("correction") => {
+        /// Whether it is applied; without it the answers are the cloud's own.
+        apply: bool = Key::boolean("correction.apply").or("true"),
+        /// What it was learnt from, in a few words.
+        learnt_from: String = Key::text("correction.learnt_from").or("a finer cloud"),
+        /// What was left in a run that it was not learnt from, of the force or of a target's motion; 0: not known.
+        left: f64 = Key::real("correction.left", Range::closed(0.0, 1.0), "").or("0.0"),
+        /// Digest of the keys of sample, regions, instrument, discretisation and targets that it was learnt with, less those that change while
+        /// running.
+        of: String = Key::text("correction.of"),
+        /// Depths for which it is known, rising; between two it is their mean, beyond the last the last.
+        depths: Vec<f64> = Key::list("correction.depth_m", Range::above(0.0, 1.0), MOST_DEPTHS, "m"),
+        /// Of the force, for each depth its scale and the vector of its rotation (axis times angle, rad): 4 numbers.
+        force: Vec<f64> = Key::list("correction.force", NUMBER, MOST_NUMBERS, ""),
+        /// The same of the displacement of each target in turn, for each depth.
+        targets: Vec<f64> = Key::list("correction.targets", NUMBER, MOST_NUMBERS, "").or("[]"),
+    }
+}
+
+impl Scene {
+    /// Digest of what a [`Correction`] holds for: the problem and the cloud, whatever the constants of the tissue, what changes while running,
+    /// and the pace.
+    #[must_use]
+    pub fn correction_digest(&self) -> String {
+        let mut values = Values::new("");
+        self.write(&mut values, super::section::Scope::Once);
+        let counts = |path: &str| {
+            let of_cloud = path.split_once('.').is_some_and(|(section, _)| OF_CLOUD.contains(&section));
+            let live = keys::find(path).is_some_and(|key| key.live);
+            path == DEPTH || of_cloud && !live && path != MOVABLE
+        };
+        format!("{:016x}", xxh3_64(values.lines(counts).as_bytes()))
+    }
+}
+
+impl Check<'_> {
+    /// The lists of a correction fit each other, and it is one of this cloud.
+    pub(super) fn correction(&self) -> Result<(), SceneError> {
+        let Some(correction) = self.scene.correction.as_ref().filter(|c| c.apply) else { return Ok(()) };
+        let depths = correction.depths.len();
+        if depths == 0 || correction.depths.windows(2).any(|w| w[0] >= w[1]) {
+            return self.refuse("correction.depth_m", "it needs one depth at least, and they have to rise".to_owned());
+        }
+        let targets = self.scene.targets.len();
+        for (key, list, each) in [("force", &correction.force, 1), ("targets", &correction.targets, targets)] {
+            let wanted = NUMBERS * depths * each;
+            if list.len() != wanted {
+                let key = format!("correction.{key}");
+                let reason = format!("{depths} depths and {targets} targets make {wanted}");
+                let value = format!("{} numbers", list.len());
+                return Err(SceneError::Inconsistent { place: self.values.place(&key), key, value, reason });
+            }
+        }
+        let own = self.scene.correction_digest();
+        if correction.of != own {
+            let reason = format!(
+                "it was learnt for other keys of sample, regions, instrument, discretisation, targets or motion.depth_m (this scene has {own}): \
+                 learn it again with `needle_twin tune --correct`, or set correction.apply = false"
+            );
+            return self.refuse("correction.of", reason);
+        }
+        Ok(())
+    }
+}

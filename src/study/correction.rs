@@ -1,0 +1,155 @@
+//! Learns the [correction](crate::twin::Similarity) of a coarse cloud: along the scene's path, at rest at each of some depths, force and targets of
+//! that cloud and of a finer one. What is left is measured in a run that it was not learnt from: the same path with another deformation coefficient
+//! (a needle), or another Poisson's ratio.
+
+use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError, drive};
+use super::tune::with_pace;
+use super::yardstick;
+use crate::scene::{Correction, Override, Scene};
+use crate::twin::Similarity;
+
+/// Depths, as far from each other as from the surface.
+const DEPTHS: u32 = 20;
+/// Share of its largest length below which a vector's direction says nothing; what is next deeper is then taken.
+const SMALL: f64 = 0.02;
+/// Scales, and angles (rad), beyond which the cloud is no model of the finer one.
+const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+const LARGEST_TURN: f64 = 0.5;
+/// What the run that it was not learnt from has: the share of the deformation coefficient, or what is taken from Poisson's ratio.
+const OTHER_COEFFICIENT: f64 = 0.75;
+const OTHER_RATIO: f64 = 0.01;
+
+/// What was learnt.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Learnt {
+    /// The scene with its correction.
+    pub scene: Scene,
+    /// Key and value of the run that it was not learnt from.
+    pub held_out: (&'static str, f64),
+    /// Largest error of that run without the correction.
+    pub before: f64,
+    /// What is left of it.
+    pub left: f64,
+}
+
+/// The correction of a scene's cloud `coarse` against a cloud 0.7 times as coarse (0.5 in a half plane) as the `problem`'s own, at whose depth
+/// both end. `None` if it was stopped.
+///
+/// # Errors
+/// [`StudyError`] if a cloud can't be built or is lost on the way, or is too far from the finer one to be corrected.
+pub fn learn(problem: &Scene, coarse: &Scene, stop: &dyn Fn() -> bool) -> Result<Option<Learnt>, StudyError> {
+    let motion = problem.motion.ok_or_else(|| StudyError::NoMotion(problem.name.clone()))?;
+    let dimension = coarse.dimension().dimension;
+    let own = Case::of(problem)?.in_dimension(problem, dimension);
+    let case = own.spaced(problem, if own.is_half_plane() { yardstick::FINE } else { yardstick::FINE_IN_SPACE });
+    let depths: Vec<f64> = (1..=DEPTHS).map(|k| motion.depth.get() * f64::from(k) / f64::from(DEPTHS)).collect();
+    let plain = Scene { correction: None, ..coarse.clone() };
+    let finer = case.scene(problem)?;
+    let run = |scene: &Scene| at_rest(scene, &depths, stop);
+    let (Some(known), Some(found)) = (run(&finer)?, run(&plain)?) else { return Ok(None) };
+    let correction = Correction {
+        learnt_from: format!("{} nodes, {} points", known.nodes, known.integration_points),
+        ..correction(&plain, &depths, &found, &known)?
+    };
+    let mut scene = Scene { correction: Some(correction), ..plain.clone() };
+    let held_out = held_out(problem);
+    let other = |scene: &Scene| -> Result<Scene, StudyError> {
+        Ok(scene.with(&[Override::typed(held_out.0, held_out.1, "tune")])?)
+    };
+    let (Some(known), Some(before), Some(found)) =
+        (run(&other(&finer)?)?, run(&other(&plain)?)?, run(&other(&scene)?)?)
+    else {
+        return Ok(None);
+    };
+    let left = largest(&scene, &depths, &found, &known);
+    scene.correction.iter_mut().for_each(|c| c.left = left);
+    Ok(Some(Learnt { before: largest(&plain, &depths, &before, &known), left, scene, held_out }))
+}
+
+/// The key that is changed for the run that a correction is not learnt from, and its value there.
+fn held_out(scene: &Scene) -> (&'static str, f64) {
+    const COEFFICIENT: &str = "instrument.deformation_coefficient";
+    const RATIO: &str = "material.poisson_ratio";
+    let number = |key: &str| scene.get(key).and_then(|value| value.as_real());
+    match (number(COEFFICIENT).filter(|c| *c > 0.0), number(RATIO)) {
+        (Some(coefficient), _) => (COEFFICIENT, OTHER_COEFFICIENT * coefficient),
+        (None, ratio) => (RATIO, ratio.unwrap_or_default() - OTHER_RATIO),
+    }
+}
+
+/// Forces and targets of a scene at each depth, at rest; `None` if it was stopped.
+fn at_rest(scene: &Scene, depths: &[f64], stop: &dyn Fn() -> bool) -> Result<Option<Driven>, StudyError> {
+    let case = Case { steps: Steps::Rest, ..Case::of(scene)? };
+    let keys = case.keys().into_iter().filter(|(path, _)| path.starts_with("stepping."));
+    let keys: Vec<Override> = keys.map(|(path, value)| Override::text(path, &value, "tune")).collect();
+    let driven = drive(&with_pace(scene, case.steps)?.with(&keys)?, &case, depths, stop)?;
+    match driven.ended {
+        _ if driven.stopped => Ok(None),
+        Some(why) => Err(StudyError::Lost { scene: scene.name.clone(), why }),
+        None => Ok(Some(driven)),
+    }
+}
+
+/// Displacements of target i, depth by depth, m.
+fn displacements(scene: &Scene, driven: &Driven, i: usize) -> Vec<[f64; 3]> {
+    let from = scene.targets[i].position;
+    driven.at_rest.iter().map(|places| std::array::from_fn(|k| places[i][k] - from[k])).collect()
+}
+
+/// What takes one cloud's answers to another's.
+fn correction(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> Result<Correction, StudyError> {
+    let force = similarities(depths, "force", &found.vectors, &known.vectors)?;
+    let mut targets = Vec::new();
+    for (i, target) in scene.targets.iter().enumerate() {
+        let [found, known] = [found, known].map(|driven| displacements(scene, driven, i));
+        targets.extend(similarities(depths, &target.name, &found, &known)?);
+    }
+    Ok(Correction {
+        apply: true,
+        learnt_from: String::new(),
+        left: 0.0,
+        of: scene.correction_digest(),
+        depths: depths.to_vec(),
+        force,
+        targets,
+    })
+}
+
+/// Numbers of the similarities from one to the other vector, depth by depth.
+fn similarities(depths: &[f64], what: &str, from: &[[f64; 3]], to: &[[f64; 3]]) -> Result<Vec<f64>, StudyError> {
+    let most = from.iter().map(|v| length(*v)).fold(0.0, f64::max);
+    let mut numbers = vec![[1.0, 0.0, 0.0, 0.0]; depths.len()];
+    let mut deeper = None;
+    for (i, depth) in depths.iter().enumerate().rev() {
+        let own = Similarity::between(from[i], to[i]).filter(|_| length(from[i]) > SMALL * most);
+        let Some(similarity) = own.or(deeper) else { continue };
+        if !SCALES.contains(&similarity.scale) || length(similarity.turn) > LARGEST_TURN {
+            return Err(StudyError::Untuned(format!(
+                "at {depth:.6} m the cloud's {what} is {:.2} of the finer cloud's and {:.2} rad beside it: too far off to be corrected; ask for a \
+                 smaller --tolerance",
+                1.0 / similarity.scale,
+                length(similarity.turn)
+            )));
+        }
+        numbers[i] = similarity.numbers();
+        deeper = Some(similarity);
+    }
+    Ok(numbers.concat())
+}
+
+/// Largest distance from what is known, over its length: of the force, and of each target's motion, from a fifth of the path on.
+fn largest(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> f64 {
+    let deepest = depths.last().copied().unwrap_or_default();
+    let error = |found: &[[f64; 3]], known: &[[f64; 3]]| {
+        let compared = depths.iter().zip(found.iter().zip(known)).filter(|(d, _)| **d >= COMPARED_FROM * deepest);
+        compared.map(|(_, (f, k))| length(std::array::from_fn(|i| f[i] - k[i])) / length(*k)).fold(0.0, f64::max)
+    };
+    let targets = (0..scene.targets.len())
+        .map(|i| error(&displacements(scene, found, i), &displacements(scene, known, i)))
+        .fold(0.0, f64::max);
+    error(&found.vectors, &known.vectors).max(targets)
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
