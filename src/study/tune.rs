@@ -132,7 +132,8 @@ pub fn paced(
         let Some(row) = case.row_of(&paced, yardstick, stop)? else { return Ok(None) };
         (search.seen)(&row);
         search.rows.push(row.clone());
-        if !goal.in_time(&row) || steps != Steps::Auto && goal.near(&row) {
+        // the scene's own pace may be dearer than a few steps
+        if steps != Steps::Auto && (!goal.in_time(&row) || goal.near(&row)) {
             break;
         }
     }
