@@ -105,6 +105,11 @@ fn msh(cells: &[(u32, Vec<usize>)]) -> String {
     text + "$EndElements\n"
 }
 
+/// The same with one volume group.
+fn of_one_material(cells: &[(u32, Vec<usize>)]) -> String {
+    msh(cells).replace("2 0 0 10 20 20 20 1 4 0", "2 0 0 10 20 20 20 1 3 0")
+}
+
 /// The same as VTU, its hexahedra as voxels' corners are counted if they are to be.
 fn vtu(cells: &[(u32, Vec<usize>)], voxels: bool) -> String {
     let points = points();
@@ -223,7 +228,7 @@ fn a_cube_of_hexahedra_has_the_force_of_its_tetrahedra() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("cube.msh");
     for kinds in [Kinds::Hexahedra, Kinds::Mixed] {
-        fs::write(&path, msh(&cells(kinds))).unwrap();
+        fs::write(&path, of_one_material(&cells(kinds))).unwrap();
         let scene = |more: &[(&str, &str)]| {
             let all = [&[("discretisation.dimension", "full"), ("motion.depth_m", "0.002")], more].concat();
             on_mesh("compression", Path::new(&path), &all)
@@ -246,13 +251,15 @@ fn volume_groups_of_hexahedra_are_regions() {
     fs::write(&path, msh(&cells(Kinds::Hexahedra))).unwrap();
     let text =
         fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scene/presets/compression.toml")).unwrap();
-    let regions = "\n[[materials]]\nname = \"stiff\"\nmodel = \"neo_hookean\"\nshear_modulus_pa = 8000.0\npoisson_ratio = 0.49\n\
+    let regions = "\n[materials.stiff]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 8000.0\npoisson_ratio = 0.49\n\
                    density_kg_per_m3 = 970.0\n[[regions]]\nname = \"half\"\nshape = \"group\"\ngroup = \"upper\"\nmaterial = \"stiff\"\n";
-    let text = format!("{text}{regions}");
+    let sample = format!("shape = \"mesh\"\nmesh = \"{}\"\nmesh_unit_m = 0.001", path.display());
+    let text = text.replace("shape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017", &sample);
+    let graded = |line: &&str| ["spacing_m", "edge_refinement", "growth"].iter().any(|key| line.starts_with(key));
+    let text = text.lines().filter(|line| !graded(line)).collect::<Vec<_>>().join("\n") + regions;
     let of = |more: &[(&str, &str)]| {
-        let mesh = [("sample.shape", "mesh"), ("sample.mesh", path.to_str().unwrap()), ("sample.mesh_unit_m", "0.001")];
         let full = [("discretisation.dimension", "full"), ("motion.depth_m", "0.002")];
-        let all = mesh.iter().chain(&full).chain(more).map(|(key, value)| Override::text(key, value, "test"));
+        let all = full.iter().chain(more).map(|(key, value)| Override::text(key, value, "test"));
         Scene::from_toml(&text, "test").unwrap().with(&all.collect::<Vec<_>>()).unwrap()
     };
     let (tetrahedra, _) = pressed(&of(&[("discretisation.cells_per_point", "1")]));
@@ -265,7 +272,10 @@ fn volume_groups_of_hexahedra_are_regions() {
 fn generated_grids_have_the_force_of_the_half_plane_up_to_incompressibility() {
     for nu in ["0.49", "0.499", "0.4999"] {
         let scene = |more: &[(&str, &str)]| {
-            let all = [("material.poisson_ratio", nu)].iter().chain(more).map(|(k, v)| Override::text(k, v, "test"));
+            let all = [("material.poisson_ratio", nu)]
+                .into_iter()
+                .chain(more.iter().copied())
+                .map(|(k, v)| Override::text(k, v, "test"));
             Scene::preset("compression").unwrap().with(&all.collect::<Vec<_>>()).unwrap()
         };
         let coarse = [
@@ -307,7 +317,7 @@ fn scenes_that_have_no_hexahedra_are_refused() {
             mtled::cloud::hexahedron::cut(&numbers).into_iter().map(|t| (4, t.map(|n| n as usize).to_vec()))
         })
         .collect();
-    fs::write(&path, msh(&tetrahedra)).unwrap();
+    fs::write(&path, of_one_material(&tetrahedra)).unwrap();
     let scene = on_mesh("compression", &path, &[full, HEXAHEDRA, ("motion.depth_m", "0.002")]);
     assert!(Twin::new(&scene).unwrap_err().to_string().contains("the mesh has no hexahedra"));
 }
