@@ -134,6 +134,9 @@ fn every_key_can_be_set_to_what_it_is() {
     let frictional = whole.with(&[Override::text("instrument.interaction", "frictional", "test")]).unwrap();
     scenes.extend([whole.clone(), cuboid, mesh, frictional]);
     scenes.extend(scenes.clone().iter().map(with_regions));
+    let full = [("discretisation.dimension", "full"), ("discretisation.cells", "hexahedra")];
+    let keys: Vec<_> = full.iter().map(|(k, v)| Override::text(k, v, "test")).collect();
+    scenes.push(Scene::preset("compression").unwrap().with(&keys).unwrap());
     for key in KEYS.iter() {
         let path = match key.section() {
             "targets" => format!("targets.1.{}", key.field()),
