@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use mtled::approximation::hexahedra::is_sound;
 use mtled::cloud::check::{self, Fault};
 use mtled::cloud::quality::{Summary, six_volumes, volume_length};
 
 use super::{Imported, Volumes, Wanted};
-use mtled::cloud::{BASE, Cloud, MAX_NODES, SIDE, TOP, hilbert_order, sort_cells};
+use mtled::cloud::{BASE, Cloud, Hexahedron, MAX_NODES, SIDE, TOP, hilbert_order, sort_cells};
 
 /// Largest extent of a body, m: what is larger was meant in another unit.
 const LARGEST: f64 = 10.0;
@@ -20,9 +21,10 @@ pub(super) fn assemble(mut mesh: Imported, wanted: &Wanted<'_>) -> Result<(Cloud
     let mut warnings = Vec::new();
     let unused = drop_unused(&mut mesh);
     if unused > 0 {
-        warnings.push(format!("{unused} nodes belong to no tetrahedron and were left out"));
+        warnings.push(format!("{unused} nodes belong to no cell and were left out"));
     }
     scale(&mut mesh, wanted.unit_m)?;
+    straighten(&mut mesh)?;
     let turned = turn(&mut mesh)?;
     if turned > 0 {
         warnings.push(format!("{turned} inverted tetrahedra were turned round"));
@@ -54,6 +56,7 @@ fn drop_unused(mesh: &mut Imported) -> usize {
     mesh.points = kept.iter().map(|&n| mesh.points[n]).collect();
     mesh.node_names = kept.iter().map(|&n| mesh.node_names[n]).collect();
     mesh.cells.iter_mut().flatten().for_each(|n| *n = number[*n as usize]);
+    mesh.hexahedra.iter_mut().flat_map(|h| &mut h.corners).for_each(|n| *n = number[*n as usize]);
     for nodes in mesh.groups.values_mut() {
         nodes.retain(|&n| number[n as usize] != u32::MAX);
         nodes.iter_mut().for_each(|n| *n = number[*n as usize]);
@@ -77,6 +80,28 @@ fn scale(mesh: &mut Imported, unit_m: f64) -> Result<(), String> {
             "it is {largest:.4} m long with {unit_m} m per unit (mesh_unit_m); at most {LARGEST} m are taken: a mesh \
              in mm has mesh_unit_m = 0.001"
         ));
+    }
+    Ok(())
+}
+
+/// Turns the corners of hexahedra so that their maps have positive determinants.
+fn straighten(mesh: &mut Imported) -> Result<(), String> {
+    let Imported { points, cells, cell_names, hexahedra, .. } = mesh;
+    let at = |n: u32| points[n as usize];
+    for hexahedron in hexahedra {
+        let upright = hexahedron.cells.map(|c| six_volumes(&cells[c as usize].map(at)) > 0.0);
+        let [a, b, c, d, e, f, g, h] = hexahedron.corners;
+        if !upright[0] {
+            hexahedron.corners = [e, f, g, h, a, b, c, d];
+        }
+        if upright.iter().any(|u| *u != upright[0]) || !is_sound(&hexahedron.corners.map(at)) {
+            return Err(format!(
+                "hexahedron {}, at {:?} m, is folded or flat: its faces pass through each other, or its corners are not in the order of \
+                 Gmsh and VTK (those of one face in turn, then those opposite to them): repair the mesh",
+                cell_names[hexahedron.cells[0] as usize],
+                at(a)
+            ));
+        }
     }
     Ok(())
 }
@@ -170,11 +195,18 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
         key.sort_unstable();
         key
     };
-    let group: BTreeMap<[u32; 4], Option<u32>> =
-        cells.iter().map(key).zip(mesh.volumes.of_cell.iter().copied()).collect();
+    let before: BTreeMap<[u32; 4], usize> = cells.iter().map(key).zip(0..).collect();
     sort_cells(&mut cells);
-    let of_cell = cells.iter().map(|c| group.get(&key(c)).copied().flatten()).collect();
+    let old: Vec<usize> = cells.iter().filter_map(|c| before.get(&key(c)).copied()).collect();
+    let mut new = vec![0u32; old.len()];
+    old.iter().zip(0..).for_each(|(&old, n)| new[old] = n);
+    let of_cell = old.iter().map(|&c| mesh.volumes.of_cell.get(c).copied().flatten()).collect();
     let volumes = Volumes { names: mesh.volumes.names.clone(), of_cell };
+    let renumbered = |h: &Hexahedron| Hexahedron {
+        corners: h.corners.map(|n| number[n as usize]),
+        cells: h.cells.map(|c| new[c as usize]),
+    };
+    let hexahedra = mesh.hexahedra.iter().map(renumbered).collect();
     // the same cells have passed already
     let surface = check::surface(points.len(), &cells).unwrap_or_default();
     let surface_faces = surface
@@ -185,7 +217,7 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
         })
         .collect();
     let quality = Summary::of(&points, &cells);
-    (Cloud { points, cells, faces, surface, surface_faces, quality }, volumes)
+    (Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra }, volumes)
 }
 
 fn poor_cells(cloud: &Cloud) -> usize {

@@ -1,4 +1,4 @@
-//! A cloud from a tetrahedral mesh that another program made.
+//! A cloud from a mesh of tetrahedra or hexahedra that another program made.
 //!
 //! ```text
 //! .msh ─► msh ─┐
@@ -18,6 +18,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use mtled::cloud::Cloud;
+use mtled::cloud::hexahedron::{Hexahedron, cut};
 
 /// Largest file that is read, bytes.
 const LONGEST: u64 = 1 << 30;
@@ -57,12 +58,35 @@ pub struct Imported {
     pub cells: Vec<[u32; 4]>,
     /// What the file calls each cell.
     pub cell_names: Vec<u64>,
+    /// Hexahedra, whose tetrahedra are among the cells.
+    pub hexahedra: Vec<Hexahedron>,
     /// Nodes of the groups that were asked for and that the file has, sorted.
     pub groups: BTreeMap<String, Vec<u32>>,
     /// All groups that the file has.
     pub known_groups: Vec<String>,
     /// Volume groups that the file has, and the one of each cell that is in one; empty where the form carries none.
     pub volumes: Volumes,
+}
+
+impl Imported {
+    /// Adds a tetrahedron, or those that a pyramid, wedge or hexahedron is cut into; how many there are.
+    fn add(&mut self, name: u64, corners: &[u32]) -> Result<usize, String> {
+        let twice = |k: usize| corners[..k].contains(&corners[k]);
+        if corners.len() > 4 && (0..corners.len()).any(twice) {
+            return Err(format!(
+                "element {name} of {} corners has a node twice: save it as a wedge, pyramid or tetrahedron",
+                corners.len()
+            ));
+        }
+        let cells = cut(corners);
+        if let Ok(corners) = <[u32; 8]>::try_from(corners) {
+            let first = self.cells.len() as u32;
+            self.hexahedra.push(Hexahedron { corners, cells: std::array::from_fn(|k| first + k as u32) });
+        }
+        self.cell_names.extend(cells.iter().map(|_| name));
+        self.cells.extend(&cells);
+        Ok(cells.len())
+    }
 }
 
 /// Volume groups of a mesh.

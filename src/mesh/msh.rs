@@ -1,7 +1,7 @@
 //! Gmsh's MSH format, version 4.1, ASCII (Gmsh reference manual, "MSH file format").
 //!
-//! Read are nodes, 4-node tetrahedra, and the physical groups of surfaces by their triangles. Points, lines and
-//! sections that no mesh needs are skipped.
+//! Read are nodes, tetrahedra, hexahedra, wedges and pyramids of first order, and the physical groups of surfaces by their triangles and
+//! quadrangles. Points, lines and sections that no mesh needs are skipped.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,11 @@ const SAVE_AS: &str = "save it with Mesh.MshFileVersion = 4.1, Mesh.Binary = 0";
 const POINT: (u32, usize) = (15, 1);
 const LINE: (u32, usize) = (1, 2);
 const TRIANGLE: u32 = 2;
+const QUADRANGLE: u32 = 3;
 const TETRAHEDRON: u32 = 4;
+const HEXAHEDRON: u32 = 5;
+const WEDGE: u32 = 6;
+const PYRAMID: u32 = 7;
 
 /// Reads a file's content.
 pub(super) fn read(bytes: &[u8], wanted: &[&str]) -> Result<Imported, Flaw> {
@@ -40,11 +44,11 @@ struct Reader<'a> {
     names: BTreeMap<i64, String>,
     /// Physical groups of each surface.
     groups_of: BTreeMap<i64, Vec<i64>>,
-    /// Names of physical volumes by their tag, the group of each volume, and the volume of each tetrahedron.
+    /// Names of physical volumes by their tag, the group of each volume, and the volume of each cell.
     volume_names: BTreeMap<i64, String>,
     volume_group_of: BTreeMap<i64, i64>,
     volume_of_cell: Vec<i64>,
-    /// Nodes of the triangles of each surface.
+    /// Nodes of the triangles and quadrangles of each surface.
     patches: BTreeMap<i64, Vec<u32>>,
     seen: Vec<&'a str>,
 }
@@ -224,22 +228,33 @@ impl<'a> Reader<'a> {
                 match kind {
                     k if k == POINT.0 => self.words.skip(POINT.1, "the tag of a node")?,
                     k if k == LINE.0 => self.words.skip(LINE.1, "the tag of a node")?,
-                    TRIANGLE => {
-                        let corners = self.corners::<3>(tag)?;
-                        self.patches.entry(entity).or_default().extend(corners);
-                    }
-                    TETRAHEDRON => {
-                        let corners = self.corners::<4>(tag)?;
-                        self.mesh.cells.push(corners);
-                        self.mesh.cell_names.push(tag);
-                        self.volume_of_cell.push(entity);
-                    }
+                    TRIANGLE => self.patch::<3>(entity, tag)?,
+                    QUADRANGLE => self.patch::<4>(entity, tag)?,
+                    TETRAHEDRON => self.cell::<4>(entity, tag)?,
+                    HEXAHEDRON => self.cell::<8>(entity, tag)?,
+                    WEDGE => self.cell::<6>(entity, tag)?,
+                    PYRAMID => self.cell::<5>(entity, tag)?,
                     _ => return Err(self.words.flaw(foreign(tag, kind))),
                 }
                 read += 1;
             }
         }
         self.as_declared("elements", declared, read)
+    }
+
+    /// An element of a surface.
+    fn patch<const N: usize>(&mut self, surface: i64, tag: u64) -> Result<(), Flaw> {
+        let corners = self.corners::<N>(tag)?;
+        self.patches.entry(surface).or_default().extend(corners);
+        Ok(())
+    }
+
+    /// An element of a volume.
+    fn cell<const N: usize>(&mut self, volume: i64, tag: u64) -> Result<(), Flaw> {
+        let corners = self.corners::<N>(tag)?;
+        let cells = self.mesh.add(tag, &corners).map_err(|reason| self.words.flaw(reason))?;
+        self.volume_of_cell.extend(std::iter::repeat_n(volume, cells));
+        Ok(())
     }
 
     /// Numbers of blocks and of what is in them; smallest and largest tag are passed over.
@@ -276,7 +291,7 @@ impl<'a> Reader<'a> {
         Ok(corners)
     }
 
-    /// Physical volumes, in the order of their tags, and the one of each tetrahedron; of several that an entity is in the first.
+    /// Physical volumes, in the order of their tags, and the one of each cell; of several that an entity is in the first.
     fn volumes(&self) -> Volumes {
         let mut tags: Vec<i64> =
             self.volume_of_cell.iter().filter_map(|entity| self.volume_group_of.get(entity).copied()).collect();
@@ -298,7 +313,7 @@ impl<'a> Reader<'a> {
         }
         if self.mesh.cells.is_empty() {
             return Err(Flaw::of_file(
-                "it has no tetrahedra: mesh in 3 dimensions, and name a physical volume as well (or save with \
+                "it has no tetrahedra and no hexahedra: mesh in 3 dimensions, and name a physical volume as well (or save with \
                  Mesh.SaveAll = 1): Gmsh leaves out what is in no physical group",
             ));
         }
@@ -327,15 +342,13 @@ impl<'a> Reader<'a> {
 
 /// What is said of an element that can't be used.
 fn foreign(tag: u64, kind: u32) -> String {
-    let (name, remedy) = match kind {
-        3 => ("a quadrangle", "mesh without recombination"),
-        5 => ("a hexahedron", "mesh with tetrahedra"),
-        6 => ("a prism", "mesh with tetrahedra"),
-        7 => ("a pyramid", "mesh with tetrahedra"),
-        8 => ("a 3-node line", "mesh with Mesh.ElementOrder = 1"),
-        9 => ("a 6-node triangle", "mesh with Mesh.ElementOrder = 1"),
-        11 => ("a 10-node tetrahedron", "mesh with Mesh.ElementOrder = 1"),
-        _ => ("neither a triangle nor a tetrahedron", "mesh with tetrahedra of order 1"),
+    let name = match kind {
+        8 => "a 3-node line",
+        9 => "a 6-node triangle",
+        10 | 16 => "a quadrangle of second order",
+        11 => "a 10-node tetrahedron",
+        12 | 17 => "a hexahedron of second order",
+        _ => "none of a triangle, quadrangle, tetrahedron, hexahedron, prism and pyramid of first order",
     };
-    format!("element {tag} is {name} (Gmsh type {kind}), and only 4-node tetrahedra are read: {remedy}")
+    format!("element {tag} is {name} (Gmsh type {kind}), which is not read: mesh with Mesh.ElementOrder = 1")
 }

@@ -1,16 +1,24 @@
 //! VTK's XML format for unstructured grids (.vtu), as ParaView, PyVista and meshio write it.
 //!
-//! Read are points, linear tetrahedra, and groups: arrays of one component at the points or cells whose name was
-//! asked for; what is not zero is a member. Vertices, lines and triangles only carry groups.
+//! Read are points, linear tetrahedra, hexahedra, wedges and pyramids, and groups: arrays of one component at the points or cells whose
+//! name was asked for; what is not zero is a member. Vertices, lines, triangles and quadrangles only carry groups.
 
 use roxmltree::{Document, Node};
 
 use super::arrays::{Appended, Encoding};
 use super::{Flaw, Imported};
 
-/// VTK's numbers of linear cells with their corners: vertex, line, triangle, tetrahedron.
-const SMALLER: [(f64, usize); 3] = [(1.0, 1), (3.0, 2), (5.0, 3)];
-const TETRAHEDRON: f64 = 10.0;
+/// VTK's numbers of linear cells with their corners: vertex, line, triangle, pixel and quadrangle; tetrahedron, hexahedron, wedge, pyramid.
+const SMALLER: [(f64, usize); 5] = [(1.0, 1), (3.0, 2), (5.0, 3), (8.0, 4), (9.0, 4)];
+const SOLID: [(f64, usize); 5] = [(10.0, 4), (VOXEL, 8), (12.0, 8), (13.0, 6), (14.0, 5)];
+/// An upright box, whose corners are counted along x, y and z instead of round its faces.
+const VOXEL: f64 = 11.0;
+
+/// A cell as the file has it.
+struct Cell {
+    kind: f64,
+    corners: Vec<u32>,
+}
 
 /// Reads a file's content.
 pub(super) fn read(bytes: &[u8], wanted: &[&str]) -> Result<Imported, Flaw> {
@@ -98,15 +106,14 @@ impl<'a, 'd> Piece<'a, 'd> {
         self.as_declared("NumberOfPoints", mesh.points.len())?;
         mesh.node_names = (0..mesh.points.len() as u64).collect();
         let all = self.cells(mesh.points.len())?;
-        for (i, c) in (0..).zip(&all) {
-            if let Ok(tetrahedron) = <[u32; 4]>::try_from(c.as_slice()) {
-                mesh.cells.push(tetrahedron);
-                mesh.cell_names.push(i);
+        for (i, cell) in (0..).zip(&all) {
+            if SOLID.iter().any(|(kind, _)| *kind == cell.kind) {
+                mesh.add(i, &cell.corners).map_err(Flaw::of_file)?;
             }
         }
         if mesh.cells.is_empty() {
             return Err(Flaw::of_file(format!(
-                "none of its {} cells is a tetrahedron: mesh in 3 dimensions",
+                "none of its {} cells is a tetrahedron or a hexahedron: mesh in 3 dimensions",
                 all.len()
             )));
         }
@@ -127,7 +134,7 @@ impl<'a, 'd> Piece<'a, 'd> {
     }
 
     /// Corners of every cell.
-    fn cells(&self, points: usize) -> Result<Vec<Vec<u32>>, Flaw> {
+    fn cells(&self, points: usize) -> Result<Vec<Cell>, Flaw> {
         let array = |name: &str| {
             let found = self.section("Cells").and_then(|s| arrays(s).find(|a| a.attribute("Name") == Some(name)));
             self.encoding.numbers(found.ok_or_else(|| Flaw::of_file(format!("its Cells have no array {name}")))?)
@@ -148,13 +155,18 @@ impl<'a, 'd> Piece<'a, 'd> {
                 let known = n >= 0.0 && n < points as f64 && n.fract() == 0.0;
                 known.then_some(n as u32).ok_or_else(|| Flaw::of_file(format!("cell {i} names point {n} of {points}")))
             });
-            cells.push(cell.collect::<Result<_, _>>()?);
-            start += corners;
+            let mut corners: Vec<u32> = cell.collect::<Result<_, _>>()?;
+            if kind == VOXEL {
+                corners.swap(2, 3);
+                corners.swap(6, 7);
+            }
+            start += corners.len();
+            cells.push(Cell { kind, corners });
         }
         Ok(cells)
     }
 
-    fn groups(&self, mesh: &mut Imported, cells: &[Vec<u32>], wanted: &[&str]) -> Result<(), Flaw> {
+    fn groups(&self, mesh: &mut Imported, cells: &[Cell], wanted: &[&str]) -> Result<(), Flaw> {
         for (section, members) in [("PointData", mesh.points.len()), ("CellData", cells.len())] {
             for array in self.section(section).into_iter().flat_map(arrays) {
                 let name = array.attribute("Name").unwrap_or_default();
@@ -173,7 +185,7 @@ impl<'a, 'd> Piece<'a, 'd> {
                 let member = (0..members as u32).filter(|&i| marks[i as usize] != 0.0);
                 let nodes: Vec<u32> = match section {
                     "PointData" => member.collect(),
-                    _ => member.flat_map(|i| cells[i as usize].iter().copied()).collect(),
+                    _ => member.flat_map(|i| cells[i as usize].corners.iter().copied()).collect(),
                 };
                 let group = mesh.groups.entry(name.to_owned()).or_default();
                 group.extend(nodes);
@@ -203,22 +215,20 @@ fn points(numbers: &[f64]) -> Result<Vec<[f64; 3]>, Flaw> {
 }
 
 fn corners(kind: f64) -> Option<usize> {
-    if kind == TETRAHEDRON {
-        return Some(4);
-    }
-    SMALLER.iter().find(|(number, _)| *number == kind).map(|(_, corners)| *corners)
+    SMALLER.iter().chain(&SOLID).find(|(number, _)| *number == kind).map(|(_, corners)| *corners)
 }
 
 /// What is said of a cell that can't be used.
 fn foreign(cell: usize, kind: f64) -> String {
-    let (name, remedy) = match kind as i64 {
-        9 => ("a quadrangle", "triangulate it"),
-        12 => ("a hexahedron", "split it into tetrahedra"),
-        13 => ("a wedge", "split it into tetrahedra"),
-        14 => ("a pyramid", "split it into tetrahedra"),
-        22 => ("a 6-node triangle", "save it with linear cells"),
-        24 => ("a 10-node tetrahedron", "save it with linear cells"),
-        _ => ("neither a triangle nor a tetrahedron", "save it with linear tetrahedra"),
+    let name = match kind as i64 {
+        7 => "a polygon",
+        22 => "a 6-node triangle",
+        23 => "an 8-node quadrangle",
+        24 => "a 10-node tetrahedron",
+        25 => "a 20-node hexahedron",
+        29 => "a 27-node hexahedron",
+        42 => "a polyhedron",
+        _ => "none of a triangle, quadrangle, tetrahedron, hexahedron, wedge and pyramid",
     };
-    format!("cell {cell} is {name} (VTK type {kind}), and only linear tetrahedra are read: {remedy}")
+    format!("cell {cell} is {name} (VTK type {kind}), which is not read: save it with linear cells")
 }

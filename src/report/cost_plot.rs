@@ -172,6 +172,7 @@ fn sample(method: &str, volume_ratio: &str, dimension: &str, pose_hz: f64) -> Ca
         support_factor: 1.8,
         points_per_cell: 1,
         cells_per_point: 1,
+        points_per_hexahedron: 0,
         precision: "f32".to_owned(),
         pose_hz,
         steps: Steps::Auto,
@@ -330,7 +331,9 @@ fn labelled(scene: &str, rows: &[&Row], fronts: &[Vec<usize>; 2]) -> Vec<(usize,
 fn short(row: &Row) -> String {
     let c = &row.case;
     let mut text = format!("{}, {} nodes", c.method_name(), row.nodes);
-    if c.points_per_cell != 1 {
+    if c.has_hexahedra() {
+        text += &format!(", hexahedra of {}", c.points_per_hexahedron);
+    } else if c.points_per_cell != 1 {
         text += &format!(", {} points", c.points_per_cell);
     }
     if c.joined() != 1 {

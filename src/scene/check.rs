@@ -22,6 +22,7 @@ pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     check.regions()?;
     check.spacing()?;
     check.support()?;
+    check.cells()?;
     check.instrument()?;
     check.dimension()?;
     check.stepping()?;

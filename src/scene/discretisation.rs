@@ -2,7 +2,7 @@
 
 use mtled::solver::{self, Precision};
 
-use super::section::section;
+use super::section::{choice, section};
 use super::{Key, Metres, Range, Word};
 
 /// The shapes whose nodes the twin places itself.
@@ -29,6 +29,8 @@ section! {
         /// Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless
         /// methods with one point per cell do so, and no half plane.
         cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[1, 2]).or("1"),
+        /// What is integrated.
+        cells: Cells,
         /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance, in space
         /// alone; `auto`: so corrected in a sample of one material.
         integration: Integration = Key::word("discretisation.integration", Integration::WORDS).or("plain"),
@@ -37,6 +39,35 @@ section! {
         volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("auto"),
         /// Precision of the internal-force kernel.
         precision: Precision = Key::word("discretisation.precision", Precision::WORDS).or("f32"),
+    }
+}
+
+choice! {
+    /// Background cells (`discretisation.cells`).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Cells = Key::word("discretisation.cells", Cells::WORDS)
+        .described("Background cells of a meshless method: tetrahedra, which hexahedra in a mesh are cut into, or hexahedra in full three \
+                    dimensions: those of a mesh, or a cylinder or box of them.")
+        .or("tetrahedra")
+    => {
+        /// Tetrahedra.
+        "tetrahedra" => Tetrahedra,
+        /// Hexahedra, with the tetrahedra beside them.
+        "hexahedra" => Hexahedra {
+            /// Integration points per hexahedron; 1 does not converge, and is for comparison.
+            points_per_hexahedron: u32 = Key::one_of("discretisation.points_per_hexahedron", &[1, 8]).or("8"),
+        },
+    }
+}
+
+impl Cells {
+    /// Points of each hexahedron; 0 where there are none.
+    #[must_use]
+    pub const fn points_per_hexahedron(self) -> u32 {
+        match self {
+            Self::Tetrahedra => 0,
+            Self::Hexahedra { points_per_hexahedron } => points_per_hexahedron,
+        }
     }
 }
 

@@ -11,6 +11,7 @@
 
 mod advice;
 mod check;
+mod check_cells;
 mod check_materials;
 mod correction;
 mod correlation;
@@ -44,7 +45,7 @@ mod words;
 pub use check::LARGEST_POISSON_RATIO;
 pub use correction::Correction;
 pub use correlation::Dependence;
-pub use discretisation::{Dimension, Discretisation, Grading, Integration, Method, VolumeRatio};
+pub use discretisation::{Cells, Dimension, Discretisation, Grading, Integration, Method, VolumeRatio};
 pub use edit::{NewValue, Override};
 pub use error::SceneError;
 pub use instrument::{ContactLaw, DeformationRule, IndenterTip, Instrument, InstrumentKind, Interaction, Needle};

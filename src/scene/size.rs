@@ -65,7 +65,10 @@ impl Scene {
             Precision::F32 => 4.0,
             Precision::F64 => 8.0,
         };
-        let points = cells * f64::from(d.points_per_cell) / f64::from(d.cells_per_point);
+        let points = match d.cells.points_per_hexahedron() {
+            0 => cells * f64::from(d.points_per_cell) / f64::from(d.cells_per_point),
+            points => cells * f64::from(points.max(6)) / 6.0, // of six tetrahedra
+        };
         // Per point of a relaxing material: H, and twice Pi and every h_i, of six components each.
         let memory = match self.material.prony.len() {
             0 => 0.0,

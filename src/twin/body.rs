@@ -2,7 +2,7 @@
 
 use crate::instrument::{Contact, Resistance, surface};
 use crate::mesh::Volumes;
-use crate::scene::{Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
+use crate::scene::{Cells, Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
 use mtled::cloud::{self, Axis, Cloud, Domain, Feature, MAX_GROWTH, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
@@ -120,7 +120,16 @@ impl Body {
     /// Region of each cell: 0, or one more than the place in the scene's list.
     #[must_use]
     pub fn regions(&self, scene: &Scene) -> Vec<u8> {
-        regions::of_cells(scene, self.top, &self.cloud.points, &self.cloud.cells, &self.volumes)
+        let mut region = regions::of_cells(scene, self.top, &self.cloud.points, &self.cloud.cells, &self.volumes);
+        if scene.discretisation.cells != Cells::Tetrahedra {
+            // a hexahedron lies in one region: that of most of its tetrahedra
+            for hexahedron in &self.cloud.hexahedra {
+                let mut own = hexahedron.cells.map(|c| region[c as usize]);
+                own.sort_unstable();
+                hexahedron.cells.iter().for_each(|&c| region[c as usize] = own[3]);
+            }
+        }
+        region
     }
 }
 
@@ -128,9 +137,10 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
     let layout = Layout::new(scene, domain, grading);
     let height = domain.height();
     let mirror = scene.mirror();
-    let cloud = match &mirror {
-        None => cloud::generate(domain, &layout.spacing),
-        Some(mirror) => half(domain, &layout.spacing, mirror),
+    let cloud = match (&mirror, scene.discretisation.cells) {
+        (None, Cells::Tetrahedra) => cloud::generate(domain, &layout.spacing),
+        (None, Cells::Hexahedra { .. }) => cloud::structured(domain, &layout.spacing),
+        (Some(mirror), _) => half(domain, &layout.spacing, mirror),
     };
     let cloud = cloud.map_err(|e| BuildError::Cloud(e.to_string()))?;
     let nodes = |i| Contact::nodes(&cloud.points, &cloud.faces, height, i);

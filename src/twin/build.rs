@@ -135,7 +135,7 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     let (cloud, held) = (&body.cloud, &body.held);
     let mut roles = roles(scene, &cloud.faces, held);
     let interpolating = interpolating(&roles, held);
-    let region = regions::of_cells(made_for, body.top, &cloud.points, &cloud.cells, &body.volumes);
+    let region = body.regions(made_for);
     let material = regions::materials(scene, &region);
     let mut approximation = Approximation::new(&cloud.points, &cloud.cells, interpolating, settings(scene));
     if let Some(mirror) = &body.mirror {
@@ -143,6 +143,10 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     }
     if !material.is_empty() {
         approximation = approximation.with_regions(&material).with_four_points(&regions::with_four_points(made_for));
+    }
+    let points_per_hexahedron = scene.discretisation.cells.points_per_hexahedron();
+    if points_per_hexahedron > 0 {
+        approximation = approximation.with_hexahedra(&cloud.hexahedra, points_per_hexahedron);
     }
     let mut targets: Vec<[f64; 3]> = scene.targets.iter().map(|t| moved::back(moved, t.position)).collect();
     let beyond = to_the_half(&mut targets, body.mirror.as_ref());

@@ -28,6 +28,7 @@ mod layers;
 mod layers_found;
 mod least_work;
 mod mesh_files;
+mod mesh_hexahedra;
 mod mesh_import;
 mod mirrored;
 mod moved_cloud;

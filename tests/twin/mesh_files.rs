@@ -121,7 +121,7 @@ fn what_is_no_error_is_put_right_and_said() {
     let (cloud, warnings) = load("cube.msh", unused.as_bytes()).unwrap();
     assert_eq!(cloud, load("cube.msh", cube_msh().as_bytes()).unwrap().0);
     assert_eq!(warnings.len(), 2, "{warnings:?}");
-    assert!(warnings[0].starts_with("1 nodes belong to no tetrahedron") && warnings[1].starts_with("1 inverted"));
+    assert!(warnings[0].starts_with("1 nodes belong to no cell") && warnings[1].starts_with("1 inverted"));
     let low = cube_msh().replace("10 10 10\n", "10 10 0.01\n").replace("0 0 10\n", "0 0 0.01\n");
     let low = low.replace("\n10 0 10\n", "\n10 0 0.01\n").replace("\n0 10 10\n", "\n0 10 0.01\n");
     let (_, warnings) = load("cube.msh", low.as_bytes()).unwrap();
@@ -158,7 +158,7 @@ fn gmsh_files_that_are_refused_say_why() {
         (other("\n20\n", "\n10\n"), vec!["node 10 is there twice"]),
         (other("\n6 10 20 40 80", "\n6 10 20 40 85"), vec!["element 6", "node 85", "doesn't have"]),
         (other("3 1 4 6\n", "3 1 11 6\n"), vec!["10-node tetrahedron", "Mesh.ElementOrder = 1"]),
-        (other("3 1 4 6\n", "3 1 5 6\n"), vec!["hexahedron", "only 4-node tetrahedra"]),
+        (other("3 1 4 6\n", "3 1 17 6\n"), vec!["hexahedron of second order", "Mesh.ElementOrder = 1"]),
         (other("\n6 10 20 40 80", "\n6 10 20 40 30"), vec!["1 of its 6 tetrahedra are flat", "the first is 6"]),
         (other("$Comments", "$PartitionedEntities"), vec!["partitioned"]),
         (other(two, "$EndNodes\n$Nodes\n0 0 0 0\n$EndNodes\n"), vec!["a second section $Nodes"]),

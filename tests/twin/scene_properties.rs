@@ -73,7 +73,7 @@ fn build(values: &[(String, Value)]) -> Result<Scene, SceneError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 512, max_global_rejects: 4096, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 512, max_global_rejects: 16384, ..ProptestConfig::default() })]
 
     #[test]
     fn a_scene_survives_being_written_and_read(values in random_scene()) {

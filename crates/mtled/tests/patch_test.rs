@@ -7,8 +7,8 @@ mod clouds;
 use approx::assert_abs_diff_eq;
 use clouds::{KAPPA, METHODS, MLS, MMLS, MU, TET4, internal_force, minus, norm, settings};
 use mtled::approximation::table::Approximation;
-use mtled::approximation::{Basis, Settings};
-use mtled::cloud::Cloud;
+use mtled::approximation::{Basis, Settings, ShapeTable};
+use mtled::cloud::{self, Cloud, Domain, Spacing};
 use mtled::material::Law;
 use mtled::solver::{Advance, Role, Solver, SolverSettings};
 use mtled::solver::{Precision, VolumeRatio};
@@ -31,7 +31,9 @@ fn patch_error(cloud: &Cloud, basis: Option<Basis>, points_per_cell: u32) -> f64
 fn patch_error_of(cloud: &Cloud, settings: Settings, consistent: bool) -> f64 {
     let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();
     let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings);
+    let approximation = approximation.with_hexahedra(&cloud.hexahedra, settings.points_per_cell);
     let table = approximation.table().unwrap();
+    assert_whole(cloud, &table);
     let table = if consistent { approximation.consistent(table, &boundary).unwrap() } else { table };
     let role = boundary.iter().map(|b| if *b { Role::Instrument } else { Role::Free }).collect();
     let settings = SolverSettings {
@@ -57,6 +59,41 @@ fn patch_error_of(cloud: &Cloud, settings: Settings, consistent: bool) -> f64 {
     let largest = at.iter().map(|x| norm(linear(*x))).fold(0.0, f64::max);
     let error = |i: usize| norm(minus(field.at(i, solver.parameters()), linear(at[i])));
     (0..at.len()).map(error).fold(0.0, f64::max) / largest
+}
+
+/// The points stand for the whole volume.
+fn assert_whole(cloud: &Cloud, table: &ShapeTable) {
+    let (cells, points): (f64, f64) = (cloud.volumes().iter().sum(), table.volume.iter().sum());
+    assert!((points / cells - 1.0).abs() < 1e-12, "{points} of {cells} m^3");
+}
+
+/// The cube as a grid of hexahedra, its inner nodes pushed about if they are to be, so that faces are warped.
+fn hexahedra(pushed: bool) -> Cloud {
+    let spacing = Spacing { far: 0.004, growth: 0.3, features: vec![] };
+    let mut cloud = cloud::structured(&Domain::Box { size: [0.02; 3] }, &spacing).unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for n in (0..cloud.points.len()).filter(|&n| pushed && cloud.faces[n] == 0).collect::<Vec<_>>() {
+        cloud.points[n].iter_mut().for_each(|x| *x += 0.0008 * (clouds::uniform(&mut random) - 0.5));
+    }
+    cloud
+}
+
+#[test]
+fn hexahedra_pass_as_tetrahedra_do() {
+    for (name, basis) in [("mmls", MMLS), ("mls", MLS)] {
+        for pushed in [false, true] {
+            let cloud = hexahedra(pushed);
+            assert_eq!((cloud.hexahedra.len(), cloud.cells.len()), (125, 750));
+            for points in [8, 1] {
+                let plain = patch_error(&cloud, basis, points);
+                println!("{name}, {points} points: {plain:.3}");
+                assert!(plain < 0.09 || points == 1, "{name}, {points} points: {plain:.3}");
+            }
+            let consistent = patch_error_of(&cloud, settings(basis, 8), true);
+            println!("{name}, consistent: {consistent:.1e}");
+            assert!(consistent < 1e-4, "{name}: {consistent:.1e}");
+        }
+    }
 }
 
 #[test]
@@ -108,7 +145,11 @@ fn random_clouds_pass_as_well() {
 
 #[test]
 fn rigid_motions_cause_no_force() {
-    let cloud = clouds::cube();
+    rigid_motions_of(&clouds::cube());
+    rigid_motions_of(&hexahedra(true));
+}
+
+fn rigid_motions_of(cloud: &Cloud) {
     let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();
     let turn = nalgebra::Rotation3::new(nalgebra::Vector3::new(0.9, -1.2, 0.4)).into_inner();
     let shift = [0.004, -0.02, 0.01];
@@ -120,9 +161,10 @@ fn rigid_motions_cause_no_force() {
     type Motion<'a> = (&'a str, &'a dyn Fn([f64; 3]) -> [f64; 3]);
     let motions: [Motion; 2] = [("translation", &translated), ("rotation", &rotated)];
     let mut random = ChaCha8Rng::seed_from_u64(3);
-    let at: Vec<_> = (0..300).map(|_| clouds::inside(&cloud, &mut random)).collect();
+    let at: Vec<_> = (0..300).map(|_| clouds::inside(cloud, &mut random)).collect();
     for (name, basis) in METHODS {
         let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings(basis, 1));
+        let approximation = approximation.with_hexahedra(&cloud.hexahedra, 8);
         let (table, field) = (approximation.table().unwrap(), approximation.field(&at).unwrap());
         for (motion, displacement) in motions {
             let u: Vec<[f64; 3]> = cloud.points.iter().map(|x| displacement(*x)).collect();

@@ -69,6 +69,8 @@ pub struct Case {
     pub points_per_cell: u32,
     /// `discretisation.cells_per_point`, whether the case can follow it or not.
     pub cells_per_point: u32,
+    /// `discretisation.points_per_hexahedron`; 0: the cells are tetrahedra.
+    pub points_per_hexahedron: u32,
     /// `discretisation.precision`.
     pub precision: String,
     /// Poses per second.
@@ -100,6 +102,7 @@ impl Case {
             support_factor: scene.support_factor(),
             points_per_cell: d.points_per_cell,
             cells_per_point: d.cells_per_point,
+            points_per_hexahedron: d.cells.points_per_hexahedron(),
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
             steps: Steps::Auto,
@@ -155,6 +158,12 @@ impl Case {
             ("discretisation.precision", self.precision.clone()),
             ("motion.pose_hz", self.pose_hz.to_string()),
         ];
+        if self.has_hexahedra() {
+            keys.push(("discretisation.cells", "hexahedra".to_owned()));
+            keys.push(("discretisation.points_per_hexahedron", self.points_per_hexahedron.to_string()));
+        } else {
+            keys.push(("discretisation.cells", "tetrahedra".to_owned()));
+        }
         match self.steps {
             Steps::Auto => {}
             Steps::Fixed(steps) => {
@@ -193,16 +202,27 @@ impl Case {
         }
     }
 
+    /// Whether its cells are hexahedra, which half planes and linear tetrahedra have none of.
+    #[must_use]
+    pub fn has_hexahedra(&self) -> bool {
+        self.points_per_hexahedron > 0 && !self.is_half_plane() && self.method != Method::Tet4.as_str()
+    }
+
     /// Cells that share an integration point.
     #[must_use]
     pub fn joined(&self) -> u32 {
-        let follows = !self.is_half_plane() && self.points_per_cell == 1 && self.method != Method::Tet4.as_str();
+        let meshless = !self.has_hexahedra() && self.method != Method::Tet4.as_str();
+        let follows = !self.is_half_plane() && self.points_per_cell == 1 && meshless;
         if follows { self.cells_per_point } else { 1 }
     }
 
     /// Integration points in words: `1 point per cell`, `1 point per 2 cells`.
     #[must_use]
     pub fn integration(&self) -> String {
+        if self.has_hexahedra() {
+            let plural = if self.points_per_hexahedron == 1 { "" } else { "s" };
+            return format!("{} point{plural} per hexahedron", self.points_per_hexahedron);
+        }
         match (self.points_per_cell, self.joined()) {
             (1, 1) => "1 point per cell".to_owned(),
             (points, 1) => format!("{points} points per cell"),

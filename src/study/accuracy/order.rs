@@ -26,6 +26,9 @@ pub fn observed_order<'a>(rows: impl Iterator<Item = &'a Row>, error: impl Fn(&R
 /// Name of what a row at rest refines: its case but for the spacing.
 #[must_use]
 pub fn refined(case: &Case) -> String {
+    if case.has_hexahedra() {
+        return format!("{}, {}", case.method_name(), case.integration());
+    }
     let points = if case.points_per_cell == 1 { String::new() } else { format!(", {} points", case.points_per_cell) };
     format!("{}{points}", case.method_name())
 }

@@ -151,6 +151,9 @@ fn moving(scene: &Scene, own: &Case, extent: Extent) -> Vec<Case> {
                 (*method).clone_into(&mut case.method);
                 cases.extend(PACES[..paces].iter().map(|pace| at(&case, *pace)));
             }
+            if range.dimension == Dimension::Full {
+                cases.extend(hexahedra(scene, &at(&base.spaced(scene, factor), range.base_pace)));
+            }
         }
         if extent == Extent::Full {
             cases.extend(one_at_a_time(&at(&base.spaced(scene, range.base), range.base_pace), range.methods));
@@ -200,9 +203,16 @@ fn at_rest(scene: &Scene, own: &Case) -> Vec<Case> {
         cases.extend(Method::WORDS.iter().map(|method| Case { method: (*method).to_owned(), ..base.clone() }));
         cases.push(Case { volume_ratio: "averaged".to_owned(), ..base.clone() });
         cases.push(Case { volume_ratio: "pointwise".to_owned(), ..base.clone() });
+        cases.extend(hexahedra(scene, &base));
         cases.push(Case { points_per_cell: 4, ..base });
     }
     cases
+}
+
+/// The same with hexahedra of eight points and of one, if a grid of them can be made for the scene.
+fn hexahedra(scene: &Scene, case: &Case) -> Vec<Case> {
+    let of = |points_per_hexahedron| Case { points_per_hexahedron, ..case.clone() };
+    [8, 1].map(of).into_iter().filter(|case| case.scene(scene).is_ok()).collect()
 }
 
 /// What a case costs, roughly: points that the support reaches, times steps. Only ratios mean anything.
@@ -218,9 +228,11 @@ pub fn work(scene: &Scene, case: &Case) -> f64 {
         // several hundred steps at each depth
         Steps::Rest => 40.0,
     };
-    nodes * per_node * (0.3 + support) * f64::from(case.points_per_cell) / f64::from(case.joined())
-        * steps
-        * case.pose_hz
+    let points = match case.has_hexahedra() {
+        true => f64::from(case.points_per_hexahedron) / 6.0, // of six tetrahedra
+        false => f64::from(case.points_per_cell) / f64::from(case.joined()),
+    };
+    nodes * per_node * (0.3 + support) * points * steps * case.pose_hz
 }
 
 #[cfg(test)]

@@ -100,7 +100,10 @@ impl Row {
             c.dimension,
             self.nodes,
             c.support_factor,
-            c.points_per_cell.to_string() + if c.joined() == 2 { "/2" } else { "" },
+            match c.has_hexahedra() {
+                true => format!("{}h", c.points_per_hexahedron),
+                false => c.points_per_cell.to_string() + if c.joined() == 2 { "/2" } else { "" },
+            },
             c.precision,
             c.pose_hz,
             c.steps.to_string(),

@@ -15,6 +15,8 @@ pub enum Share {
     With(u32),
     /// The point of the cell that it is joined to.
     Left,
+    /// The points of its hexahedron that lie in it.
+    Hexahedron,
 }
 
 /// A pair of cells with a common face that might be joined.

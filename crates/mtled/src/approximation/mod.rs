@@ -4,6 +4,7 @@
 pub mod axisymmetric;
 mod error;
 mod field;
+pub mod hexahedra;
 pub mod join;
 pub mod mirrored;
 pub mod mls;

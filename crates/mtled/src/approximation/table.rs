@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 use super::error::ApproximationError;
 use super::field::Field;
-use super::join::{self, Share};
+use super::hexahedra::HexahedronPoints;
+use super::join::Share;
 use super::mirrored::MirroredSupports;
 use super::mls::{Basis, Fit, Neighbour};
 use super::regions::Regions;
@@ -129,6 +130,8 @@ pub struct Approximation {
     first: Vec<f64>,
     /// What each cell is integrated with.
     share: Vec<Share>,
+    /// Points of hexahedra.
+    hexahedra: HexahedronPoints,
     regions: Regions,
     /// Whether the cells of a region have four points each at least; beyond the end: no.
     four: Vec<bool>,
@@ -145,7 +148,7 @@ impl Approximation {
         let spacing = radii(points, cells, 1.0);
         let first = radii(points, cells, settings.support_factor);
         let supports = MirroredSupports::whole(points, &first, &interpolating);
-        let share = shares(points, cells, &[], &settings);
+        let share = points::shares(points, cells, &[], &settings);
         Self {
             points: points.to_vec(),
             cells: cells.to_vec(),
@@ -154,6 +157,7 @@ impl Approximation {
             spacing,
             first,
             share,
+            hexahedra: HexahedronPoints::default(),
             regions: Regions::default(),
             four: Vec::new(),
         }
@@ -174,7 +178,7 @@ impl Approximation {
         self.regions = Regions::new(&self.points, &self.cells, region);
         self.regions.scale(&self.cells, &mut self.first);
         self.supports = self.supports.with_radii(&self.first);
-        self.share = shares(&self.points, &self.cells, region, &self.settings);
+        self.share = points::shares(&self.points, &self.cells, region, &self.settings);
         self
     }
 
@@ -275,28 +279,6 @@ impl Approximation {
         Row { at, volume, nodes: c.to_vec(), gradient: gradient.to_vec(), squares: 0.0 }
     }
 
-    fn gauss(&self, c: &[u32; 4], region: u8, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
-        let x = self.corners(c);
-        let (volume, _) = tetrahedron(&x);
-        self.gauss_points(region)
-            .iter()
-            .map(|(bary, weight)| {
-                let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
-                self.row(at, region, weight * volume, basis)
-            })
-            .collect()
-    }
-
-    /// The point at the centroid of two cells.
-    fn pair(&self, cells: [&[u32; 4]; 2], region: u8, basis: Basis) -> Result<Row, ApproximationError> {
-        let corners = cells.map(|c| self.corners(c));
-        let volumes = [tetrahedron(&corners[0]).0, tetrahedron(&corners[1]).0];
-        let volume = volumes[0] + volumes[1];
-        let share = [0.25 * volumes[0] / volume, 0.25 * volumes[1] / volume];
-        let at = std::array::from_fn(|k| (0..2).map(|c| share[c] * corners[c].iter().map(|x| x[k]).sum::<f64>()).sum());
-        self.row(at, region, volume, basis)
-    }
-
     /// An integration point of a meshless method.
     fn row(&self, at: [f64; 3], region: u8, volume: f64, basis: Basis) -> Result<Row, ApproximationError> {
         self.with_fit(at, region, basis, true, |neighbours, fit| Row {
@@ -343,6 +325,7 @@ impl Supported for Approximation {
                 let region = self.regions.of_cell(cell);
                 Ok(vec![self.pair([c, &self.cells[other as usize]], region, basis)?])
             }
+            (Some(basis), Share::Hexahedron) => self.of_hexahedron(cell, basis),
             (Some(_), Share::Left) => Ok(Vec::new()),
         }
     }
@@ -362,16 +345,6 @@ impl Supported for Approximation {
     fn enlarge(&mut self, factor: f64, at: &[[f64; 3]]) {
         self.supports = self.supports.enlarged(&self.first, factor, at);
     }
-}
-
-/// What each cell is integrated with: pairs lie in one region.
-fn shares(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], settings: &Settings) -> Vec<Share> {
-    if settings.cells_per_point == 1 || settings.points_per_cell > 1 || settings.basis.is_none() {
-        return vec![Share::Own; cells.len()];
-    }
-    let corners = |c: &[u32; 4]| c.map(|n| points[n as usize]);
-    let volume: Vec<f64> = cells.iter().map(|c| tetrahedron(&corners(c)).0).collect();
-    join::pairs(points, cells, &volume, region)
 }
 
 /// One integration point of a table.

@@ -24,6 +24,7 @@ mod domain;
 mod edges;
 mod error;
 mod fit;
+pub mod hexahedron;
 mod improve;
 mod interfaces;
 pub mod meridian;
@@ -40,12 +41,14 @@ mod skin;
 mod smooth;
 pub mod solid;
 mod spacing;
+mod structured;
 mod tree;
 mod triangulate;
 mod vector;
 
 pub use domain::{BASE, Domain, MIRROR, SIDE, TOP};
 pub use error::CloudError;
+pub use hexahedron::Hexahedron;
 pub use meridian::Meridian;
 pub use order::{hilbert_order, sort_cells};
 pub use outline::Outline;
@@ -55,6 +58,7 @@ pub use reflect::Reflected;
 pub use revolve::Revolved;
 pub use solid::Solid;
 pub use spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_GROWTH, MAX_NODES, Spacing};
+pub use structured::structured;
 
 use interfaces::INTERFACE;
 use packing::Packing;
@@ -87,6 +91,8 @@ pub struct Cloud {
     pub surface_faces: Vec<u8>,
     /// Shape of the cells.
     pub quality: Summary,
+    /// Hexahedra that some of the cells, or all, are the tetrahedra of; the half of a body has none.
+    pub hexahedra: Vec<Hexahedron>,
 }
 
 impl Cloud {
@@ -178,5 +184,5 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
         let reason = format!("a cell of quality {:.3} is left at {at:?} m (least allowed: {least})", quality.lowest);
         return Err(CloudError::NotMeshable { reason });
     }
-    Ok(Cloud { points, cells, faces, surface, surface_faces, quality })
+    Ok(Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra: Vec::new() })
 }

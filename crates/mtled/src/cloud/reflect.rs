@@ -25,7 +25,7 @@ impl Reflected {
         // a mirrored cell or triangle is turned inside out
         let cell = |&[a, b, c, d]: &[u32; 4]| [a, b, d, c].map(|n| image[n as usize]);
         let triangle = |&[a, b, c]: &[u32; 3]| [a, c, b].map(|n| image[n as usize]);
-        let Cloud { mut points, mut cells, mut faces, mut surface, mut surface_faces, quality } = half;
+        let Cloud { mut points, mut cells, mut faces, mut surface, mut surface_faces, quality, hexahedra } = half;
         points.extend(original.iter().map(|&n| mirror.image(&points[n as usize])).collect::<Vec<_>>());
         faces.iter_mut().for_each(|face| *face &= !MIRROR);
         faces.extend(original.iter().map(|&n| faces[n as usize]).collect::<Vec<_>>());
@@ -35,7 +35,7 @@ impl Reflected {
         surface_faces.retain(|face| face & MIRROR == 0);
         surface.extend(surface.iter().map(triangle).collect::<Vec<_>>());
         surface_faces.extend_from_within(..);
-        Self { cloud: Cloud { points, cells, faces, surface, surface_faces, quality }, original }
+        Self { cloud: Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra }, original }
     }
 }
 

@@ -1,6 +1,11 @@
-//! How many points a cell is integrated with.
+//! How many points a cell is integrated with, and where they are.
 
-use super::{Approximation, Share};
+use super::{Approximation, Row, Settings, Share, tetrahedron};
+use crate::approximation::error::ApproximationError;
+use crate::approximation::hexahedra::HexahedronPoints;
+use crate::approximation::join;
+use crate::approximation::mls::Basis;
+use crate::cloud::hexahedron::Hexahedron;
 
 impl Approximation {
     /// Integrates the cells of some regions with four points each, `four` by region: one point a cell does not see how a soft layer folds
@@ -16,6 +21,20 @@ impl Approximation {
         self
     }
 
+    /// Integrates the hexahedra among the cells with eight points each, or one; one gets eight as well where tetrahedra get four. No two
+    /// tetrahedra beside them share a point. To be called last.
+    #[must_use]
+    pub fn with_hexahedra(mut self, hexahedra: &[Hexahedron], points_each: u32) -> Self {
+        if self.settings.basis.is_none() || hexahedra.is_empty() {
+            return self;
+        }
+        self.share.fill(Share::Own);
+        hexahedra.iter().flat_map(|h| h.cells).for_each(|cell| self.share[cell as usize] = Share::Hexahedron);
+        let eight = |cell: usize| points_each > 1 || self.has_four(self.regions.of_cell(cell));
+        self.hexahedra = HexahedronPoints::new(&self.points, &self.cells, hexahedra, eight);
+        self
+    }
+
     fn has_four(&self, region: u8) -> bool {
         self.four.get(usize::from(region)) == Some(&true)
     }
@@ -24,6 +43,34 @@ impl Approximation {
     pub(super) fn gauss_points(&self, region: u8) -> Vec<([f64; 4], f64)> {
         let own = self.settings.points_per_cell;
         gauss_points(if self.has_four(region) { own.max(4) } else { own })
+    }
+
+    pub(super) fn gauss(&self, c: &[u32; 4], region: u8, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
+        let x = self.corners(c);
+        let (volume, _) = tetrahedron(&x);
+        self.gauss_points(region)
+            .iter()
+            .map(|(bary, weight)| {
+                let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
+                self.row(at, region, weight * volume, basis)
+            })
+            .collect()
+    }
+
+    /// The point at the centroid of two cells.
+    pub(super) fn pair(&self, cells: [&[u32; 4]; 2], region: u8, basis: Basis) -> Result<Row, ApproximationError> {
+        let corners = cells.map(|c| self.corners(c));
+        let volumes = [tetrahedron(&corners[0]).0, tetrahedron(&corners[1]).0];
+        let volume = volumes[0] + volumes[1];
+        let share = [0.25 * volumes[0] / volume, 0.25 * volumes[1] / volume];
+        let at = std::array::from_fn(|k| (0..2).map(|c| share[c] * corners[c].iter().map(|x| x[k]).sum::<f64>()).sum());
+        self.row(at, region, volume, basis)
+    }
+
+    /// The points of a hexahedron that lie in this cell.
+    pub(super) fn of_hexahedron(&self, cell: usize, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
+        let region = self.regions.of_cell(cell);
+        self.hexahedra.of(cell).iter().map(|&(at, volume)| self.row(at, region, volume, basis)).collect()
     }
 }
 
@@ -35,4 +82,14 @@ fn gauss_points(n: u32) -> Vec<([f64; 4], f64)> {
         5 => std::iter::once(([0.25; 4], -0.8)).chain(vertex(0.5).map(|p| (p, 0.45))).collect(),
         _ => vec![([0.25; 4], 1.0)],
     }
+}
+
+/// What each cell is integrated with: pairs lie in one region.
+pub(super) fn shares(points: &[[f64; 3]], cells: &[[u32; 4]], region: &[u8], settings: &Settings) -> Vec<Share> {
+    if settings.cells_per_point == 1 || settings.points_per_cell > 1 || settings.basis.is_none() {
+        return vec![Share::Own; cells.len()];
+    }
+    let corners = |c: &[u32; 4]| c.map(|n| points[n as usize]);
+    let volume: Vec<f64> = cells.iter().map(|c| tetrahedron(&corners(c)).0).collect();
+    join::pairs(points, cells, &volume, region)
 }
