@@ -6,7 +6,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::check::Check;
 use super::section::{Section as _, section};
 use super::values::Values;
-use super::{Key, Range, Scene, SceneError, keys};
+use super::{Key, Range, Scene, SceneError, Value, keys};
 
 /// Most depths.
 const MOST_DEPTHS: usize = 100;
@@ -52,10 +52,13 @@ impl Scene {
     pub fn correction_digest(&self) -> String {
         let mut values = Values::new("");
         self.write(&mut values, super::section::Scope::Once);
-        let counts = |path: &str| {
+        // a default says nothing, so that a key that a later version adds changes no digest
+        let counts = |path: &str, value: &Value| {
             let of_cloud = path.split_once('.').is_some_and(|(section, _)| OF_CLOUD.contains(&section));
-            let live = keys::find(path).is_some_and(|key| key.live);
-            path == DEPTH || of_cloud && !live && path != MOVABLE
+            let key = keys::find(path);
+            let default = key.and_then(|key| key.parse(key.default?, path).ok());
+            let live = key.is_some_and(|key| key.live);
+            path == DEPTH || of_cloud && !live && path != MOVABLE && default.as_ref() != Some(value)
         };
         format!("{:016x}", xxh3_64(values.lines(counts).as_bytes()))
     }

@@ -250,8 +250,8 @@ impl Values {
     }
 
     /// `path = value` of every key that was put in and counts, a line each, by path.
-    pub(super) fn lines(&self, counts: impl Fn(&str) -> bool) -> String {
-        let counting = self.entries.iter().filter(|(path, _)| counts(path));
+    pub(super) fn lines(&self, counts: impl Fn(&str, &Value) -> bool) -> String {
+        let counting = self.entries.iter().filter(|(path, entry)| counts(path, &entry.value));
         counting.map(|(path, entry)| format!("{path} = {}\n", entry.value)).collect()
     }
 
