@@ -124,6 +124,7 @@ fn search(scene: &Scene, depth: f64, goal: Goal, correct: bool) -> Result<Option
     let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
     eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
     let Some(learnt) = correction::learn(scene, &tuned.scene, &stop)? else { return Ok(None) };
+    eprint(&told(&learnt, goal));
     let paced = tune::paced(&learnt.scene, &tuned.row.case, &yardstick, goal, &mut seen, &stop)?;
     Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
 }

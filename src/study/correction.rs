@@ -137,12 +137,20 @@ fn similarities(depths: &[f64], what: &str, from: &[[f64; 3]], to: &[[f64; 3]]) 
     Ok(numbers.concat())
 }
 
-/// Largest distance from what is known, over its length: of the force, and of each target's motion, from a fifth of the path on.
+/// Largest distance from what is known, over its greatest length so far (what a needle comes to hold may move back): of the force, and of each
+/// target's motion, from a fifth of the path on.
 fn largest(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> f64 {
     let deepest = depths.last().copied().unwrap_or_default();
     let error = |found: &[[f64; 3]], known: &[[f64; 3]]| {
-        let compared = depths.iter().zip(found.iter().zip(known)).filter(|(d, _)| **d >= COMPARED_FROM * deepest);
-        compared.map(|(_, (f, k))| length(std::array::from_fn(|i| f[i] - k[i])) / length(*k)).fold(0.0, f64::max)
+        let mut most = 0.0_f64;
+        let mut worst = 0.0_f64;
+        for ((depth, found), known) in depths.iter().zip(found).zip(known) {
+            most = most.max(length(*known));
+            if *depth >= COMPARED_FROM * deepest {
+                worst = worst.max(length(std::array::from_fn(|k| found[k] - known[k])) / most);
+            }
+        }
+        worst
     };
     let targets = (0..scene.targets.len())
         .map(|i| error(&displacements(scene, found, i), &displacements(scene, known, i)))
