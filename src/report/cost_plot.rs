@@ -132,6 +132,7 @@ fn legend(picture: &mut Picture) {
         &[
             (sample("", "projected", "axisymmetric", 1000.0), "half plane"),
             (sample("", "projected", "full", 1000.0), "three dimensions"),
+            (Case { points_per_hexahedron: 8, ..sample("", "projected", "full", 1000.0) }, "hexahedra"),
             (sample("", "pointwise", "full", 1000.0), "locking not cured"),
             (sample("", "averaged", "full", 1000.0), "locking half cured (averaged)"),
         ],
@@ -201,11 +202,14 @@ fn shape(picture: &mut Picture, [x, y]: [f64; 2], case: &Case, colour: Colour) {
         }
         _ => {}
     }
-    let outline: Vec<[f64; 2]> = if case.is_half_plane() {
-        (0..=20)
-            .map(|i| (f64::from(i) * std::f64::consts::TAU / 20.0).sin_cos())
-            .map(|(s, c)| [x + m * c, y + m * s])
-            .collect()
+    let polygon = |corners: u32, m: f64| -> Vec<[f64; 2]> {
+        let angle = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(corners);
+        (0..=corners).map(|i| angle(i).sin_cos()).map(|(s, c)| [x + m * c, y + m * s]).collect()
+    };
+    let outline = if case.is_half_plane() {
+        polygon(20, m)
+    } else if case.has_hexahedra() {
+        polygon(6, 1.3 * m)
     } else {
         [[-m, -m], [m, -m], [m, m], [-m, m], [-m, -m]].map(|[a, b]| [x + a, y + b]).to_vec()
     };

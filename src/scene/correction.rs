@@ -12,8 +12,6 @@ use super::{Key, Range, Scene, SceneError, Value, keys};
 const MOST_DEPTHS: usize = 100;
 /// Most numbers of a list.
 const MOST_NUMBERS: usize = 100_000;
-/// Numbers of a similarity: its scale, and the vector of its rotation.
-pub const NUMBERS: usize = 4;
 /// Between which they are: a cloud that is off by more is no model.
 const NUMBER: Range = Range::closed(-2.0, 2.0);
 /// Sections whose keys make the problem and the cloud.
@@ -45,6 +43,11 @@ section! {
     }
 }
 
+impl Correction {
+    /// Numbers of a similarity: its scale, and the vector of its rotation.
+    pub const NUMBERS: usize = 4;
+}
+
 impl Scene {
     /// Digest of what a [`Correction`] holds for: the problem and the cloud, whatever the constants of the tissue, what changes while running,
     /// and the pace.
@@ -74,7 +77,7 @@ impl Check<'_> {
         }
         let targets = self.scene.targets.len();
         for (key, list, each) in [("force", &correction.force, 1), ("targets", &correction.targets, targets)] {
-            let wanted = NUMBERS * depths * each;
+            let wanted = Correction::NUMBERS * depths * each;
             if list.len() != wanted {
                 let key = format!("correction.{key}");
                 let reason = format!("{depths} depths and {targets} targets make {wanted}");

@@ -16,9 +16,6 @@ use crate::scene::Correction;
 
 use super::Twin;
 
-/// Numbers of a similarity in a list.
-const NUMBERS: usize = 4;
-
 /// A scale and a rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
@@ -55,7 +52,7 @@ impl Similarity {
 
     /// Scale and turn as a list has them.
     #[must_use]
-    pub fn numbers(&self) -> [f64; NUMBERS] {
+    pub fn numbers(&self) -> [f64; Correction::NUMBERS] {
         [self.scale, self.turn[0], self.turn[1], self.turn[2]]
     }
 
@@ -64,7 +61,8 @@ impl Similarity {
         let after = depths.partition_point(|d| *d < depth);
         let (a, b) = (after.saturating_sub(1), after.min(depths.len() - 1));
         let share = if a == b { 0.0 } else { (depth - depths[a]) / (depths[b] - depths[a]) };
-        let number = |k: usize| (1.0 - share) * list[NUMBERS * a + k] + share * list[NUMBERS * b + k];
+        let number =
+            |k: usize| (1.0 - share) * list[Correction::NUMBERS * a + k] + share * list[Correction::NUMBERS * b + k];
         Self { scale: number(0), turn: [number(1), number(2), number(3)] }
     }
 }
@@ -102,7 +100,7 @@ impl Twin {
     pub(super) fn correct_targets(&self, places: &mut [[f64; 3]]) {
         let Some(c) = self.correction() else { return };
         let depth = self.corrected_depth(-self.progress.tip[2] * self.path().secant());
-        let each = NUMBERS * c.depths.len();
+        let each = Correction::NUMBERS * c.depths.len();
         for ((place, target), list) in places.iter_mut().zip(&self.fixed.scene.targets).zip(c.targets.chunks(each)) {
             let from = target.position;
             let moved = Similarity::at(&c.depths, list, depth).apply(std::array::from_fn(|k| place[k] - from[k]));

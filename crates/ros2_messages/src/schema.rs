@@ -148,7 +148,7 @@ static DEFINITIONS: &[Definition] = &[
     definition(
         "needle_twin/TwinStatus",
         include_str!("../msg/TwinStatus.msg"),
-        "RIHS01_40978a0b5efafd93d1e72863dea53d73d5ee8797463a402d35cd8897a4555384",
+        "RIHS01_d9e4e62f3741f6f63b6150047b28cffbce1f9bb9fdb8fc605db676c9b88d6079",
     ),
 ];
 
