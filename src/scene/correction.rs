@@ -35,7 +35,7 @@ section! {
         /// running.
         of: String = Key::text("correction.of"),
         /// Depths for which it is known, rising; between two it is their mean, beyond the last the last.
-        depths: Vec<f64> = Key::list("correction.depth_m", Range::above(0.0, 1.0), MOST_DEPTHS, "m"),
+        depths: Vec<f64> = Key::list("correction.depths_m", Range::above(0.0, 1.0), MOST_DEPTHS, "m"),
         /// Of the force, for each depth its scale and the vector of its rotation (axis times angle, rad): 4 numbers.
         force: Vec<f64> = Key::list("correction.force", NUMBER, MOST_NUMBERS, ""),
         /// The same of the displacement of each target in turn, for each depth.
@@ -73,7 +73,7 @@ impl Check<'_> {
         let Some(correction) = self.scene.correction.as_ref().filter(|c| c.apply) else { return Ok(()) };
         let depths = correction.depths.len();
         if depths == 0 || correction.depths.windows(2).any(|w| w[0] >= w[1]) {
-            return self.refuse("correction.depth_m", "it needs one depth at least, and they have to rise".to_owned());
+            return self.refuse("correction.depths_m", "it needs one depth at least, and they have to rise".to_owned());
         }
         let targets = self.scene.targets.len();
         for (key, list, each) in [("force", &correction.force, 1), ("targets", &correction.targets, targets)] {

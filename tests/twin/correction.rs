@@ -134,8 +134,8 @@ fn it_is_refused_where_it_does_not_belong() {
     ] {
         assert!(LEARNT.scene.with(&[Override::text(path, value, "--set")]).is_ok(), "{path}");
     }
-    let said = refused("correction.depth_m", "[0.001, 0.0005]");
-    assert!(said.contains("correction.depth_m") && said.contains("rise"), "{said}");
+    let said = refused("correction.depths_m", "[0.001, 0.0005]");
+    assert!(said.contains("correction.depths_m") && said.contains("rise"), "{said}");
     let said = refused("correction.force", "[1.0, 0.0, 0.0, 0.0]");
     assert!(said.contains("correction.force") && said.contains("make 80"), "{said}");
 }

@@ -5,7 +5,8 @@
 use mtled::solver::Precision;
 use needle_twin::scene::keys::{self, KEYS};
 use needle_twin::scene::{
-    Dimension, InstrumentKind, Kind, Method, Override, PRESETS, Scene, SceneError, Shape, Value, VolumeRatio, Word,
+    Correction, Dimension, InstrumentKind, Kind, Method, Override, PRESETS, Scene, SceneError, Shape, Value,
+    VolumeRatio, Word,
 };
 
 pub const MINIMAL: &str = r#"
@@ -137,6 +138,7 @@ fn every_key_can_be_set_to_what_it_is() {
     let full = [("discretisation.dimension", "full"), ("discretisation.cells", "hexahedra")];
     let keys: Vec<_> = full.iter().map(|(k, v)| Override::text(k, v, "test")).collect();
     scenes.push(Scene::preset("compression").unwrap().with(&keys).unwrap());
+    scenes.push(corrected(&whole));
     for key in KEYS.iter() {
         let path = match key.section() {
             "targets" => format!("targets.1.{}", key.field()),
@@ -154,6 +156,21 @@ fn every_key_can_be_set_to_what_it_is() {
         set.set(&path, &value.to_string()).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(&set, scene, "{path} = {value}");
     }
+}
+
+/// The scene with a correction of its cloud at two depths.
+fn corrected(scene: &Scene) -> Scene {
+    let similarity = [1.01, 0.0, 0.02, 0.0];
+    let correction = Correction {
+        apply: true,
+        learnt_from: "a finer cloud".to_owned(),
+        left: 0.01,
+        of: scene.correction_digest(),
+        depths: vec![0.001, 0.002],
+        force: similarity.repeat(2),
+        targets: similarity.repeat(2 * scene.targets.len()),
+    };
+    Scene { correction: Some(correction), ..scene.clone() }
 }
 
 /// The scene with its own material as `skin`, and regions of every shape.
