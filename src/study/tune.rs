@@ -47,6 +47,11 @@ impl Goal {
     fn in_time(&self, row: &Row) -> bool {
         row.cost_per_pose_s() <= HEADROOM / self.pose_hz
     }
+
+    /// The scene with the poses that are asked for.
+    fn asked_of(&self, scene: &Scene) -> Result<Scene, StudyError> {
+        Ok(scene.with(&[Override::text("motion.pose_hz", &self.pose_hz.to_string(), "tune")])?)
+    }
 }
 
 /// What was found.
@@ -56,6 +61,13 @@ pub struct Tuned {
     pub scene: Scene,
     /// The row that meets both.
     pub row: Row,
+}
+
+impl Tuned {
+    fn of(scene: &Scene, row: Row) -> Result<Self, StudyError> {
+        let tuned = Scene { name: format!("{}_tuned", scene.name), ..row.case.scene(scene)? };
+        Ok(Self { scene: tuned, row })
+    }
 }
 
 /// Runs a scene with different discretisations until the cheapest within the goal is known; `seen` gets every row.
@@ -69,7 +81,7 @@ pub fn tune(
     seen: &mut dyn FnMut(&Row),
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Tuned>, StudyError> {
-    let scene = scene.with(&[Override::text("motion.pose_hz", &goal.pose_hz.to_string(), "tune")])?;
+    let scene = goal.asked_of(scene)?;
     let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
     let own = Case::of(&scene)?;
     let mut dimensions = vec![scene.dimension().dimension];
@@ -81,9 +93,7 @@ pub fn tune(
             return Ok(None);
         }
         if let Some(row) = search.best()? {
-            let mut tuned = row.case.scene(&scene)?;
-            tuned.name = format!("{}_tuned", scene.name);
-            return Ok(Some(Tuned { scene: tuned, row }));
+            return Ok(Some(Tuned::of(&scene, row)?));
         }
     }
     Err(StudyError::Untuned(search.nearest()))
@@ -100,7 +110,7 @@ pub fn coarsest(
     seen: &mut dyn FnMut(&Row),
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Tuned>, StudyError> {
-    let scene = scene.with(&[Override::text("motion.pose_hz", &goal.pose_hz.to_string(), "tune")])?;
+    let scene = goal.asked_of(scene)?;
     let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
     let own = Case::of(&scene)?;
     let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
@@ -108,8 +118,7 @@ pub fn coarsest(
     let Some(row) = case.and_then(|case| search.rows.iter().find(|row| row.case == case).cloned()) else {
         return Err(StudyError::Untuned(search.nearest()));
     };
-    let tuned = Scene { name: format!("{}_tuned", scene.name), ..row.case.scene(&scene)? };
-    Ok(Some(Tuned { scene: tuned, row }))
+    Ok(Some(Tuned::of(&scene, row)?))
 }
 
 /// The fewest steps per pose, or the scene's own pace, with which a scene that is [corrected](super::correction) is within the goal, of the `case` that
@@ -137,9 +146,7 @@ pub fn paced(
             break;
         }
     }
-    let mut meeting: Vec<Row> = search.rows.iter().filter(|r| goal.near(r) && goal.in_time(r)).cloned().collect();
-    meeting.sort_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()));
-    for row in meeting {
+    for row in search.meeting(|_| true) {
         let paced = with_pace(scene, row.case.steps)?;
         if search.holds(&paced, &row.case)? {
             return Ok(Some(Tuned { scene: paced, row }));
@@ -269,16 +276,20 @@ impl Search<'_> {
 
     /// The cheapest row that meets both and whose stability table holds.
     fn best(&mut self) -> Result<Option<Row>, StudyError> {
-        let fixed = self.rows.iter().filter(|row| matches!(row.case.steps, Steps::Fixed(_)));
-        let mut meeting: Vec<Row> =
-            fixed.filter(|row| self.goal.near(row) && self.goal.in_time(row)).cloned().collect();
-        meeting.sort_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()));
-        for row in meeting {
+        for row in self.meeting(|row| matches!(row.case.steps, Steps::Fixed(_))) {
             if self.is_stable(&row.case)? {
                 return Ok(Some(row));
             }
         }
         Ok(None)
+    }
+
+    /// Those rows that meet both, cheap ones first.
+    fn meeting(&self, counts: impl Fn(&Row) -> bool) -> Vec<Row> {
+        let meets = |row: &&Row| counts(row) && self.goal.near(row) && self.goal.in_time(row);
+        let mut meeting: Vec<Row> = self.rows.iter().filter(meets).cloned().collect();
+        meeting.sort_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()));
+        meeting
     }
 
     /// Whether the stability table holds over the whole motion, way out included, as `solve` goes it.

@@ -94,6 +94,12 @@ impl Along {
 pub const FOLLOWED: usize = 8;
 
 impl Twin {
+    /// Regions on the instrument's path.
+    #[must_use]
+    pub fn along(&self) -> &Along {
+        &self.fixed.along
+    }
+
     /// Depths of the tip at which it comes into the first regions of its path as the deformed tissue has them now, m; NaN where there is
     /// none. `None` but for a needle with friction: others come into a region where the scene has it.
     #[must_use]

@@ -392,10 +392,4 @@ impl Twin {
     pub fn cell_regions(&self) -> &[u8] {
         &self.fixed.tissue.region
     }
-
-    /// Regions on the instrument's path.
-    #[must_use]
-    pub fn along(&self) -> &Along {
-        &self.fixed.along
-    }
 }

@@ -294,7 +294,14 @@ impl Spacing {
     /// A spacing, growth or feature out of its range, or more than [`MAX_NODES`] nodes.
     pub(crate) fn validate(&self, domain: &Domain) -> Result<f64, CloudError> {
         self.validate_features(domain)?;
-        let nodes = self.predicted_nodes(domain);
+        self.room_for(self.predicted_nodes(domain))
+    }
+
+    /// The number of nodes, if there is room for them.
+    ///
+    /// # Errors
+    /// More than [`MAX_NODES`].
+    pub(super) fn room_for(&self, nodes: f64) -> Result<f64, CloudError> {
         if !nodes.is_finite() || nodes > MAX_NODES as f64 {
             return Err(CloudError::TooManyNodes {
                 finest: self.finest(),

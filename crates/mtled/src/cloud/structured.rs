@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_4, PI};
 use super::domain::{BASE, Domain, SIDE, TOP};
 use super::error::CloudError;
 use super::hexahedron::{Hexahedron, cut};
-use super::spacing::{BYTES_PER_NODE, CELLS_PER_NODE, Feature, MAX_NODES, Spacing};
+use super::spacing::{Feature, Spacing};
 use super::vector::Point;
 use super::{Cloud, Summary, check, hilbert_order, sort_cells};
 
@@ -71,17 +71,7 @@ pub fn structured(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudErro
         }
     };
     let heights = graded(low[2], high[2], &|z| finest(&mut spots.iter().map(|&[x, y]| [x, y, z])));
-    let nodes = (section.points.len() * heights.len()) as f64;
-    if nodes > MAX_NODES as f64 {
-        return Err(CloudError::TooManyNodes {
-            finest: spacing.finest(),
-            far: spacing.far,
-            nodes,
-            cells: CELLS_PER_NODE * nodes,
-            gigabytes: BYTES_PER_NODE * nodes * 1e-9,
-            limit: MAX_NODES,
-        });
-    }
+    spacing.room_for((section.points.len() * heights.len()) as f64)?;
     extruded(&section, &heights)
 }
 
