@@ -9,13 +9,14 @@ const control = (name) => section.querySelector(`[data-control=${name}]`);
 /// Properties that rows are filtered by, and their words.
 const FILTERS = [
   ['method', 'method', { mmls: 'MMLS', mls: 'MLS', tet4: 'linear finite elements' }],
-  ['dimension', 'dimension', { axisymmetric: 'half plane', full: 'three dimensions' }],
-  ['cure', 'locking', { projected: 'cured', averaged: 'half cured', pointwise: 'not cured' }],
+  ['dimension', 'dimension', { axisymmetric: 'half plane', mirrored: 'half of three dimensions', full: 'three dimensions' }],
+  ['cure', 'locking', { projected: 'cured', mixed: 'cured (mixed)', averaged: 'half cured', pointwise: 'not cured' }],
   ['hz', 'poses per second', {}],
   ['pace', 'steps per pose', {}],
   ['points', 'points per cell', {}],
   ['support', 'support', {}],
   ['precision', 'precision', { f32: 'single', f64: 'double' }],
+  ['corrected', 'correction', { false: 'none', true: 'by a finer cloud' }],
 ];
 const AXES = {
   pose: 'Cost of a pose in ms', second: 'Cost of a simulated second in s',
@@ -95,16 +96,26 @@ function filters() {
   }
 }
 
-/// A mark as the picture draws it: disc in the half plane, square in space, hollow for slow poses, a cross if it locks.
+/// A mark as the picture draws it: disc in the half plane, square in space, triangle for half of it, hexagon for hexahedra, hollow for slow poses, a
+/// cross if it locks, in a ring where it is corrected.
 function mark(row, x, y) {
   const colour = `var(--${row.method})`, m = 5;
-  if (row.cure !== 'projected') {
+  if (row.cure === 'averaged' || row.cure === 'pointwise') {
     const d = row.cure === 'averaged' ? `M${x - m} ${y}h${2 * m}M${x} ${y - m}v${2 * m}` : `M${x - m} ${y - m}l${2 * m} ${2 * m}M${x - m} ${y + m}l${2 * m} ${-2 * m}`;
     return node('path', { class: 'point', d, stroke: colour, fill: 'none' });
   }
   const style = { class: 'point', stroke: colour, fill: row.hz >= 1000 ? colour : 'var(--card)', 'fill-opacity': row.hz >= 1000 ? 0.75 : 0.3 };
-  if (row.dimension === 'full') return node('rect', { ...style, x: x - m, y: y - m, width: 2 * m, height: 2 * m });
-  return node('circle', { ...style, cx: x, cy: y, r: m });
+  const polygon = (corners) => node('polygon', { ...style, points: corners.map(([a, b]) => `${x + m * a},${y + m * b}`).join(' ') });
+  const shape = () => {
+    if (row.dimension === 'axisymmetric') return node('circle', { ...style, cx: x, cy: y, r: m });
+    if (String(row.points).includes('hexahedra')) return polygon([0, 1, 2, 3, 4, 5].map((i) => [1.3 * Math.cos(i * Math.PI / 3), 1.3 * Math.sin(i * Math.PI / 3)]));
+    if (row.dimension === 'mirrored') return polygon([[-1.2, 0.8], [1.2, 0.8], [0, -1.3]]);
+    return node('rect', { ...style, x: x - m, y: y - m, width: 2 * m, height: 2 * m });
+  };
+  if (!row.corrected) return shape();
+  const ringed = node('g', { class: 'point' });
+  ringed.append(shape(), node('circle', { cx: x, cy: y, r: 1.8 * m, fill: 'none', stroke: colour }));
+  return ringed;
 }
 
 /// The label beside its point where nothing is in the way, or nowhere.
@@ -184,7 +195,7 @@ function draw() {
   const ended = shown().filter((row) => row.ended).length;
   section.querySelector('.note').textContent = `${rows.length} of ${scene().rows.length} runs shown` +
     (ended ? `; ${ended} ended before their depth and have no mark.` : '.') +
-    ' Disc: half plane; square: three dimensions; filled: 1000 poses per second; hollow: fewer; cross: locking not cured; plus: half cured.';
+    ' Disc: half plane; square: three dimensions; triangle: half of it; hexagon: hexahedra; ring: corrected; filled: 1000 poses per second; hollow: fewer; cross: locking not cured; plus: half cured.';
   read(marks.find((m) => m.row === pinned) || null, marks);
 }
 
@@ -217,7 +228,7 @@ function read(m, marks) {
   }
   const r = m.row;
   const name = document.createElement('b');
-  name.textContent = FILTERS.slice(0, 3).map((filter) => word(filter, r[filter[0]])).join(', ') + (r.name ? ` (${r.name})` : '');
+  name.textContent = FILTERS.slice(0, 3).map((filter) => word(filter, r[filter[0]])).join(', ') + (r.corrected ? ', corrected' : '') + (r.name ? ` (${r.name})` : '');
   readout.append(name,
     ` · ${r.nodes} nodes, ${r.integration_points} points · spacing ${digits(r.spacing)} mm, ${digits(r.edge)} mm at the edge · support ${r.support}` +
     ` · ${r.points} per cell · ${r.precision} · ${r.hz} poses per second, steps ${r.pace} (${r.steps} in all)` +

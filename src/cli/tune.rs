@@ -77,8 +77,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let run = arguments.threads.install(|| shown(&scene))??;
     let mut proof = proof(&run, &yardstick, goal);
     if let Some(learnt) = &learnt {
-        proof.text += &told(learnt, goal);
-        proof.met &= learnt.left <= goal.tolerance;
+        proof.text += &(told(learnt, goal) + &told_of_targets(&tuned.row, goal));
+        proof.met &= learnt.left <= goal.tolerance && tuned.row.way_error.is_none_or(|error| error <= goal.tolerance);
     }
     match &arguments.out {
         Some(path) => {
@@ -123,9 +123,10 @@ fn search(scene: &Scene, depth: f64, goal: Goal, correct: bool) -> Result<Option
     let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
     let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
     eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
-    let Some(learnt) = correction::learn(scene, &tuned.scene, &stop)? else { return Ok(None) };
+    let Some(learnt) = correction::learn(scene, &tuned.scene, depth, &stop)? else { return Ok(None) };
     eprint(&told(&learnt, goal));
-    let paced = tune::paced(&learnt.scene, &tuned.row.case, &yardstick, goal, &mut seen, &stop)?;
+    let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
+    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, &stop)?;
     Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
 }
 
@@ -136,8 +137,23 @@ fn told(learnt: &Learnt, goal: Goal) -> String {
         "corrected; with {key} = {value:.4}, which it was not learnt from, {:.2} % of force and targets are left of {:.2} %: {}\n",
         100.0 * learnt.left,
         100.0 * learnt.before,
-        if learnt.left <= goal.tolerance { "met" } else { "NOT met" }
+        met(learnt.left <= goal.tolerance)
     )
+}
+
+/// How far targets of a corrected scene are off on the way, in the run that it was not learnt from.
+fn told_of_targets(row: &Row, goal: Goal) -> String {
+    row.way_error.map_or_else(String::new, |error| {
+        format!(
+            "on the way there the targets are within {:.2} % of their greatest motion: {}\n",
+            100.0 * error,
+            met(error <= goal.tolerance)
+        )
+    })
+}
+
+fn met(is: bool) -> &'static str {
+    if is { "met" } else { "NOT met" }
 }
 
 /// The scene file, with what was measured above it.
@@ -151,7 +167,7 @@ fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, threads: usize, lea
          # Measured on {threads} thread{}: largest error {:.2} %, {:.4} ms of processor time per pose, {} nodes, {} points.\n\
          # Another machine has other costs: run it there.\n",
         accuracy_percent(goal.tolerance),
-        yardstick.source,
+        learnt.map_or(&yardstick.source, |learnt| &learnt.known.source),
         goal.pose_hz,
         if threads == 1 { "" } else { "s" },
         100.0 * row.max_force_error().unwrap_or(f64::NAN),
@@ -160,7 +176,9 @@ fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, threads: usize, lea
         row.integration_points,
     );
     if let Some(learnt) = learnt {
-        let _ = writeln!(text, "# That is {}", told(learnt, goal));
+        let _ = write!(text, "# That is {}", told(learnt, goal));
+        let targets = told_of_targets(row, goal);
+        let _ = writeln!(text, "{}{targets}", if targets.is_empty() { "" } else { "# " });
     }
     text + &tuned.scene.to_toml()
 }
@@ -198,16 +216,15 @@ fn proof(run: &Run, yardstick: &Yardstick, goal: Goal) -> Proof {
         format!("; a pose is answered in {:.3} ms (median), {:.3} ms (99 of 100)", l.p50, l.p99)
     });
     let right = error.is_some_and(|e| e <= goal.tolerance);
-    let word = |met: bool| if met { "met" } else { "NOT met" };
     let told = error.map_or_else(|| "ended early".to_owned(), |e| format!("{:.2} %", 100.0 * e));
     Proof {
         text: format!(
             "run of the written scene: largest error of the force {told} of {} %: {}; {factor:.1} times real time at {} Hz: \
              {}{latency}\n",
             accuracy_percent(goal.tolerance),
-            word(right),
+            met(right),
             goal.pose_hz,
-            word(factor >= 1.0),
+            met(factor >= 1.0),
         ),
         met: right && factor >= 1.0,
     }

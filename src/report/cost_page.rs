@@ -35,6 +35,7 @@ fn data(scene: &str, rows: &[&Row]) -> Value {
             "method": c.method, "cure": c.volume_ratio, "dimension": c.dimension,
             "spacing": 1e3 * c.spacing_m, "edge": 1e3 * c.edge_spacing_m, "support": c.support_factor,
             "points": if c.has_hexahedra() { format!("{} (hexahedra)", c.points_per_hexahedron) } else if c.joined() == 2 { "½".to_owned() } else { c.points_per_cell.to_string() }, "precision": c.precision, "hz": c.pose_hz, "pace": c.steps.to_string(),
+            "corrected": c.corrected,
             "nodes": row.nodes, "integration_points": row.integration_points, "steps": row.steps,
             "pose": finite(1e3 * row.cost_per_pose_s()), "second": finite(row.cost_per_simulated_s()),
             "factor": finite(row.real_time_factor()),

@@ -1,9 +1,10 @@
 //! `accuracy_SCENE.png`: largest error of the force against the cost of a pose, both logarithmic, a mark per row.
 
 use super::{
+    cost_marks::{MARK, legend, mark},
     picture::{Anchor, Colour, Pen, Picture, Type},
     place::{Box4, place},
-    plot::{BLUE, FRAME, INK, MUTED, RULE, VERMILION, label},
+    plot::{FRAME, INK, MUTED, RULE, VERMILION, label},
     raster::text_width,
 };
 use crate::study::accuracy::{Case, Row, Steps, front, named};
@@ -13,10 +14,7 @@ use crate::study::reference::{self, ElementStability};
 const WIDTH: u32 = 1160;
 const HEIGHT: u32 = 860;
 /// Left, top, right, bottom of the marks' area, px.
-const AREA: Box4 = [84.0, 190.0, 1136.0, 796.0];
-const GREEN: Colour = Colour(0x1b, 0x8a, 0x5a, 1.0);
-/// Half of a mark's width, px.
-const MARK: f64 = 4.6;
+pub(super) const AREA: Box4 = [84.0, 190.0, 1136.0, 796.0];
 /// Rates of poses whose time is drawn as a line, with the name of the rate.
 const RATES: [(f64, &str); 2] = [(100.0, "100 Hz"), (1000.0, "1 kHz")];
 const TYPE: f32 = 12.0;
@@ -26,15 +24,6 @@ const ELEMENT_SIZE_MM: f64 = 0.5;
 const ELEMENTS: [(&str, &str); 2] = [("P1_", "linear triangles"), ("Q1P0", "hybrid quadrilaterals")];
 /// Share of the error by which a row of a front has to be better than the last named one to get a name as well.
 const BETTER: f64 = 0.05;
-
-/// Colour of a method.
-fn colour(case: &Case) -> Colour {
-    match case.method.as_str() {
-        "mmls" => BLUE,
-        "mls" => VERMILION,
-        _ => GREEN,
-    }
-}
 
 /// Cost of a pose in ms and largest error of the force in %, of a row that has both.
 pub(super) fn place_of(row: &Row) -> Option<[f64; 2]> {
@@ -110,113 +99,6 @@ fn heading(picture: &mut Picture, scene: &str, ended: usize) {
     }
     picture.text([AREA[0], 60.0], about, label(Anchor::Start));
     picture.text([AREA[0], 78.0], more, label(Anchor::Start));
-}
-
-fn legend(picture: &mut Picture) {
-    let text = |picture: &mut Picture, x: &mut f64, y: f64, words: &str| {
-        picture.text([*x, y], words, Type { colour: INK, ..label(Anchor::Start) });
-        *x += text_width(words, 13.0, false) + 22.0;
-    };
-    let mut x = AREA[0];
-    for (word, name) in [
-        ("mmls", "modified moving least squares"),
-        ("mls", "linear moving least squares"),
-        ("tet4", "linear finite elements"),
-    ] {
-        let case = sample(word, "projected", "axisymmetric", 1000.0);
-        picture.rectangle([x, 95.0], [x + 12.0, 107.0], colour(&case));
-        x += 18.0;
-        text(picture, &mut x, 106.0, name);
-    }
-    let rows: [&[(Case, &str)]; 2] = [
-        &[
-            (sample("", "projected", "axisymmetric", 1000.0), "half plane"),
-            (sample("", "projected", "full", 1000.0), "three dimensions"),
-            (Case { points_per_hexahedron: 8, ..sample("", "projected", "full", 1000.0) }, "hexahedra"),
-            (sample("", "pointwise", "full", 1000.0), "locking not cured"),
-            (sample("", "averaged", "full", 1000.0), "locking half cured (averaged)"),
-        ],
-        &[
-            (sample("", "projected", "axisymmetric", 1000.0), "filled: 1000 poses per second"),
-            (sample("", "projected", "axisymmetric", 100.0), "hollow: 100"),
-        ],
-    ];
-    for (k, row) in rows.into_iter().enumerate() {
-        let (mut x, y) = (AREA[0] + 6.0, 128.0 + 22.0 * k as f64);
-        for (case, words) in row {
-            shape(picture, [x, y - 4.5], case, MUTED);
-            x += 13.0;
-            text(picture, &mut x, y, words);
-        }
-        if k == 1 {
-            for (words, pen) in
-                [("best at 1000 Hz", Pen::new(INK, 1.4)), ("best at 100 Hz", Pen::new(INK, 1.4).dashed([6.0, 4.0]))]
-            {
-                picture.line([[x, y - 4.5], [x + 26.0, y - 4.5]], pen);
-                x += 33.0;
-                text(picture, &mut x, y, words);
-            }
-        }
-    }
-}
-
-/// A case for the legend.
-fn sample(method: &str, volume_ratio: &str, dimension: &str, pose_hz: f64) -> Case {
-    Case {
-        method: method.to_owned(),
-        volume_ratio: volume_ratio.to_owned(),
-        dimension: dimension.to_owned(),
-        spacing_m: 0.0,
-        edge_spacing_m: 0.0,
-        growth: 0.3,
-        path_rings: 0,
-        support_factor: 1.8,
-        points_per_cell: 1,
-        cells_per_point: 1,
-        points_per_hexahedron: 0,
-        precision: "f32".to_owned(),
-        pose_hz,
-        steps: Steps::Auto,
-    }
-}
-
-fn mark(picture: &mut Picture, at: [f64; 2], case: &Case) {
-    shape(picture, at, case, colour(case));
-}
-
-/// Disc: half plane; square: space; hollow: a slow stream of poses. Crosses: locking not cured.
-fn shape(picture: &mut Picture, [x, y]: [f64; 2], case: &Case, colour: Colour) {
-    let Colour(r, g, b, _) = colour;
-    let pen = Pen::new(colour, 1.5);
-    let m = MARK;
-    match case.volume_ratio.as_str() {
-        "pointwise" => {
-            picture.line([[x - m, y - m], [x + m, y + m]], Pen::new(colour, 2.0));
-            picture.line([[x - m, y + m], [x + m, y - m]], Pen::new(colour, 2.0));
-            return;
-        }
-        "averaged" => {
-            picture.line([[x - m, y], [x + m, y]], Pen::new(colour, 2.0));
-            picture.line([[x, y - m], [x, y + m]], Pen::new(colour, 2.0));
-            return;
-        }
-        _ => {}
-    }
-    let polygon = |corners: u32, m: f64| -> Vec<[f64; 2]> {
-        let angle = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(corners);
-        (0..=corners).map(|i| angle(i).sin_cos()).map(|(s, c)| [x + m * c, y + m * s]).collect()
-    };
-    let outline = if case.is_half_plane() {
-        polygon(20, m)
-    } else if case.has_hexahedra() {
-        polygon(6, 1.3 * m)
-    } else {
-        [[-m, -m], [m, -m], [m, m], [-m, m], [-m, -m]].map(|[a, b]| [x + a, y + b]).to_vec()
-    };
-    if case.pose_hz >= 1000.0 {
-        picture.area(outline.iter().copied(), Colour(r, g, b, 0.75));
-    }
-    picture.line(outline, pen);
 }
 
 fn grid(picture: &mut Picture, axes: &Axes) {
@@ -342,6 +224,9 @@ fn short(row: &Row) -> String {
     }
     if c.joined() != 1 {
         text += ", pairs";
+    }
+    if c.is_half() {
+        text += ", half";
     }
     if (c.support_factor - 1.8).abs() > 1e-9 && c.method != "tet4" {
         text += &format!(", support {}", c.support_factor);

@@ -8,6 +8,7 @@ mod batch_page;
 mod batch_table;
 mod calibration_json;
 mod calibration_plot;
+mod cost_marks;
 mod cost_page;
 mod cost_plot;
 mod csv;

@@ -1,15 +1,20 @@
 //! Learns the [correction](crate::twin::Similarity) of a coarse cloud: along the scene's path, at rest at each of some depths, force and targets of
-//! that cloud and of a finer one. What is left is measured in a run that it was not learnt from: the same path with another deformation coefficient
-//! (a needle), or another Poisson's ratio.
+//! that cloud and of a finer one. What is left is measured in a run that it was not learnt from: with another deformation coefficient
+//! (a needle), or another Poisson's ratio, at depths between.
 
-use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError, drive};
+use super::accuracy::{COMPARED_FROM, Case, Driven, Row, Steps, StudyError, drive};
 use super::tune::with_pace;
-use super::yardstick;
+use super::yardstick::{self, Yardstick};
 use crate::scene::{Correction, Override, Scene};
 use crate::twin::Similarity;
 
 /// Depths, as far from each other as from the surface.
 const DEPTHS: u32 = 20;
+/// How far before them, of the way from one to the next, lie those where what is left is measured: the golden section, so that neither falls on nodes of
+/// the path alone, which lie at equal distances.
+const BEFORE: f64 = 0.382;
+/// Ways from pose to pose beyond which such a depth is moved to a pose's.
+const FAR: f64 = 20.0;
 /// Share of its largest length below which a vector's direction says nothing; what is next deeper is then taken.
 const SMALL: f64 = 0.02;
 /// Scales, and angles (rad), beyond which the cloud is no model of the finer one.
@@ -26,23 +31,62 @@ pub struct Learnt {
     pub scene: Scene,
     /// Key and value of the run that it was not learnt from.
     pub held_out: (&'static str, f64),
+    /// The finer cloud in that run, at rest at each depth.
+    pub known: Yardstick,
     /// Largest error of that run without the correction.
     pub before: f64,
     /// What is left of it.
     pub left: f64,
 }
 
-/// The correction of a scene's cloud `coarse` against a cloud 0.7 times as coarse (0.5 in a half plane) as the `problem`'s own, at whose depth
-/// both end. `None` if it was stopped.
+/// The row of a case; of one that is corrected after it was learnt how, to the yardstick's last depth. `None` if it was stopped.
+///
+/// # Errors
+/// As [`Case::run`]. A cloud that can't be corrected is a result, not an error.
+pub fn row(
+    case: &Case,
+    scene: &Scene,
+    yardstick: &Yardstick,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Row>, StudyError> {
+    if !case.corrected {
+        return case.run(scene, yardstick, stop);
+    }
+    let problem = yardstick.watched(scene);
+    match learn(&problem, &case.scene(&problem)?, yardstick.depth_m(), stop) {
+        Ok(None) => Ok(None),
+        Ok(Some(learnt)) => case.row_of(&learnt.scene, yardstick, stop),
+        Err(why @ (StudyError::Lost { .. } | StudyError::Untuned(_))) => {
+            let ended = Some(format!("before it began: {why}"));
+            Ok(Some(case.row(&problem, yardstick, Driven { ended, ..Driven::default() })))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// The correction, down to a depth in m, of a scene's cloud `coarse` against a cloud 0.7 times as coarse (0.5 in a half plane) as the `problem`'s
+/// own. `None` if it was stopped.
 ///
 /// # Errors
 /// [`StudyError`] if a cloud can't be built or is lost on the way, or is too far from the finer one to be corrected.
-pub fn learn(problem: &Scene, coarse: &Scene, stop: &dyn Fn() -> bool) -> Result<Option<Learnt>, StudyError> {
-    let motion = problem.motion.ok_or_else(|| StudyError::NoMotion(problem.name.clone()))?;
+pub fn learn(
+    problem: &Scene,
+    coarse: &Scene,
+    depth_m: f64,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Learnt>, StudyError> {
     let dimension = coarse.dimension().dimension;
     let own = Case::of(problem)?.in_dimension(problem, dimension);
     let case = own.spaced(problem, if own.is_half_plane() { yardstick::FINE } else { yardstick::FINE_IN_SPACE });
-    let depths: Vec<f64> = (1..=DEPTHS).map(|k| motion.depth.get() * f64::from(k) / f64::from(DEPTHS)).collect();
+    let depths = |before: f64| -> Vec<f64> {
+        (1..=DEPTHS).map(|k| depth_m * (f64::from(k) - before) / f64::from(DEPTHS)).collect()
+    };
+    let (depths, mut between) = (depths(0.0), depths(BEFORE));
+    if let Some(motion) = coarse.motion {
+        // a run that moves has a pose at each
+        let way = motion.speed.get() / motion.pose_rate.get();
+        between.iter_mut().filter(|depth| **depth > FAR * way).for_each(|depth| *depth = (*depth / way).round() * way);
+    }
     let plain = Scene { correction: None, ..coarse.clone() };
     let finer = case.scene(problem)?;
     let run = |scene: &Scene| at_rest(scene, &depths, stop);
@@ -53,17 +97,24 @@ pub fn learn(problem: &Scene, coarse: &Scene, stop: &dyn Fn() -> bool) -> Result
     };
     let mut scene = Scene { correction: Some(correction), ..plain.clone() };
     let held_out = held_out(problem);
-    let other = |scene: &Scene| -> Result<Scene, StudyError> {
-        Ok(scene.with(&[Override::typed(held_out.0, held_out.1, "tune")])?)
-    };
-    let (Some(known), Some(before), Some(found)) =
-        (run(&other(&finer)?)?, run(&other(&plain)?)?, run(&other(&scene)?)?)
-    else {
-        return Ok(None);
-    };
-    let left = largest(&scene, &depths, &found, &known);
+    let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, stop);
+    let (Some(known), Some(before), Some(found)) = (run(&finer)?, run(&plain)?, run(&scene)?) else { return Ok(None) };
+    let left = largest(&scene, &between, &found, &known);
     scene.correction.iter_mut().for_each(|c| c.left = left);
-    Ok(Some(Learnt { before: largest(&plain, &depths, &before, &known), left, scene, held_out }))
+    let before = largest(&plain, &between, &before, &known);
+    let source = format!("a finer cloud of {} nodes at rest with {} = {:.4}", known.nodes, held_out.0, held_out.1);
+    let known = Yardstick::driven(&finer, &between, known, source)?;
+    Ok(Some(Learnt { before, left, scene, held_out, known }))
+}
+
+impl Learnt {
+    /// A scene as in the run that the correction was not learnt from.
+    ///
+    /// # Errors
+    /// [`StudyError::Scene`] if it does not take the key.
+    pub fn other((key, value): (&str, f64), scene: &Scene) -> Result<Scene, StudyError> {
+        Ok(scene.with(&[Override::typed(key, value, "tune")])?)
+    }
 }
 
 /// The key that is changed for the run that a correction is not learnt from, and its value there.
@@ -93,7 +144,7 @@ fn at_rest(scene: &Scene, depths: &[f64], stop: &dyn Fn() -> bool) -> Result<Opt
 /// Displacements of target i, depth by depth, m.
 fn displacements(scene: &Scene, driven: &Driven, i: usize) -> Vec<[f64; 3]> {
     let from = scene.targets[i].position;
-    driven.at_rest.iter().map(|places| std::array::from_fn(|k| places[i][k] - from[k])).collect()
+    driven.at_depths.iter().map(|places| std::array::from_fn(|k| places[i][k] - from[k])).collect()
 }
 
 /// What takes one cloud's answers to another's.

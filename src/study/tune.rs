@@ -20,9 +20,6 @@ const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
 /// Most steps per pose at a scene's own pace: the key's default.
 const MOST_STEPS: u32 = 2000;
-/// Growth of the spacing and support factor of coarse surroundings in space.
-const GROWTH: f64 = 0.45;
-const SUPPORT: f64 = 1.5;
 /// Discretisations whose steps per pose are tried.
 const FINALISTS: usize = 4;
 /// Share of the time between two poses that the mean pose may take: the rest is for what else the machine does.
@@ -42,6 +39,11 @@ pub struct Goal {
 impl Goal {
     fn near(&self, row: &Row) -> bool {
         row.max_force_error().is_some_and(|error| error <= MARGIN * self.tolerance)
+    }
+
+    /// Whether the targets are as near on the way, where that is known.
+    fn holds_targets(&self, row: &Row) -> bool {
+        row.way_error.is_none_or(|error| error <= MARGIN * self.tolerance)
     }
 
     fn in_time(&self, row: &Row) -> bool {
@@ -122,12 +124,13 @@ pub fn coarsest(
 }
 
 /// The fewest steps per pose, or the scene's own pace, with which a scene that is [corrected](super::correction) is within the goal, of the `case` that
-/// its cloud is; `None` if it was stopped.
+/// its cloud is: the force on the way of `other`, the same with what the correction was not learnt from, and its targets if any pace holds them.
+/// `None` if it was stopped.
 ///
 /// # Errors
 /// As [`tune`].
 pub fn paced(
-    scene: &Scene,
+    [scene, other]: [&Scene; 2],
     case: &Case,
     yardstick: &Yardstick,
     goal: Goal,
@@ -137,16 +140,17 @@ pub fn paced(
     let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
     for steps in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)) {
         let case = Case { steps, ..case.clone() };
-        let paced = with_pace(scene, steps)?;
+        let paced = with_pace(other, steps)?;
         let Some(row) = case.row_of(&paced, yardstick, stop)? else { return Ok(None) };
         (search.seen)(&row);
         search.rows.push(row.clone());
         // the scene's own pace may be dearer than a few steps
-        if steps != Steps::Auto && (!goal.in_time(&row) || goal.near(&row)) {
+        if steps != Steps::Auto && (!goal.in_time(&row) || (goal.near(&row) && goal.holds_targets(&row))) {
             break;
         }
     }
-    for row in search.meeting(|_| true) {
+    let targets = search.meeting(|row| goal.holds_targets(row));
+    for row in targets.into_iter().chain(search.meeting(|row| !goal.holds_targets(row))) {
         let paced = with_pace(scene, row.case.steps)?;
         if search.holds(&paced, &row.case)? {
             return Ok(Some(Tuned { scene: paced, row }));
@@ -344,10 +348,9 @@ fn error(row: &Row) -> f64 {
     row.max_force_error().unwrap_or(f64::INFINITY)
 }
 
-/// Clouds of one spacing: in space one with coarse surroundings, which are too soft, and narrow supports, which are too stiff, beside the scene's own
-/// (`docs/lab/performance.md`).
+/// Clouds of one spacing: in space one with coarse surroundings beside the scene's own.
 fn clouds(case: Case) -> Vec<Case> {
-    let coarse = Case { growth: GROWTH, support_factor: SUPPORT, path_rings: 2, ..case.clone() };
+    let coarse = case.with_coarse_surroundings();
     if case.is_half_plane() || case.method == "tet4" { vec![case] } else { vec![coarse, case] }
 }
 
@@ -382,7 +385,7 @@ mod tests {
         assert!(both.len() == 2 && both[1] == own);
         let tried = both[0].scene(&scene).unwrap().discretisation;
         let grading = tried.grading.unwrap();
-        assert_eq!((grading.growth, grading.path_rings, tried.support_factor), (GROWTH, 2, SUPPORT));
+        assert_eq!((grading.growth, grading.path_rings, tried.support_factor), (0.45, 2, 1.5));
         assert_eq!(grading.spacing, scene.discretisation.grading.unwrap().spacing);
         let elements = Case { method: "tet4".to_owned(), ..own };
         assert_eq!(clouds(elements.clone()), [elements], "which have no supports");

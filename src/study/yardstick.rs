@@ -1,7 +1,7 @@
 //! What predictions of a scene are compared with: independent finite elements where there are any, and the scene's own
 //! model on a much finer cloud where there are none.
 
-use super::accuracy::{Case, Steps, StudyError};
+use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError};
 use super::composites::{COMPOSITES, Composite, posed};
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use crate::scene::{Motion, Preset, Scene, Target};
@@ -30,6 +30,8 @@ pub struct Yardstick {
     pub uncertainty: Option<f64>,
     /// Points in the tissue that are compared at the last depth, and where they should be then, m.
     pub displaced: Vec<(Target, [f64; 3])>,
+    /// Where these points are at each depth of `force`, at rest, m; none where that is not known.
+    pub places: Vec<Vec<[f64; 3]>>,
     /// Where the displacements come from, in a few words.
     pub displacement_source: String,
 }
@@ -69,6 +71,12 @@ impl Yardstick {
         }
         let depths: Vec<f64> = (1..=DEPTHS).map(|k| depth_m * f64::from(k) / f64::from(DEPTHS)).collect();
         let driven = super::accuracy::drive(&scene, &case, &depths, &|| false)?;
+        let source = format!("the own model, {} nodes, double precision", driven.nodes);
+        Ok(Self { places: Vec::new(), ..Self::driven(&scene, &depths, driven, source)? })
+    }
+
+    /// What a scene gave at some depths (m), where the tissue was waited for at each.
+    pub(super) fn driven(scene: &Scene, depths: &[f64], driven: Driven, source: String) -> Result<Self, StudyError> {
         let lost = || StudyError::NoYardstick(scene.name.clone());
         if let Some(why) = driven.ended {
             return Err(StudyError::Lost { scene: scene.name.clone(), why });
@@ -77,15 +85,20 @@ impl Yardstick {
         let leans = scene.instrument.is_some_and(|i| i.slope() != [0.0; 2]);
         let vector = |depth: &f64| vector_at(&driven.path, &driven.vectors, *depth);
         let vectors = leans.then(|| depths.iter().map(vector).collect::<Option<Vec<_>>>());
-        let source = format!("the own model, {} nodes, double precision", driven.nodes);
         Ok(Self {
             force: force.ok_or_else(lost)?,
             vectors: vectors.unwrap_or_else(|| Some(Vec::new())).ok_or_else(lost)?,
             uncertainty: None,
             displaced: scene.targets.iter().cloned().zip(driven.targets).collect(),
+            places: driven.at_depths,
             displacement_source: source.clone(),
             source,
         })
+    }
+
+    /// A scene whose targets are the points that are compared.
+    pub(super) fn watched(&self, scene: &Scene) -> Scene {
+        Scene { targets: self.displaced.iter().map(|(target, _)| target.clone()).collect(), ..scene.clone() }
     }
 
     /// The last depth, m.
@@ -117,6 +130,25 @@ impl Yardstick {
         };
         let comparable = !places.is_empty() && places.len() == self.displaced.len();
         comparable.then(|| places.iter().zip(&self.displaced).map(distance).fold(0.0, f64::max) / self.depth_m())
+    }
+
+    /// Largest distance of a point from where it is at rest, at the depths from a fifth of the last on, over its greatest motion; `None` if none is
+    /// compared.
+    #[must_use]
+    pub fn way_error(&self, at_depths: &[Vec<[f64; 3]>]) -> Option<f64> {
+        let distance = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
+        let from = COMPARED_FROM * self.depth_m() * (1.0 - 1e-9);
+        let of_point = |(i, (target, _)): (usize, &(Target, [f64; 3]))| {
+            let known = || self.places.iter().filter_map(|places| places.get(i));
+            let most = known().map(|place| distance(place, &target.position)).fold(0.0, f64::max);
+            let all = self.force.iter().zip(known()).zip(at_depths);
+            let compared = all.filter(|((force, _), _)| force.0 >= from);
+            let off = compared.filter_map(|((_, place), found)| Some(distance(place, found.get(i)?)));
+            off.fold(0.0, f64::max) / most
+        };
+        let comparable = !self.places.is_empty() && self.places.len() == at_depths.len();
+        let points = self.displaced.iter().enumerate().map(of_point);
+        comparable.then(|| points.reduce(f64::max)).flatten().filter(|error| error.is_finite())
     }
 }
 

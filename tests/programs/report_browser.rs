@@ -289,6 +289,7 @@ fn rows(preset: &str) -> Vec<Row> {
             cost_s: 0.002 * 1.08_f64.powi(i as i32),
             force_error: vec![(0.0005, 0.5 * error), (0.0025, error)],
             displacement_error: (i % 3 > 0).then_some(0.1 * error),
+            way_error: None,
             min_jacobian: 0.6,
             recoveries: 0,
             ended: (i == 5).then(|| "at 2 mm: diverged".to_owned()),

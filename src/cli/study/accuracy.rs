@@ -19,6 +19,7 @@ use crate::report;
 use crate::scene::{Method, Scene};
 use crate::study::accuracy::{self, Case, Extent, Row, StudyError, Table};
 use crate::study::composites::{Composite, posed};
+use crate::study::correction;
 use crate::study::yardstick::{Yardstick, study_depth};
 
 /// Name of the whole table.
@@ -190,7 +191,7 @@ fn side_by_side(
                 loop {
                     let next = queue.lock().map(|mut queue| queue.next());
                     let (Ok(Some(task)), false) = (next, stop()) else { return };
-                    let row = alone(|| task.case.run(&task.subject.scene, &task.subject.yardstick, stop));
+                    let row = alone(|| correction::row(&task.case, &task.subject.scene, &task.subject.yardstick, stop));
                     if sender.send((row, task.work)).is_err() {
                         return;
                     }

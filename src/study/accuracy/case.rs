@@ -77,7 +77,15 @@ pub struct Case {
     pub pose_hz: f64,
     /// Steps of one pose.
     pub steps: Steps,
+    /// Corrected by what a finer cloud has at rest along the path (`study::correction`).
+    pub corrected: bool,
 }
+
+/// Growth of the spacing, support factor and rings round the path of coarse surroundings in space: coarse surroundings are too soft, and
+/// narrow supports too stiff (`docs/lab/performance.md`).
+const GROWTH: f64 = 0.45;
+const SUPPORT: f64 = 1.5;
+const RINGS: u32 = 2;
 
 impl Case {
     /// The scene's own choices.
@@ -106,7 +114,14 @@ impl Case {
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
             steps: Steps::Auto,
+            corrected: false,
         })
+    }
+
+    /// The same with coarse surroundings and narrow supports, in space.
+    #[must_use]
+    pub fn with_coarse_surroundings(&self) -> Self {
+        Self { growth: GROWTH, support_factor: SUPPORT, path_rings: RINGS, ..self.clone() }
     }
 
     /// The same in another dimension, with the scene's supports and volume ratio there.
@@ -175,7 +190,7 @@ impl Case {
         keys
     }
 
-    /// The scene with the case's keys.
+    /// The scene with the case's keys, and no correction.
     ///
     /// # Errors
     /// [`StudyError::Scene`] if the scene does not take them.
@@ -192,10 +207,17 @@ impl Case {
         self.dimension == Dimension::Axisymmetric.as_str()
     }
 
-    /// The method with its cure of locking in a few words: `mmls`, `tet4, no cure`.
+    /// Whether it is the model of one side of a plane of symmetry.
+    #[must_use]
+    pub fn is_half(&self) -> bool {
+        self.dimension == Dimension::Mirrored.as_str()
+    }
+
+    /// The method with its cure of locking, or that it is corrected, in a few words: `mmls`, `tet4, no cure`.
     #[must_use]
     pub fn method_name(&self) -> String {
         match self.volume_ratio.as_str() {
+            "projected" | "mixed" if self.corrected => format!("{} corrected", self.method),
             "projected" | "mixed" => self.method.clone(),
             "pointwise" => format!("{}, no cure", self.method),
             other => format!("{}, {other}", self.method),

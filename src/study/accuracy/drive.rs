@@ -37,8 +37,8 @@ pub(in crate::study) struct Driven {
     pub vectors: Vec<[f64; 3]>,
     /// Places of the targets at the end, m.
     pub targets: Vec<[f64; 3]>,
-    /// The same at each depth where the tissue was waited for.
-    pub at_rest: Vec<Vec<[f64; 3]>>,
+    /// The same at each depth that is compared, or the next pose after it.
+    pub at_depths: Vec<Vec<[f64; 3]>>,
     /// Why it ended before its depth, if it did.
     pub ended: Option<String>,
     /// It was stopped from outside.
@@ -112,6 +112,9 @@ impl Run<'_> {
         for (time_s, depth) in motion.poses() {
             self.pose(time_s, depth)?;
             self.note(depth);
+            while depths.get(self.driven.at_depths.len()).is_some_and(|next| depth >= next * (1.0 - 1e-9)) {
+                self.note_targets();
+            }
             if depth >= deepest * (1.0 - 1e-9) {
                 break;
             }
@@ -134,9 +137,7 @@ impl Run<'_> {
                 steps = self.next_pose(depth)?;
             }
             self.note(depth);
-            let mut targets = Vec::new();
-            self.twin.target_positions(&mut targets);
-            self.driven.at_rest.push(targets);
+            self.note_targets();
             from = depth;
         }
         Ok(())
@@ -151,6 +152,12 @@ impl Run<'_> {
         let axis = self.twin.pose_at_depth(depth_m).axis;
         self.driven.path.push((depth_m, -(0..3).map(|k| self.force_n[k] * axis[k]).sum::<f64>()));
         self.driven.vectors.push(self.force_n);
+    }
+
+    fn note_targets(&mut self) {
+        let mut targets = Vec::new();
+        self.twin.target_positions(&mut targets);
+        self.driven.at_depths.push(targets);
     }
 
     /// Answers one pose: the steps that it took.

@@ -75,7 +75,8 @@ pub enum StudyError {
 }
 
 impl Case {
-    /// Runs the case on the present rayon pool, against a yardstick. `None` if it was stopped on the way.
+    /// Runs the case on the present rayon pool, against a yardstick; one that is corrected needs `study::correction::row`.
+    /// `None` if it was stopped on the way.
     ///
     /// # Errors
     /// [`StudyError`] if the scene doesn't take the case. A model that can't be built or diverges is a result, not an
@@ -86,9 +87,7 @@ impl Case {
         yardstick: &Yardstick,
         stop: &dyn Fn() -> bool,
     ) -> Result<Option<Row>, StudyError> {
-        let mut cased = self.scene(scene)?;
-        cased.targets = yardstick.displaced.iter().map(|(target, _)| target.clone()).collect();
-        self.row_of(&cased, yardstick, stop)
+        self.row_of(&yardstick.watched(&self.scene(scene)?), yardstick, stop)
     }
 
     /// The row of a scene that has the case's keys already.
@@ -103,15 +102,18 @@ impl Case {
     ) -> Result<Option<Row>, StudyError> {
         let depths: Vec<f64> = yardstick.force.iter().map(|p| p.0).collect();
         let driven = drive(scene, self, &depths, stop)?;
-        if driven.stopped {
-            return Ok(None);
-        }
+        Ok((!driven.stopped).then(|| self.row(scene, yardstick, driven)))
+    }
+
+    /// The row of what came of a scene.
+    pub(super) fn row(&self, scene: &Scene, yardstick: &Yardstick, driven: Driven) -> Row {
         let compared = yardstick.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
-        Ok(Some(Row {
+        Row {
             scene: scene.name.clone(),
             case: self.clone(),
             force_error: yardstick.force_errors(&driven.path, &driven.vectors),
             displacement_error: yardstick.displacement_error(&driven.targets).filter(|_| compared),
+            way_error: yardstick.way_error(&driven.at_depths).filter(|_| compared),
             nodes: driven.nodes,
             integration_points: driven.integration_points,
             simulated_s: driven.simulated_s,
@@ -121,7 +123,7 @@ impl Case {
             min_jacobian: driven.min_jacobian,
             recoveries: driven.recoveries,
             ended: driven.ended,
-        }))
+        }
     }
 }
 

@@ -84,6 +84,13 @@ const RANGES: [Range; 2] = [
 const AT_REST: [f64; 3] = [1.6, 1.25, 1.0];
 const AT_REST_PATH: [f64; 3] = [1.0, 0.7, 0.5];
 
+/// Spacing over the scene's from which a cloud is one to be corrected.
+const COARSE: f64 = 1.2;
+/// Runs at rest that a correction is learnt and measured by, in such runs of the cloud itself: two of a finer cloud of three times its nodes, three of its own.
+const LEARNING: f64 = 9.0;
+/// Steps at each depth where the tissue is waited for, over those of a pose: several hundred.
+const WAITING: f64 = 40.0;
+
 /// The cases of a scene, cheapest first, each once.
 ///
 /// # Errors
@@ -154,6 +161,7 @@ fn moving(scene: &Scene, own: &Case, extent: Extent) -> Vec<Case> {
             if range.dimension == Dimension::Full {
                 cases.extend(hexahedra(scene, &at(&base.spaced(scene, factor), range.base_pace)));
             }
+            cases.extend(reduced(scene, &at(&base.spaced(scene, factor), range.base_pace), extent));
         }
         if extent == Extent::Full {
             cases.extend(one_at_a_time(&at(&base.spaced(scene, range.base), range.base_pace), range.methods));
@@ -215,6 +223,24 @@ fn hexahedra(scene: &Scene, case: &Case) -> Vec<Case> {
     [8, 1].map(of).into_iter().filter(|case| case.scene(scene).is_ok()).collect()
 }
 
+/// Models that leave something out, on the cloud of a case: one side of its plane of symmetry; that with coarse surroundings; and clouds of half the
+/// nodes and fewer, corrected by what a finer one has at rest.
+fn reduced(scene: &Scene, case: &Case, extent: Extent) -> Vec<Case> {
+    let coarse = case.spacing_m > COARSE * scene.discretisation.grading.map_or(0.0, |grading| grading.spacing.get());
+    let corrected = |case: &Case| Case { corrected: true, ..at(case, PACES[2]) };
+    if case.is_half_plane() {
+        return if coarse { vec![corrected(case)] } else { Vec::new() };
+    }
+    let half = case.in_dimension(scene, Dimension::Mirrored);
+    let mut cases = vec![half.clone(), half.with_coarse_surroundings()];
+    if extent == Extent::Full {
+        cases.extend([at(&cases[0], PACES[2]), at(&cases[1], PACES[2])]);
+        cases.extend(coarse.then(|| corrected(&cases[1])));
+    }
+    cases.retain(|case| case.scene(scene).is_ok());
+    cases
+}
+
 /// What a case costs, roughly: points that the support reaches, times steps. Only ratios mean anything.
 #[must_use]
 pub fn work(scene: &Scene, case: &Case) -> f64 {
@@ -225,14 +251,14 @@ pub fn work(scene: &Scene, case: &Case) -> f64 {
     let steps = match case.steps {
         Steps::Auto => 1.5,
         Steps::Fixed(steps) => f64::from(steps),
-        // several hundred steps at each depth
-        Steps::Rest => 40.0,
+        Steps::Rest => WAITING,
     };
+    let learning = if case.corrected { LEARNING * WAITING * SLOW } else { 0.0 };
     let points = match case.has_hexahedra() {
         true => f64::from(case.points_per_hexahedron) / 6.0, // of six tetrahedra
         false => f64::from(case.points_per_cell) / f64::from(case.joined()),
     };
-    nodes * per_node * (0.3 + support) * points * steps * case.pose_hz
+    nodes * per_node * (0.3 + support) * points * (steps * case.pose_hz + learning)
 }
 
 #[cfg(test)]
@@ -254,7 +280,8 @@ mod tests {
                 assert!((0..cases.len()).all(|i| !cases[..i].contains(&cases[i])), "{preset}: a case is there twice");
                 for case in cases.iter() {
                     let back = case.scene(&scene).unwrap();
-                    assert_eq!(&Case { steps: case.steps, ..Case::of(&back).unwrap() }, case, "{}", case.name());
+                    let back = Case { steps: case.steps, corrected: case.corrected, ..Case::of(&back).unwrap() };
+                    assert_eq!(&back, case, "{}", case.name());
                 }
             }
         }

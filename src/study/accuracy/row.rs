@@ -28,6 +28,8 @@ pub struct Row {
     pub force_error: Vec<(f64, f64)>,
     /// Largest distance between predicted and reference place of a point in the tissue at the last depth, over it.
     pub displacement_error: Option<f64>,
+    /// The same on the way, of a point's greatest motion, where the yardstick knows it ([`super::super::yardstick::Yardstick::way_error`]).
+    pub way_error: Option<f64>,
     /// Smallest volume ratio on the way.
     pub min_jacobian: f64,
     /// Times that the twin went back to the last good state.
@@ -159,6 +161,7 @@ pub(super) mod tests {
             cost_s: 0.5,
             force_error: vec![(0.0001, 9.0), (0.0005, -0.5 * error), (0.0025, error)],
             displacement_error: Some(0.0125),
+            way_error: None,
             min_jacobian: 0.75,
             recoveries: 1,
             ended: None,
