@@ -69,6 +69,8 @@ pub struct Case {
     pub points_per_cell: u32,
     /// `discretisation.cells_per_point`, whether the case can follow it or not.
     pub cells_per_point: u32,
+    /// `discretisation.points_per_support_node`, whether the case can follow it or not.
+    pub points_per_support_node: u32,
     /// `discretisation.points_per_hexahedron`; 0: the cells are tetrahedra.
     pub points_per_hexahedron: u32,
     /// `discretisation.precision`.
@@ -102,6 +104,7 @@ impl Case {
             support_factor: scene.support_factor(),
             points_per_cell: d.points_per_cell,
             cells_per_point: d.cells_per_point,
+            points_per_support_node: d.points_per_support_node,
             points_per_hexahedron: d.cells.points_per_hexahedron(),
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
@@ -155,6 +158,7 @@ impl Case {
             ("discretisation.support_factor", self.support_factor.to_string()),
             ("discretisation.points_per_cell", self.points_per_cell.to_string()),
             ("discretisation.cells_per_point", self.cells_per_point.to_string()),
+            ("discretisation.points_per_support_node", self.sharing().to_string()),
             ("discretisation.precision", self.precision.clone()),
             ("motion.pose_hz", self.pose_hz.to_string()),
         ];
@@ -216,6 +220,12 @@ impl Case {
         if follows { self.cells_per_point } else { 1 }
     }
 
+    /// Fewest of eight points that a node of their supports has; linear tetrahedra have no supports.
+    #[must_use]
+    pub fn sharing(&self) -> u32 {
+        if self.method == Method::Tet4.as_str() { 1 } else { self.points_per_support_node }
+    }
+
     /// Integration points in words: `1 point per cell`, `1 point per 2 cells`.
     #[must_use]
     pub fn integration(&self) -> String {
@@ -234,7 +244,7 @@ impl Case {
     #[must_use]
     pub fn name(&self) -> String {
         format!(
-            "{}, {}, spacing {} mm ({} mm at the edge), growth {}{}, support {}, {}, {}, {} Hz, steps {}",
+            "{}, {}, spacing {} mm ({} mm at the edge), growth {}{}, support {}{}, {}, {}, {} Hz, steps {}",
             self.method_name(),
             self.dimension,
             millimetres(self.spacing_m),
@@ -242,6 +252,7 @@ impl Case {
             self.growth,
             if self.path_rings == 0 { String::new() } else { format!(", {} rings", self.path_rings) },
             self.support_factor,
+            if self.sharing() == 1 { String::new() } else { format!(" (nodes of {} points)", self.sharing()) },
             self.integration(),
             self.precision,
             self.pose_hz,

@@ -133,6 +133,7 @@ pub fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
     Dimension::Full.as_str().clone_into(&mut case.dimension);
     case.points_per_cell = 1;
     case.cells_per_point = 1;
+    case.points_per_support_node = 1;
     "f32".clone_into(&mut case.precision);
     Ok(at(&case, PACES[2]))
 }
