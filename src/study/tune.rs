@@ -20,9 +20,10 @@ const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
 /// Most steps per pose at a scene's own pace: the key's default.
 const MOST_STEPS: u32 = 2000;
-/// Growth of the spacing and support factor of coarse surroundings in space.
+/// Growth of the spacing and support factor of coarse surroundings in space, and the fewest of eight points for a node of their supports.
 const GROWTH: f64 = 0.45;
 const SUPPORT: f64 = 1.5;
+const SHARING: u32 = 2;
 /// Discretisations whose steps per pose are tried.
 const FINALISTS: usize = 4;
 /// Share of the time between two poses that the mean pose may take: the rest is for what else the machine does.
@@ -344,10 +345,12 @@ fn error(row: &Row) -> f64 {
     row.max_force_error().unwrap_or(f64::INFINITY)
 }
 
-/// Clouds of one spacing: in space one with coarse surroundings, which are too soft, and narrow supports, which are too stiff, beside the scene's own
-/// (`docs/lab/performance.md`).
+/// Clouds of one spacing: in space one with coarse surroundings, which are too soft, and narrow supports, which are too stiff, beside the scene's own;
+/// these lack the nodes that few points share, which costs less and is a little softer (`docs/lab/performance.md`).
 fn clouds(case: Case) -> Vec<Case> {
-    let coarse = Case { growth: GROWTH, support_factor: SUPPORT, path_rings: 2, ..case.clone() };
+    let points_per_support_node = case.points_per_support_node.max(SHARING);
+    let coarse =
+        Case { growth: GROWTH, support_factor: SUPPORT, path_rings: 2, points_per_support_node, ..case.clone() };
     if case.is_half_plane() || case.method == "tet4" { vec![case] } else { vec![coarse, case] }
 }
 
@@ -383,6 +386,7 @@ mod tests {
         let tried = both[0].scene(&scene).unwrap().discretisation;
         let grading = tried.grading.unwrap();
         assert_eq!((grading.growth, grading.path_rings, tried.support_factor), (GROWTH, 2, SUPPORT));
+        assert_eq!((tried.points_per_support_node, own.points_per_support_node), (SHARING, 1));
         assert_eq!(grading.spacing, scene.discretisation.grading.unwrap().spacing);
         let elements = Case { method: "tet4".to_owned(), ..own };
         assert_eq!(clouds(elements.clone()), [elements], "which have no supports");
