@@ -171,9 +171,10 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
             Ok((scene, size)) => {
                 let model = scene.dimension();
+                let because = model.because + &scene.discretisation.left_out();
                 json!({
                     "scene": name, "ok": true, "name": scene.name,
-                    "dimension": model.dimension.as_str(), "dimension_because": model.because,
+                    "dimension": model.dimension.as_str(), "dimension_because": because,
                     "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
                 })
             }
@@ -185,8 +186,10 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
             let (model, megabytes) = (scene.dimension(), size.bytes / 1e6);
             let kind = model.dimension.as_str();
             print(&format!(
-                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB; {kind}: {}\n",
-                size.nodes, model.because
+                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB; {kind}: {}{}\n",
+                size.nodes,
+                model.because,
+                scene.discretisation.left_out()
             ))?;
         }
     }

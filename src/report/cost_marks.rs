@@ -89,6 +89,7 @@ fn sample(method: &str, volume_ratio: &str, dimension: &str, pose_hz: f64) -> Ca
         support_factor: 1.8,
         points_per_cell: 1,
         cells_per_point: 1,
+        points_per_support_node: 1,
         points_per_hexahedron: 0,
         precision: "f32".to_owned(),
         pose_hz,

@@ -23,6 +23,7 @@ pub(super) fn check(scene: &Scene, values: &Values) -> Result<(), SceneError> {
     check.spacing()?;
     check.support()?;
     check.cells()?;
+    check.support_nodes()?;
     check.instrument()?;
     check.dimension()?;
     check.stepping()?;

@@ -1,4 +1,4 @@
-//! Whether a scene can have hexahedra for background cells.
+//! Whether a scene can have hexahedra for background cells, and supports without some of their nodes.
 
 use super::check::Check;
 use super::{Cells, Dimension, InstrumentKind, Method, SceneError, Shape};
@@ -13,6 +13,17 @@ impl Check<'_> {
             Some(reason) => self.refuse("discretisation.cells", reason.to_owned()),
             None => Ok(()),
         }
+    }
+
+    /// Only a support can lack a node.
+    pub(super) fn support_nodes(&self) -> Result<(), SceneError> {
+        let discretisation = &self.scene.discretisation;
+        if discretisation.points_per_support_node == 1 || discretisation.method != Method::Tet4 {
+            return Ok(());
+        }
+        let reason =
+            "linear tetrahedra have no supports to leave nodes out of: use 1, or discretisation.method = mmls or mls";
+        self.refuse("discretisation.points_per_support_node", reason.to_owned())
     }
 
     fn against_hexahedra(&self) -> Option<&'static str> {

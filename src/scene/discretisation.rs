@@ -29,6 +29,9 @@ section! {
         /// Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless
         /// methods with one point per cell do so, and no half plane.
         cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[1, 2]).or("1"),
+        /// Fewest of eight integration points beside each other whose support a node has to be in: one that fewer have is left out of those
+        /// supports, which saves work. 1, the default, leaves none out. Only meshless methods have supports.
+        points_per_support_node: u32 = Key::integer("discretisation.points_per_support_node", 1, 4).or("1"),
         /// What is integrated.
         cells: Cells,
         /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance, in space
@@ -39,6 +42,19 @@ section! {
         volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("auto"),
         /// Precision of the internal-force kernel.
         precision: Precision = Key::word("discretisation.precision", Precision::WORDS).or("f32"),
+    }
+}
+
+impl Discretisation {
+    /// What its supports lack, after a semicolon; empty where they lack nothing.
+    #[must_use]
+    pub fn left_out(&self) -> String {
+        match self.points_per_support_node {
+            ..=1 => String::new(),
+            fewest => {
+                format!("; supports without the nodes that fewer than {fewest} of 8 points beside each other have")
+            }
+        }
     }
 }
 

@@ -386,6 +386,7 @@ mod tests {
         let tried = both[0].scene(&scene).unwrap().discretisation;
         let grading = tried.grading.unwrap();
         assert_eq!((grading.growth, grading.path_rings, tried.support_factor), (0.45, 2, 1.5));
+        assert_eq!((tried.points_per_support_node, own.points_per_support_node), (2, 1));
         assert_eq!(grading.spacing, scene.discretisation.grading.unwrap().spacing);
         let elements = Case { method: "tet4".to_owned(), ..own };
         assert_eq!(clouds(elements.clone()), [elements], "which have no supports");

@@ -61,9 +61,8 @@ impl Twin {
 
     fn built(scene: &Scene, moved: Option<(Moved, &[Region])>) -> Result<Self, BuildError> {
         let mut dimension = scene.dimension();
-        if let Some(correction) = scene.correction.as_ref().filter(|c| c.apply) {
-            dimension.because += &super::correction::told(correction);
-        }
+        dimension.because += &scene.discretisation.left_out();
+        dimension.because += &super::correction::told(scene);
         let made_for = moved.as_ref().map(|(_, regions)| Scene { regions: regions.to_vec(), ..scene.clone() });
         let (made_for, moved) = (made_for.as_ref().unwrap_or(scene), moved.map(|(moved, _)| moved));
         let Built { solver, contact, tissue, top, height, reach, mut warnings, repaired_supports } =
@@ -153,6 +152,7 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     let consistent = scene.is_consistent_in(scene.dimension().dimension);
     let surface = if consistent { approximation.surface_points() } else { Vec::new() };
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets, &surface].concat())?;
+    table = approximation.pruned(table, scene.discretisation.points_per_support_node);
     if consistent {
         let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
         table = approximation.consistent(table, &tied)?;

@@ -12,7 +12,7 @@
 //! those of the deepest point count, since what was captured to there is what there is in the tissue; nothing was learnt there, and the errors of the
 //! cloud stay as they are.
 
-use crate::scene::Correction;
+use crate::scene::{Correction, Scene};
 
 use super::Twin;
 
@@ -68,7 +68,8 @@ impl Similarity {
 }
 
 /// What to say of a model that is corrected.
-pub(super) fn told(correction: &Correction) -> String {
+pub(super) fn told(scene: &Scene) -> String {
+    let Some(correction) = scene.correction.as_ref().filter(|c| c.apply) else { return String::new() };
     let left = match correction.left {
         0.0 => String::new(),
         left => format!(", within {:.2} % in a run that it was not learnt from", 100.0 * left),

@@ -47,6 +47,7 @@ mod scene_refusals;
 mod scenes;
 mod siblings;
 mod stable_step;
+mod support_nodes;
 mod supports;
 mod sweep;
 mod symmetry;

@@ -184,3 +184,20 @@ fn steps_of_the_half_give_the_balance_of_the_whole() {
         }
     }
 }
+
+/// Groups of points of a half are not those of the whole, so other nodes are left out of supports: near, and not the same.
+#[test]
+fn with_pruned_supports_the_half_is_near_the_whole() {
+    let bodies = bodies(0.7);
+    for least in [2, 3] {
+        let [half, whole] = bodies.approximations(MMLS).map(|(approximation, held)| {
+            let table = approximation.pruned(approximation.table().unwrap(), least);
+            approximation.consistent(table, &held).unwrap()
+        });
+        let [_, mine] = pushed(&bodies, &half, &bodies.half, VolumeRatio::Projected, 1);
+        let [_, theirs] = pushed(&bodies, &whole, &bodies.whole, VolumeRatio::Projected, 1);
+        let apart = norm(std::array::from_fn(|k| mine.instrument[k] - theirs.instrument[k])) / norm(theirs.instrument);
+        println!("{least} points: {:?} N, apart {apart:.1e}", theirs.instrument);
+        assert!(apart > 0.0 && apart < 0.02, "{least} points: {mine:?} {theirs:?}");
+    }
+}

@@ -24,16 +24,17 @@ fn linear(x: [f64; 3]) -> [f64; 3] {
 
 /// Largest error of the field at the cube's nodes and at random points, over the largest displacement.
 fn patch_error(cloud: &Cloud, basis: Option<Basis>, points_per_cell: u32) -> f64 {
-    patch_error_of(cloud, settings(basis, points_per_cell), false)
+    patch_error_of(cloud, settings(basis, points_per_cell), false, 1)
 }
 
-/// The same; `consistent`: with corrected gradients.
-fn patch_error_of(cloud: &Cloud, settings: Settings, consistent: bool) -> f64 {
+/// The same; `consistent`: with corrected gradients; `least`: on supports without the nodes that fewer of eight points have.
+fn patch_error_of(cloud: &Cloud, settings: Settings, consistent: bool, least: u32) -> f64 {
     let boundary: Vec<bool> = cloud.faces.iter().map(|f| *f != 0).collect();
     let approximation = Approximation::new(&cloud.points, &cloud.cells, boundary.clone(), settings);
     let approximation = approximation.with_hexahedra(&cloud.hexahedra, settings.points_per_cell);
     let table = approximation.table().unwrap();
     assert_whole(cloud, &table);
+    let table = approximation.pruned(table, least);
     let table = if consistent { approximation.consistent(table, &boundary).unwrap() } else { table };
     let role = boundary.iter().map(|b| if *b { Role::Instrument } else { Role::Free }).collect();
     let settings = SolverSettings {
@@ -89,7 +90,7 @@ fn hexahedra_pass_as_tetrahedra_do() {
                 println!("{name}, {points} points: {plain:.3}");
                 assert!(plain < 0.09 || points == 1, "{name}, {points} points: {plain:.3}");
             }
-            let consistent = patch_error_of(&cloud, settings(basis, 8), true);
+            let consistent = patch_error_of(&cloud, settings(basis, 8), true, 1);
             println!("{name}, consistent: {consistent:.1e}");
             // what conjugate gradients and the way to rest leave
             assert!(consistent < 3e-4, "{name}: {consistent:.1e}");
@@ -126,9 +127,24 @@ fn consistent_gradients_pass_exactly() {
     for (name, basis) in [("mmls", MMLS), ("mls", MLS)] {
         for (points_per_cell, cells_per_point) in [(1, 1), (4, 1), (1, 2)] {
             let settings = Settings { cells_per_point, ..settings(basis, points_per_cell) };
-            let error = patch_error_of(&cloud, settings, true);
+            let error = patch_error_of(&cloud, settings, true, 1);
             println!("{name}, {points_per_cell} points per cell, {cells_per_point} cells per point: {error:.1e}");
             assert!(error < 1e-4, "{name}, {points_per_cell} points per cell: {error:.1e}");
+        }
+    }
+}
+
+/// The same on supports without the nodes that few of the points beside each other have.
+#[test]
+fn pruned_supports_pass_as_whole_ones_do() {
+    let spacing = Spacing { far: 0.003, growth: 0.3, features: vec![] };
+    let cloud = cloud::generate(&Domain::Box { size: [0.02; 3] }, &spacing).unwrap();
+    for (name, basis) in [("mmls", MMLS), ("mls", MLS)] {
+        for least in [2, 3] {
+            let settings = Settings { cells_per_point: 2, ..settings(basis, 1) };
+            let [plain, error] = [false, true].map(|consistent| patch_error_of(&cloud, settings, consistent, least));
+            println!("{name}, {least} points: {error:.1e}, plain {plain:.3}");
+            assert!(error < 1e-4 && plain < 0.09, "{name}, {least} points: {error:.1e} {plain:.3}");
         }
     }
 }

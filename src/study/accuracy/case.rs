@@ -69,6 +69,8 @@ pub struct Case {
     pub points_per_cell: u32,
     /// `discretisation.cells_per_point`, whether the case can follow it or not.
     pub cells_per_point: u32,
+    /// `discretisation.points_per_support_node`, whether the case can follow it or not.
+    pub points_per_support_node: u32,
     /// `discretisation.points_per_hexahedron`; 0: the cells are tetrahedra.
     pub points_per_hexahedron: u32,
     /// `discretisation.precision`.
@@ -81,11 +83,12 @@ pub struct Case {
     pub corrected: bool,
 }
 
-/// Growth of the spacing, support factor and rings round the path of coarse surroundings in space: coarse surroundings are too soft, and
-/// narrow supports too stiff (`docs/lab/performance.md`).
+/// Growth of the spacing, support factor, rings round the path, and the fewest of eight points for a node of their supports, of coarse surroundings in
+/// space: these are too soft, narrow supports too stiff, and less so without nodes that few points share (`docs/lab/performance.md`).
 const GROWTH: f64 = 0.45;
 const SUPPORT: f64 = 1.5;
 const RINGS: u32 = 2;
+const SHARING: u32 = 2;
 
 impl Case {
     /// The scene's own choices.
@@ -110,6 +113,7 @@ impl Case {
             support_factor: scene.support_factor(),
             points_per_cell: d.points_per_cell,
             cells_per_point: d.cells_per_point,
+            points_per_support_node: d.points_per_support_node,
             points_per_hexahedron: d.cells.points_per_hexahedron(),
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
@@ -121,7 +125,8 @@ impl Case {
     /// The same with coarse surroundings and narrow supports, in space.
     #[must_use]
     pub fn with_coarse_surroundings(&self) -> Self {
-        Self { growth: GROWTH, support_factor: SUPPORT, path_rings: RINGS, ..self.clone() }
+        let points_per_support_node = self.points_per_support_node.max(SHARING);
+        Self { growth: GROWTH, support_factor: SUPPORT, path_rings: RINGS, points_per_support_node, ..self.clone() }
     }
 
     /// The same in another dimension, with the scene's supports and volume ratio there.
@@ -170,6 +175,7 @@ impl Case {
             ("discretisation.support_factor", self.support_factor.to_string()),
             ("discretisation.points_per_cell", self.points_per_cell.to_string()),
             ("discretisation.cells_per_point", self.cells_per_point.to_string()),
+            ("discretisation.points_per_support_node", self.sharing().to_string()),
             ("discretisation.precision", self.precision.clone()),
             ("motion.pose_hz", self.pose_hz.to_string()),
         ];
@@ -238,6 +244,12 @@ impl Case {
         if follows { self.cells_per_point } else { 1 }
     }
 
+    /// Fewest of eight points that a node of their supports has; linear tetrahedra have no supports.
+    #[must_use]
+    pub fn sharing(&self) -> u32 {
+        if self.method == Method::Tet4.as_str() { 1 } else { self.points_per_support_node }
+    }
+
     /// Integration points in words: `1 point per cell`, `1 point per 2 cells`.
     #[must_use]
     pub fn integration(&self) -> String {
@@ -256,7 +268,7 @@ impl Case {
     #[must_use]
     pub fn name(&self) -> String {
         format!(
-            "{}, {}, spacing {} mm ({} mm at the edge), growth {}{}, support {}, {}, {}, {} Hz, steps {}",
+            "{}, {}, spacing {} mm ({} mm at the edge), growth {}{}, support {}{}, {}, {}, {} Hz, steps {}",
             self.method_name(),
             self.dimension,
             millimetres(self.spacing_m),
@@ -264,6 +276,7 @@ impl Case {
             self.growth,
             if self.path_rings == 0 { String::new() } else { format!(", {} rings", self.path_rings) },
             self.support_factor,
+            if self.sharing() == 1 { String::new() } else { format!(" (nodes of {} points)", self.sharing()) },
             self.integration(),
             self.precision,
             self.pose_hz,

@@ -140,6 +140,7 @@ pub fn source_paper(scene: &Scene) -> Result<Case, StudyError> {
     Dimension::Full.as_str().clone_into(&mut case.dimension);
     case.points_per_cell = 1;
     case.cells_per_point = 1;
+    case.points_per_support_node = 1;
     "f32".clone_into(&mut case.precision);
     Ok(at(&case, PACES[2]))
 }
@@ -223,8 +224,8 @@ fn hexahedra(scene: &Scene, case: &Case) -> Vec<Case> {
     [8, 1].map(of).into_iter().filter(|case| case.scene(scene).is_ok()).collect()
 }
 
-/// Models that leave something out, on the cloud of a case: one side of its plane of symmetry; that with coarse surroundings; and clouds of half the
-/// nodes and fewer, corrected by what a finer one has at rest.
+/// Models that leave something out, on the cloud of a case: one side of its plane of symmetry; that with coarse surroundings, with and without
+/// support nodes that few points share; and coarse clouds, corrected by what a finer one has at rest.
 fn reduced(scene: &Scene, case: &Case, extent: Extent) -> Vec<Case> {
     let coarse = case.spacing_m > COARSE * scene.discretisation.grading.map_or(0.0, |grading| grading.spacing.get());
     let corrected = |case: &Case| Case { corrected: true, ..at(case, PACES[2]) };
@@ -232,10 +233,13 @@ fn reduced(scene: &Scene, case: &Case, extent: Extent) -> Vec<Case> {
         return if coarse { vec![corrected(case)] } else { Vec::new() };
     }
     let half = case.in_dimension(scene, Dimension::Mirrored);
-    let mut cases = vec![half.clone(), half.with_coarse_surroundings()];
+    let around = half.with_coarse_surroundings();
+    let mut cases =
+        vec![half, Case { points_per_support_node: case.points_per_support_node, ..around.clone() }, around.clone()];
     if extent == Extent::Full {
-        cases.extend([at(&cases[0], PACES[2]), at(&cases[1], PACES[2])]);
-        cases.extend(coarse.then(|| corrected(&cases[1])));
+        let fast: Vec<Case> = cases.iter().map(|case| at(case, PACES[2])).collect();
+        cases.extend(fast);
+        cases.extend(coarse.then(|| corrected(&around)));
     }
     cases.retain(|case| case.scene(scene).is_ok());
     cases

@@ -24,6 +24,8 @@ struct Record {
     support_factor: f64,
     points_per_cell: u32,
     cells_per_point: u32,
+    #[serde(default = "all_nodes")]
+    points_per_support_node: u32,
     #[serde(default)]
     points_per_hexahedron: u32,
     precision: String,
@@ -57,6 +59,11 @@ struct Record {
     force_error_by_depth: String,
 }
 
+/// What a table that does not say it was made with.
+const fn all_nodes() -> u32 {
+    1
+}
+
 impl From<&Row> for Record {
     fn from(row: &Row) -> Self {
         let c = row.case.clone();
@@ -73,6 +80,7 @@ impl From<&Row> for Record {
             support_factor: c.support_factor,
             points_per_cell: c.points_per_cell,
             cells_per_point: c.cells_per_point,
+            points_per_support_node: c.points_per_support_node,
             points_per_hexahedron: c.points_per_hexahedron,
             precision: c.precision,
             pose_hz: c.pose_hz,
@@ -119,6 +127,7 @@ impl Record {
                 support_factor: self.support_factor,
                 points_per_cell: self.points_per_cell,
                 cells_per_point: self.cells_per_point,
+                points_per_support_node: self.points_per_support_node,
                 points_per_hexahedron: self.points_per_hexahedron,
                 precision: self.precision,
                 pose_hz: self.pose_hz,

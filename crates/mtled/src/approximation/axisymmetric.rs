@@ -28,6 +28,7 @@ use points::{CENTRE, Gauss, conical, gauss_points};
 use super::error::ApproximationError;
 use super::mirrored::MirroredSupports;
 use super::mls::{Fit, Neighbour};
+use super::pruned;
 use super::regions::Regions;
 use super::repair::{self, Supported};
 use super::support::{radii, within_reach};
@@ -157,6 +158,16 @@ impl AxisymmetricApproximation {
         repair::repaired(self, also)
     }
 
+    /// The table without the support nodes that fewer than so many of eight points beside each other have (see [`super::pruned`]).
+    #[must_use]
+    pub fn pruned(&self, table: ShapeTable, least: u32) -> ShapeTable {
+        let cells: Vec<[u32; 4]> = self.triangles.iter().map(|&[a, b, c]| [a, b, c, c]).collect();
+        match self.settings.basis {
+            Some(_) => pruned::pruned(self, (&cells, &self.points), table, least),
+            None => table,
+        }
+    }
+
     /// Number of nodes whose support was enlarged.
     #[must_use]
     pub fn repaired_supports(&self) -> usize {
@@ -184,25 +195,14 @@ impl AxisymmetricApproximation {
         t.map(|n| self.points[n as usize])
     }
 
-    fn triangle(&self, cell: usize, rule: &[Gauss]) -> Result<Vec<Row>, ApproximationError> {
-        let t = &self.triangles[cell];
-        let x = self.corners(t);
+    fn triangle(&self, cell: usize, rule: &[Gauss]) -> Vec<([f64; 3], f64)> {
+        let x = self.corners(&self.triangles[cell]);
         let (area, _) = triangle(&x);
-        rule.iter()
-            .map(|(bary, weight)| {
-                let at: [f64; 3] = std::array::from_fn(|k| (0..3).map(|a| bary[a] * x[a][k]).sum());
-                let entries = self.entries(at, self.regions.of_cell(cell), Some(t))?;
-                let slot = |e: &Entry| if e.image { e.node + self.points.len() as u32 } else { e.node };
-                let squares = if self.settings.basis.is_some() { self.squares(&entries) } else { 0.0 };
-                Ok(Row {
-                    at,
-                    squares,
-                    volume: 2.0 * PI * at[0] * weight * area,
-                    nodes: entries.iter().map(slot).collect(),
-                    gradient: entries.iter().map(|e| [e.slope[0], e.value / at[0], e.slope[2]]).collect(),
-                })
-            })
-            .collect()
+        let point = |(bary, weight): &Gauss| {
+            let at: [f64; 3] = std::array::from_fn(|k| (0..3).map(|a| bary[a] * x[a][k]).sum());
+            (at, 2.0 * PI * at[0] * weight * area)
+        };
+        rule.iter().map(point).collect()
     }
 
     /// phi at a node or in the triangle that holds x: on an interface the mean of what its regions have there.
@@ -220,18 +220,25 @@ impl AxisymmetricApproximation {
         let mut all = Vec::new();
         for region in regions {
             let scaled = |e: Entry| Entry { value: share * e.value, slope: e.slope.map(|s| share * s), ..e };
-            all.extend(self.entries(x, region, None)?.into_iter().map(scaled));
+            all.extend(self.entries(x, region, None, None)?.into_iter().map(scaled));
         }
         Ok(all)
     }
 
     /// phi of every node and image at x in a region, and its slope; linear triangles take `within`, or the one that holds x.
-    fn entries(&self, x: [f64; 3], region: u8, within: Option<&[u32; 3]>) -> Result<Vec<Entry>, ApproximationError> {
+    fn entries(
+        &self,
+        x: [f64; 3],
+        region: u8,
+        within: Option<&[u32; 3]>,
+        among: Option<&[u32]>,
+    ) -> Result<Vec<Entry>, ApproximationError> {
         let Some(basis) = self.settings.basis else { return Ok(self.linear(x, within)) };
         SCRATCH.with_borrow_mut(|(neighbours, fit)| {
             self.supports.at(x, neighbours);
             within_reach(neighbours);
             self.regions.keep(region, neighbours, |n| self.supports.node(n).0);
+            pruned::keep(among, neighbours, |n| self.supports.entry(n));
             fit.evaluate_in_plane(neighbours, basis, true).map_err(|_| repair::refusal(x, neighbours, 2))?;
             let mut entries = Vec::with_capacity(neighbours.len());
             for (i, n) in neighbours.iter().enumerate() {
@@ -290,7 +297,7 @@ impl Supported for AxisymmetricApproximation {
         self.triangles.len()
     }
 
-    fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError> {
+    fn points(&self, cell: usize) -> Vec<([f64; 3], f64)> {
         let t = &self.triangles[cell];
         let on_axis = t.iter().any(|&n| self.points[n as usize][0] == 0.0);
         let points = self.settings.points_per_cell;
@@ -305,6 +312,24 @@ impl Supported for AxisymmetricApproximation {
             (false, true) => self.triangle(cell, &gauss_points(points.max(4))),
             (false, false) => self.triangle(cell, &gauss_points(points)),
         }
+    }
+
+    fn row(
+        &self,
+        cell: usize,
+        (at, volume): ([f64; 3], f64),
+        among: Option<&[u32]>,
+    ) -> Result<Row, ApproximationError> {
+        let entries = self.entries(at, self.regions.of_cell(cell), Some(&self.triangles[cell]), among)?;
+        let slot = |e: &Entry| if e.image { e.node + self.points.len() as u32 } else { e.node };
+        let squares = if self.settings.basis.is_some() { self.squares(&entries) } else { 0.0 };
+        Ok(Row {
+            at,
+            squares,
+            volume,
+            nodes: entries.iter().map(slot).collect(),
+            gradient: entries.iter().map(|e| [e.slope[0], e.value / at[0], e.slope[2]]).collect(),
+        })
     }
 
     fn region(&self) -> &[u8] {

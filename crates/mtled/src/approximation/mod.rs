@@ -4,10 +4,12 @@
 pub mod axisymmetric;
 mod error;
 mod field;
+mod group;
 pub mod hexahedra;
 pub mod join;
 pub mod mirrored;
 pub mod mls;
+pub mod pruned;
 pub mod regions;
 mod repair;
 pub mod support;

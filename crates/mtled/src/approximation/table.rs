@@ -14,6 +14,7 @@ use super::hexahedra::HexahedronPoints;
 use super::join::Share;
 use super::mirrored::MirroredSupports;
 use super::mls::{Basis, Fit, Neighbour};
+use super::pruned;
 use super::regions::Regions;
 use super::repair::{self, Supported};
 use super::support::{radii, within_reach};
@@ -188,11 +189,12 @@ impl Approximation {
         self.supports.radii().iter().zip(&self.first).filter(|(now, first)| now > first).count()
     }
 
-    /// Runs `f` with phi (and gradients) at x, a place of this region.
+    /// Runs `f` with phi (and gradients) at x, a place of this region; of the nodes `among` these entries alone, where they are given.
     fn with_fit<R>(
         &self,
         x: [f64; 3],
         region: u8,
+        among: Option<&[u32]>,
         basis: Basis,
         gradient: bool,
         f: impl FnOnce(&[Neighbour], &Fit) -> R,
@@ -201,6 +203,7 @@ impl Approximation {
             self.supports.at(x, neighbours);
             within_reach(neighbours);
             self.regions.keep(region, neighbours, |n| self.supports.node(n).0);
+            pruned::keep(among, neighbours, |n| self.supports.entry(n));
             fit.evaluate(neighbours, basis, gradient).map_err(|_| repair::refusal(x, neighbours, 3))?;
             Ok(f(neighbours, fit))
         })
@@ -220,6 +223,15 @@ impl Approximation {
     /// [`ApproximationError`] where no support determines the fit.
     pub fn repaired_table(&mut self, also: &[[f64; 3]]) -> Result<ShapeTable, ApproximationError> {
         repair::repaired(self, also)
+    }
+
+    /// The table without the support nodes that fewer than so many of eight points beside each other have (see [`super::pruned`]).
+    #[must_use]
+    pub fn pruned(&self, table: ShapeTable, least: u32) -> ShapeTable {
+        match self.settings.basis {
+            Some(_) => pruned::pruned(self, (&self.cells, &self.points), table, least),
+            None => table,
+        }
     }
 
     /// phi at arbitrary points of the body; with linear tetrahedra the cell that holds the point decides.
@@ -248,7 +260,7 @@ impl Approximation {
         let share = 1.0 / regions.len() as f64;
         let mut row = Vec::new();
         for region in regions {
-            self.with_fit(x, region, basis, false, |n, fit| {
+            self.with_fit(x, region, None, basis, false, |n, fit| {
                 row.extend(n.iter().zip(&fit.value).map(|(n, value)| (self.supports.entry(n.node), share * value)));
             })?;
         }
@@ -279,17 +291,6 @@ impl Approximation {
         Row { at, volume, nodes: c.to_vec(), gradient: gradient.to_vec(), squares: 0.0 }
     }
 
-    /// An integration point of a meshless method.
-    fn row(&self, at: [f64; 3], region: u8, volume: f64, basis: Basis) -> Result<Row, ApproximationError> {
-        self.with_fit(at, region, basis, true, |neighbours, fit| Row {
-            at,
-            volume,
-            nodes: neighbours.iter().map(|n| self.supports.entry(n.node)).collect(),
-            gradient: fit.gradient.clone(),
-            squares: fit.gradient.iter().flatten().map(|g| g * g).sum(),
-        })
-    }
-
     fn barycentric(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
         let mut best = (f64::NEG_INFINITY, Vec::new());
         for c in &self.cells {
@@ -316,18 +317,34 @@ impl Supported for Approximation {
         self.cells.len()
     }
 
-    fn cell(&self, cell: usize) -> Result<Vec<Row>, ApproximationError> {
+    fn points(&self, cell: usize) -> Vec<([f64; 3], f64)> {
         let c = &self.cells[cell];
-        match (self.settings.basis, self.share[cell]) {
-            (None, _) => Ok(vec![self.linear(c)]),
-            (Some(basis), Share::Own) => self.gauss(c, self.regions.of_cell(cell), basis),
-            (Some(basis), Share::With(other)) => {
-                let region = self.regions.of_cell(cell);
-                Ok(vec![self.pair([c, &self.cells[other as usize]], region, basis)?])
-            }
-            (Some(basis), Share::Hexahedron) => self.of_hexahedron(cell, basis),
-            (Some(_), Share::Left) => Ok(Vec::new()),
+        if self.settings.basis.is_none() {
+            let Row { at, volume, .. } = self.linear(c);
+            return vec![(at, volume)];
         }
+        match self.share[cell] {
+            Share::Own => self.gauss(c, self.regions.of_cell(cell)),
+            Share::With(other) => vec![self.pair([c, &self.cells[other as usize]])],
+            Share::Hexahedron => self.hexahedra.of(cell).to_vec(),
+            Share::Left => Vec::new(),
+        }
+    }
+
+    fn row(
+        &self,
+        cell: usize,
+        (at, volume): ([f64; 3], f64),
+        among: Option<&[u32]>,
+    ) -> Result<Row, ApproximationError> {
+        let Some(basis) = self.settings.basis else { return Ok(self.linear(&self.cells[cell])) };
+        self.with_fit(at, self.regions.of_cell(cell), among, basis, true, |neighbours, fit| Row {
+            at,
+            volume,
+            nodes: neighbours.iter().map(|n| self.supports.entry(n.node)).collect(),
+            gradient: fit.gradient.clone(),
+            squares: fit.gradient.iter().flatten().map(|g| g * g).sum(),
+        })
     }
 
     fn region(&self) -> &[u8] {

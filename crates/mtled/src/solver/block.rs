@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use crate::approximation::{Form, ShapeTable};
 use crate::material::neo_hookean::Gradient;
 
-use super::group::groups;
 use super::strip::FIELDS;
 use super::vertices::Vertices;
 use crate::number::Real;
@@ -115,12 +114,7 @@ impl<T: Real> Block<T> {
     /// Groups the points of a shape table and cuts the groups into blocks, each in one region. `places` of the vertices.
     #[must_use]
     pub fn partition(table: &ShapeTable, vertices: &Vertices, places: &[[f64; 3]], nodes: usize) -> Vec<Self> {
-        let corners = |p: usize| &vertices.cells[table.cell[p] as usize];
-        let centres: Vec<[f64; 3]> = (0..table.volume.len())
-            .map(|p| std::array::from_fn(|k| corners(p).iter().map(|&n| places[n as usize][k]).sum::<f64>() / 4.0))
-            .collect();
-        let mut groups = groups(&centres, |p| corners(p), |p| table.is_filled(p), places.len());
-        // regions share no vertex, so a group lies in one of them
+        let mut groups = table.groups(&vertices.cells, places);
         let region = |group: &[u32]| table.region_of(group[0] as usize);
         groups.sort_by_key(|group| region(group));
         let visited: Vec<Vec<u32>> = groups.par_iter().map(|group| visited(table, group)).collect();

@@ -14,7 +14,6 @@ mod explicit;
 mod free;
 #[allow(unsafe_code)] // what the owner of a phase tells its helpers
 mod gate;
-mod group;
 mod half;
 mod inertia;
 mod kernel;

@@ -93,7 +93,7 @@ impl Approximation {
                 continue;
             }
             for (share, weight) in face_points() {
-                self.with_fit(self.on_face(&face, share), region, basis, false, |near, fit| {
+                self.with_fit(self.on_face(&face, share), region, None, basis, false, |near, fit| {
                     near.iter()
                         .zip(&fit.value)
                         .for_each(|(n, phi)| add(self.supports.entry(n.node), weight * phi, area));

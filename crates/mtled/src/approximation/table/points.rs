@@ -1,10 +1,8 @@
 //! How many points a cell is integrated with, and where they are.
 
-use super::{Approximation, Row, Settings, Share, tetrahedron};
-use crate::approximation::error::ApproximationError;
+use super::{Approximation, Settings, Share, tetrahedron};
 use crate::approximation::hexahedra::HexahedronPoints;
 use crate::approximation::join;
-use crate::approximation::mls::Basis;
 use crate::cloud::hexahedron::Hexahedron;
 
 impl Approximation {
@@ -45,32 +43,22 @@ impl Approximation {
         gauss_points(if self.has_four(region) { own.max(4) } else { own })
     }
 
-    pub(super) fn gauss(&self, c: &[u32; 4], region: u8, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
+    /// Places and volumes of the points of a cell of its own.
+    pub(super) fn gauss(&self, c: &[u32; 4], region: u8) -> Vec<([f64; 3], f64)> {
         let x = self.corners(c);
         let (volume, _) = tetrahedron(&x);
-        self.gauss_points(region)
-            .iter()
-            .map(|(bary, weight)| {
-                let at = std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
-                self.row(at, region, weight * volume, basis)
-            })
-            .collect()
+        let place = |bary: &[f64; 4]| std::array::from_fn(|k| (0..4).map(|a| bary[a] * x[a][k]).sum());
+        self.gauss_points(region).iter().map(|(bary, weight)| (place(bary), weight * volume)).collect()
     }
 
     /// The point at the centroid of two cells.
-    pub(super) fn pair(&self, cells: [&[u32; 4]; 2], region: u8, basis: Basis) -> Result<Row, ApproximationError> {
+    pub(super) fn pair(&self, cells: [&[u32; 4]; 2]) -> ([f64; 3], f64) {
         let corners = cells.map(|c| self.corners(c));
         let volumes = [tetrahedron(&corners[0]).0, tetrahedron(&corners[1]).0];
         let volume = volumes[0] + volumes[1];
         let share = [0.25 * volumes[0] / volume, 0.25 * volumes[1] / volume];
         let at = std::array::from_fn(|k| (0..2).map(|c| share[c] * corners[c].iter().map(|x| x[k]).sum::<f64>()).sum());
-        self.row(at, region, volume, basis)
-    }
-
-    /// The points of a hexahedron that lie in this cell.
-    pub(super) fn of_hexahedron(&self, cell: usize, basis: Basis) -> Result<Vec<Row>, ApproximationError> {
-        let region = self.regions.of_cell(cell);
-        self.hexahedra.of(cell).iter().map(|&(at, volume)| self.row(at, region, volume, basis)).collect()
+        (at, volume)
     }
 }
 

@@ -1,16 +1,27 @@
-//! Which integration points, or nodes, share a vector: up to eight that lie close together, so that they share most of
-//! their neighbours. One visit to a support node then serves eight points.
+//! Which integration points share a vector: up to eight that lie close together, so that they share most of their support nodes. One visit
+//! to such a node then serves eight points.
 
+use super::table::ShapeTable;
 use crate::number::LANES;
+
+impl ShapeTable {
+    /// The points in groups that share a vector, each in one region; `cells` by their corners, with the places (m) of these. Supports make no
+    /// difference.
+    pub(crate) fn groups(&self, cells: &[[u32; 4]], places: &[[f64; 3]]) -> Vec<Vec<u32>> {
+        let corners = |p: usize| &cells[self.cell[p] as usize];
+        let centre = |p| std::array::from_fn(|k| corners(p).iter().map(|&n| places[n as usize][k]).sum::<f64>() / 4.0);
+        let centres: Vec<[f64; 3]> = (0..self.volume.len()).map(centre).collect();
+        groups(&centres, |p| corners(p), |p| (self.region_of(p), self.is_filled(p)), places.len())
+    }
+}
 
 /// Points in groups of up to [`LANES`], each grown from the first point left over, in the order of the points, by the
 /// nearest to its centre among those that share a node with it. `nodes(i)` are the nodes by which point i has
-/// neighbours, below `count`; those that are `apart` share no group with others. The result depends on the points
-/// alone.
-pub fn groups<'a>(
+/// neighbours, below `count`; all points of a group are of one `kind`. The result depends on the points alone.
+fn groups<'a, K: PartialEq>(
     at: &[[f64; 3]],
     nodes: impl Fn(usize) -> &'a [u32],
-    apart: impl Fn(usize) -> bool,
+    kind: impl Fn(usize) -> K,
     count: usize,
 ) -> Vec<Vec<u32>> {
     let users = users(at.len(), &nodes, count);
@@ -36,7 +47,7 @@ pub fn groups<'a>(
             (0..3).for_each(|k| sum[k] += at[next as usize][k]);
             for &n in nodes(next as usize) {
                 for &q in users.of(n) {
-                    let like = apart(q as usize) == apart(first as usize);
+                    let like = kind(q as usize) == kind(first as usize);
                     if left[q as usize] && like && seen[q as usize] != groups.len() as u32 {
                         seen[q as usize] = groups.len() as u32;
                         near.push(q);
@@ -107,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn points_that_are_apart_are_among_their_like() {
+    fn points_of_a_kind_are_among_their_like() {
         let at: Vec<[f64; 3]> = (0..40).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         let nodes: Vec<[u32; 2]> = (0..40).map(|i| [i, i + 1]).collect();
         let apart = |p: usize| (13..29).contains(&p);
