@@ -29,11 +29,14 @@ fn lesion(changes: &[(&str, &str)]) -> Scene {
     with(&file::load(LESION).unwrap(), &[&outline, changes].concat())
 }
 
+/// Poses on the way to a depth.
+const POSES: u32 = 40;
+
 /// Answers on the way to a depth, m, on so many threads, and the number of integration points.
 fn pressed(scene: &Scene, depth_m: f64, threads: usize) -> (Vec<f64>, Vec<String>, usize) {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
         let mut twin = Twin::new(scene).unwrap();
-        let answers = coarse::travel(&mut twin, 0.0, depth_m, 60);
+        let answers = coarse::travel(&mut twin, 0.0, depth_m, POSES);
         let forces = answers.iter().map(|a| a.force_n[2]).collect();
         (forces, coarse::digits(&answers), twin.integration_points())
     })
@@ -59,33 +62,35 @@ fn an_organ_with_bricks_has_its_volume_and_each_brick_one_material() {
 
 #[test]
 fn an_organ_with_bricks_has_the_force_of_its_tetrahedra_on_any_number_of_threads() {
-    let depth_m = 0.010;
+    let depth_m = 0.006;
     let (plain, _, cells) = pressed(&lesion(&[("discretisation.cells_per_point", "1")]), depth_m, 1);
     let eight = lesion(&[HEXAHEDRA]);
     let (force, digits, points) = pressed(&eight, depth_m, 1);
     assert_eq!(pressed(&eight, depth_m, 2).1, digits);
     let (of_one, _, fewer) = pressed(&lesion(&[HEXAHEDRA, ONE_POINT]), depth_m, 1);
     assert!(fewer < points && fewer < cells, "{fewer}, {points}, {cells} points");
-    for k in [29, 59] {
+    for k in [POSES as usize / 2 - 1, POSES as usize - 1] {
         let [eight, one] = [&force, &of_one].map(|f| f[k] / plain[k] - 1.0);
-        println!("{:.0} mm: 8 points {:+.2} %, 1 point {:+.2} %", (k + 1) as f64 / 6.0, 100.0 * eight, 100.0 * one);
+        println!("pose {k}: 8 points {:+.2} %, 1 point {:+.2} %", 100.0 * eight, 100.0 * one);
         assert!(eight.abs() < 0.02 && one.abs() < 0.04, "{eight}, {one}");
     }
 }
 
+/// Force along the instrument at rest, N.
+fn at_rest(scene: &Scene, depth_m: f64) -> f64 {
+    coarse::alone(|| coarse::press(&mut Twin::new(scene).unwrap(), depth_m).force_n[2])
+}
+
 #[test]
 fn a_needle_has_bricks_beside_its_path_and_in_half_a_sample() {
-    let of = |changes: &[(&str, &str)]| coarse::scene("needle_insertion", &[&FINE[..], changes].concat());
-    const FINE: [(&str, &str); 2] = [("discretisation.spacing_m", "0.002"), ("discretisation.edge_refinement", "0.25")];
     const TILTED: [(&str, &str); 2] = [("instrument.tilt_rad", "0.15"), ("discretisation.dimension", "mirrored")];
+    let preset = with(&Scene::preset("needle_insertion").unwrap(), &[("discretisation.dimension", "full")]);
     for changes in [&[][..], &TILTED] {
-        let (plain, _, _) = pressed(&of(changes), 0.0025, 1);
-        let scene = of(&[changes, &[HEXAHEDRA]].concat());
+        let (plain, scene) = (with(&preset, changes), with(&preset, &[changes, &[HEXAHEDRA]].concat()));
         let body = Body::new(&scene).unwrap();
         let own = body.cloud.hexahedra.len();
-        let (force, _, points) = pressed(&scene, 0.0025, 1);
-        let off = force[59] / plain[59] - 1.0;
-        println!("{own} bricks, {points} points, {:+.2} % of tetrahedra", 100.0 * off);
+        let off = at_rest(&scene, 0.002) / at_rest(&plain, 0.002) - 1.0;
+        println!("{own} bricks, {:+.2} % of tetrahedra", 100.0 * off);
         assert!(own > 50 && off.abs() < 0.02, "{own} bricks, {off}");
         if body.mirror.is_some() {
             let whole = body.whole().cloud;
