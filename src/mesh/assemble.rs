@@ -89,7 +89,8 @@ fn straighten(mesh: &mut Imported) -> Result<(), String> {
     let Imported { points, cells, cell_names, hexahedra, .. } = mesh;
     let at = |n: u32| points[n as usize];
     for hexahedron in hexahedra {
-        let upright = hexahedron.cells.map(|c| six_volumes(&cells[c as usize].map(at)) > 0.0);
+        let upright: Vec<bool> =
+            hexahedron.cells.iter().map(|&c| six_volumes(&cells[c as usize].map(at)) > 0.0).collect();
         let [a, b, c, d, e, f, g, h] = hexahedron.corners;
         if !upright[0] {
             hexahedron.corners = [e, f, g, h, a, b, c, d];
@@ -204,7 +205,7 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
     let volumes = Volumes { names: mesh.volumes.names.clone(), of_cell };
     let renumbered = |h: &Hexahedron| Hexahedron {
         corners: h.corners.map(|n| number[n as usize]),
-        cells: h.cells.map(|c| new[c as usize]),
+        cells: h.cells.iter().map(|&c| new[c as usize]).collect(),
     };
     let hexahedra = mesh.hexahedra.iter().map(renumbered).collect();
     // the same cells have passed already

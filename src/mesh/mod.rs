@@ -81,7 +81,7 @@ impl Imported {
         let cells = cut(corners);
         if let Ok(corners) = <[u32; 8]>::try_from(corners) {
             let first = self.cells.len() as u32;
-            self.hexahedra.push(Hexahedron { corners, cells: std::array::from_fn(|k| first + k as u32) });
+            self.hexahedra.push(Hexahedron { corners, cells: (first..first + cells.len() as u32).collect() });
         }
         self.cell_names.extend(cells.iter().map(|_| name));
         self.cells.extend(&cells);

@@ -1,10 +1,10 @@
-//! Whether a scene can have hexahedra for background cells, and supports without some of their nodes.
+//! Whether a scene can have hexahedra for background cells and which, and supports without some of their nodes.
 
 use super::check::Check;
-use super::{Cells, Dimension, InstrumentKind, Method, SceneError, Shape};
+use super::{Cells, Dimension, InstrumentKind, Method, Scene, SceneError, Shape};
 
 impl Check<'_> {
-    /// Hexahedra: in full three dimensions, of a meshless method, in a mesh that has them or a cylinder or box that a grid is made for.
+    /// Hexahedra: in three dimensions, whole or half, of a meshless method.
     pub(super) fn cells(&self) -> Result<(), SceneError> {
         if self.scene.discretisation.cells == Cells::Tetrahedra {
             return Ok(());
@@ -31,35 +31,27 @@ impl Check<'_> {
         if scene.discretisation.method == Method::Tet4 {
             return Some("linear tetrahedra have no hexahedra: use discretisation.method = mmls or mls");
         }
-        if scene.dimension().dimension != Dimension::Full {
-            return Some("only a model in full three dimensions has hexahedra: use discretisation.dimension = full");
-        }
-        if matches!(scene.sample.shape, Shape::Mesh(_)) {
-            return None;
-        }
-        if matches!(scene.sample.shape, Shape::Outline(_)) {
-            return Some(
-                "the cells that fill an outline are tetrahedra: use sample.shape = mesh for the hexahedra of the file",
-            );
-        }
-        if !scene.regions.is_empty() {
-            return Some(
-                "a grid of hexahedra does not follow regions: use tetrahedra, or a mesh whose volume groups are the regions",
-            );
-        }
-        let instrument = scene.instrument?;
-        match instrument.kind {
-            InstrumentKind::Plate => None,
-            InstrumentKind::Needle(_) => Some(
-                "a needle's path has rings and layers of its own, which a grid of hexahedra has not: use tetrahedra, or a mesh",
-            ),
-            InstrumentKind::Indenter { .. } => {
-                let on_axis = instrument.entry.iter().all(|x| x.get() == 0.0);
-                let round = matches!(scene.sample.shape, Shape::Cylinder { .. });
-                (!round || !on_axis).then_some(
-                    "a grid of hexahedra follows the edge of an indenter only on the axis of a cylinder: use tetrahedra, or a mesh",
-                )
-            }
-        }
+        let plane = scene.dimension().dimension == Dimension::Axisymmetric;
+        plane.then_some("a half plane has no hexahedra: use discretisation.dimension = full")
+    }
+}
+
+impl Scene {
+    /// Whether the sample is a grid of hexahedra, its outermost ones among them: a whole cylinder or box in one material, with nothing that
+    /// the lines of a grid can't follow. Other bodies have hexahedra inside and tetrahedra about them.
+    #[must_use]
+    pub fn is_grid(&self) -> bool {
+        let round = match self.sample.shape {
+            Shape::Cylinder { .. } => true,
+            Shape::Box { .. } => false,
+            Shape::Mesh(_) | Shape::Outline(_) => return false,
+        };
+        let follows = self.instrument.as_ref().is_none_or(|instrument| match instrument.kind {
+            InstrumentKind::Plate => true,
+            InstrumentKind::Needle(_) => false,
+            InstrumentKind::Indenter { .. } => round && instrument.entry.iter().all(|x| x.get() == 0.0),
+        });
+        let whole = self.dimension().dimension == Dimension::Full;
+        self.discretisation.cells != Cells::Tetrahedra && whole && follows && self.regions.is_empty()
     }
 }

@@ -62,8 +62,8 @@ choice! {
     /// Background cells (`discretisation.cells`).
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Cells = Key::word("discretisation.cells", Cells::WORDS)
-        .described("Background cells of a meshless method: tetrahedra, which hexahedra in a mesh are cut into, or hexahedra in full three \
-                    dimensions: those of a mesh, or a cylinder or box of them.")
+        .described("Background cells of a meshless method: tetrahedra, which hexahedra in a mesh are cut into, or hexahedra in three \
+                    dimensions: those of a mesh, a cylinder or box of them, or in other bodies those inside, with tetrahedra about them.")
         .or("tetrahedra")
     => {
         /// Tetrahedra.

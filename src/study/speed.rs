@@ -95,6 +95,14 @@ pub fn cases(threads: usize, quick: bool) -> Vec<Case> {
         let keys = [full.clone(), ("discretisation.support_factor", factor.to_owned())];
         cases.push(case("support", "needle_insertion", &keys, 1));
     }
+    for preset in ["compression", "needle_insertion"] {
+        for points in ["8", "1"] {
+            let cells = ("discretisation.cells", "hexahedra".to_owned());
+            let keys = [full.clone(), cells, ("discretisation.points_per_hexahedron", points.to_owned())];
+            let group = if points == "8" { "hexahedra of 8" } else { "hexahedra of 1" };
+            cases.push(case(group, preset, &keys, 1));
+        }
+    }
     let spacings: &[&str] = if quick { &["0.004", "0.0015"] } else { &["0.004", "0.0015", "0.001", "0.0006"] };
     for spacing in spacings {
         let keys = [full.clone(), ("discretisation.spacing_m", (*spacing).to_owned())];

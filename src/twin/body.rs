@@ -124,9 +124,9 @@ impl Body {
         if scene.discretisation.cells != Cells::Tetrahedra {
             // a hexahedron lies in one region: that of most of its tetrahedra
             for hexahedron in &self.cloud.hexahedra {
-                let mut own = hexahedron.cells.map(|c| region[c as usize]);
+                let mut own: Vec<u8> = hexahedron.cells.iter().map(|&c| region[c as usize]).collect();
                 own.sort_unstable();
-                hexahedron.cells.iter().for_each(|&c| region[c as usize] = own[3]);
+                hexahedron.cells.iter().for_each(|&c| region[c as usize] = own[own.len() / 2]);
             }
         }
         region
@@ -137,12 +137,14 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
     let layout = Layout::new(scene, domain, grading);
     let height = domain.height();
     let mirror = scene.mirror();
-    let cloud = match (&mirror, scene.discretisation.cells) {
-        (None, Cells::Tetrahedra) => cloud::generate(domain, &layout.spacing),
-        (None, Cells::Hexahedra { .. }) => cloud::structured(domain, &layout.spacing),
-        (Some(mirror), _) => half(domain, &layout.spacing, mirror),
+    let cloud = match &mirror {
+        None if scene.is_grid() => {
+            cloud::structured(domain, &layout.spacing).map_err(|e| BuildError::Cloud(e.to_string()))
+        }
+        None => filled(scene, domain, &layout.spacing),
+        Some(mirror) => half(scene, domain, &layout.spacing, mirror),
     };
-    let cloud = cloud.map_err(|e| BuildError::Cloud(e.to_string()))?;
+    let cloud = cloud?;
     let nodes = |i| Contact::nodes(&cloud.points, &cloud.faces, height, i);
     let held = scene.instrument.as_ref().map_or_else(Vec::new, nodes);
     Ok(Body {
@@ -159,8 +161,20 @@ fn generated(scene: &Scene, domain: &Domain, grading: &Grading) -> Result<Body, 
     })
 }
 
+/// Tetrahedra, and if the scene asks for them hexahedra where there is room.
+pub(super) fn filled(scene: &Scene, domain: &Domain, spacing: &Spacing) -> Result<Cloud, BuildError> {
+    let bricks = scene.discretisation.cells != Cells::Tetrahedra;
+    let cloud = if bricks { cloud::with_bricks(domain, spacing) } else { cloud::generate(domain, spacing) };
+    let cloud = cloud.map_err(|e| BuildError::Cloud(e.to_string()))?;
+    if bricks && cloud.hexahedra.is_empty() {
+        let reason = "discretisation.cells: no hexahedron has room between surface, interfaces and path: use a smaller spacing_m, or tetrahedra";
+        return Err(BuildError::Cloud(reason.to_owned()));
+    }
+    Ok(cloud)
+}
+
 /// The cloud of the half of a body: generated where the plane of symmetry is y = 0, and turned to where it is.
-fn half(domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> Result<Cloud, cloud::CloudError> {
+fn half(scene: &Scene, domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> Result<Cloud, BuildError> {
     let within = |[x, y]: [f64; 2]| [mirror.to_own_frame([x, y, 0.0])[0], 0.0];
     let mut own = spacing.clone();
     for feature in &mut own.features {
@@ -180,7 +194,7 @@ fn half(domain: &Domain, spacing: &Spacing, mirror: &Mirror) -> Result<Cloud, cl
         Domain::Box { size: [x, y, z] } if mirror.direction()[0] == 0.0 => Domain::Box { size: [y, x, z] },
         other => other,
     };
-    Ok(cloud::generate(&domain.half(), &own)?.turned(mirror))
+    Ok(filled(scene, &domain.half(), &own)?.turned(mirror))
 }
 
 /// How the nodes of a generated body lie, in space or in a half plane.

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::instrument::Contact;
 use crate::mesh::Volumes;
 use crate::scene::size::MEMORY_LIMIT;
-use crate::scene::{Base, Cells, Instrument, InstrumentKind, MeshFile, RegionShape, Scene};
+use crate::scene::{Base, Cells, Instrument, InstrumentKind, MeshFile, RegionShape, Scene, Shape};
 use mtled::approximation::table::tetrahedron;
 use mtled::cloud::{Axis, BASE, Cloud, TOP};
 
@@ -91,7 +91,8 @@ pub(super) fn read(scene: &Scene, file: &MeshFile) -> Result<(Cloud, Volumes, Ve
     let (cloud, volumes, warnings) = crate::mesh::load_with_volumes(Path::new(&file.path), &wanted)
         .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
     groups(scene, &volumes)?;
-    if scene.discretisation.cells != Cells::Tetrahedra && cloud.hexahedra.is_empty() {
+    let own = matches!(scene.sample.shape, Shape::Mesh(_));
+    if own && scene.discretisation.cells != Cells::Tetrahedra && cloud.hexahedra.is_empty() {
         let reason = "the mesh has no hexahedra: mesh with hexahedra, or leave the key out".to_owned();
         return refuse("discretisation.cells", reason);
     }

@@ -2,9 +2,9 @@
 
 use crate::mesh::Volumes;
 use crate::scene::{Grading, MeshFile, RegionShape, Scene};
-use mtled::cloud::{self, Cloud, Domain, Outline};
+use mtled::cloud::{Cloud, Domain, Outline};
 
-use super::body::Layout;
+use super::body::{Layout, filled};
 use super::{Body, BuildError, mesh};
 
 /// Reads the mesh, fills it and looks for the contact.
@@ -17,7 +17,7 @@ pub(super) fn body(scene: &Scene, file: &MeshFile, grading: &Grading) -> Result<
     let outline = Outline::new(&mesh, groups(scene, &volumes), top - lowest);
     let domain = Domain::Outline(&outline);
     let layout = Layout::new(&lowered(scene, lowest), &domain, grading);
-    let mut cloud = cloud::generate(&domain, &layout.spacing).map_err(|e| BuildError::Cloud(e.to_string()))?;
+    let mut cloud = filled(scene, &domain, &layout.spacing)?;
     let size = [cloud.points.len(), cloud.cells.len()].map(|n| n as f64);
     mesh::fits(scene, size, "discretisation.spacing_m", "use a larger spacing")?;
     let volumes = Volumes { of_cell: of_cells(&cloud, &outline, &volumes), names: volumes.names };

@@ -3,6 +3,7 @@
 mod abuse;
 mod assimilation;
 mod axisymmetric;
+mod bricks;
 #[path = "../../crates/mtled/tests/clouds/mod.rs"]
 mod clouds;
 #[path = "../coarse/mod.rs"]

@@ -218,7 +218,7 @@ fn at_rest(scene: &Scene, own: &Case) -> Vec<Case> {
     cases
 }
 
-/// The same with hexahedra of eight points and of one, if a grid of them can be made for the scene.
+/// The same with hexahedra of eight points and of one, where the scene takes them. A cloud without room for one is a row that says so.
 fn hexahedra(scene: &Scene, case: &Case) -> Vec<Case> {
     let of = |points_per_hexahedron| Case { points_per_hexahedron, ..case.clone() };
     [8, 1].map(of).into_iter().filter(|case| case.scene(scene).is_ok()).collect()

@@ -32,7 +32,7 @@ impl HexahedronPoints {
             let own = if eight(hexahedron.cells[0] as usize) { gauss.to_vec() } else { vec![centroid(&gauss)] };
             held.extend(own.into_iter().map(|(at, weight)| {
                 let inside = |c: &u32| least(&corners(*c), at);
-                let holds = hexahedron.cells.into_iter().max_by(|a, b| inside(a).total_cmp(&inside(b)));
+                let holds = hexahedron.cells.iter().copied().max_by(|a, b| inside(a).total_cmp(&inside(b)));
                 (holds.unwrap_or_default(), at, weight)
             }));
         }
@@ -119,7 +119,7 @@ mod tests {
                 c.swap(2, 3);
             }
         }
-        let hexahedron = Hexahedron { corners: [0, 1, 2, 3, 4, 5, 6, 7], cells: [0, 1, 2, 3, 4, 5] };
+        let hexahedron = Hexahedron { corners: [0, 1, 2, 3, 4, 5, 6, 7], cells: (0..6).collect() };
         (points, cells, vec![hexahedron])
     }
 

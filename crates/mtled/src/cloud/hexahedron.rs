@@ -5,12 +5,12 @@
 //! is cut through its lowest corner, so cells that share a face cut it in the same way (Dompierre, Labbé, Vallet, Camarero 1999).
 
 /// A hexahedron, and the tetrahedra among a cloud's cells that it is cut into.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hexahedron {
     /// Corners: those of one face in turn, then those opposite to them.
     pub corners: [u32; 8],
-    /// Its tetrahedra, by their places among the cells.
-    pub cells: [u32; 6],
+    /// Its tetrahedra, five or six, by their places among the cells.
+    pub cells: Vec<u32>,
 }
 
 /// Local coordinates of a hexahedron's corners, over 1: each is -1 or 1.

@@ -209,7 +209,7 @@ pub(crate) fn place_edges(domain: &Domain, spacing: &Spacing, nodes: &mut Nodes)
                 let apart = |q: &Point| distance(p, *q) > 0.5 * spacing.at(domain, p);
                 let bits = spacing.touching(domain, p);
                 // a path's own nodes stand where it passes the boundary
-                let free = !domain.is_half() || !Packing { domain, spacing }.reserved(p);
+                let free = !domain.is_half() || !Packing::new(domain, spacing).reserved(p);
                 if inside && free && bits.count_ones() > 1 && nodes.points.iter().all(apart) {
                     nodes.push(p, faces, true);
                 }

@@ -124,7 +124,7 @@ impl Plane<'_> {
     }
 
     fn reserved(&self, p: Point) -> bool {
-        Packing { domain: self.domain, spacing: self.spacing }.reserved(p)
+        Packing::new(self.domain, self.spacing).reserved(p)
     }
 
     fn faces(&self, p: Point) -> u8 {

@@ -16,6 +16,7 @@
 //! Plain numbers in metres, no scene types. Deterministic: the same input gives the same bits, whatever the number of
 //! threads (there is one) and from run to run.
 
+mod bricks;
 mod carve;
 pub mod check;
 mod conform;
@@ -91,7 +92,7 @@ pub struct Cloud {
     pub surface_faces: Vec<u8>,
     /// Shape of the cells.
     pub quality: Summary,
-    /// Hexahedra that some of the cells, or all, are the tetrahedra of; the half of a body has none.
+    /// Hexahedra that some of the cells, or all, are the tetrahedra of.
     pub hexahedra: Vec<Hexahedron>,
 }
 
@@ -109,11 +110,23 @@ impl Cloud {
 /// A number out of its range, too many nodes ([`CloudError::TooManyNodes`], before anything is allocated), or features
 /// too close to each other for the spacing.
 pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
+    filled(domain, spacing, false)
+}
+
+/// The same with hexahedra inside, on lattices, where surface, interfaces and features leave room for them, and tetrahedra about them.
+///
+/// # Errors
+/// As [`generate`].
+pub fn with_bricks(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError> {
+    filled(domain, spacing, true)
+}
+
+fn filled(domain: &Domain, spacing: &Spacing, bricks: bool) -> Result<Cloud, CloudError> {
     domain.validate()?;
     let expected = spacing.validate(domain)?;
     let mut nodes = edges::place(domain, spacing)?;
-    let packing = Packing { domain, spacing };
-    packing.fill(&mut nodes, expected);
+    let mut packing = Packing::new(domain, spacing);
+    packing.fill(&mut nodes, expected, bricks);
     let order = hilbert_order(&nodes.points);
     let mut points: Vec<Point> = order.iter().map(|&i| nodes.points[i as usize]).collect();
     let faces: Vec<u8> = order.iter().map(|&i| nodes.faces[i as usize]).collect();
@@ -184,5 +197,6 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
         let reason = format!("a cell of quality {:.3} is left at {at:?} m (least allowed: {least})", quality.lowest);
         return Err(CloudError::NotMeshable { reason });
     }
-    Ok(Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra: Vec::new() })
+    let hexahedra = packing.bricks.hexahedra(&points, &cells);
+    Ok(Cloud { points, cells, faces, surface, surface_faces, quality, hexahedra })
 }

@@ -2,6 +2,7 @@
 //! is already there, each accepted if nothing is nearer than a fraction of the spacing; then a relaxation by
 //! short-range forces.
 
+use super::bricks::Bricks;
 use super::domain::Domain;
 use super::edges::Nodes;
 use super::spacing::{Feature, Spacing};
@@ -11,9 +12,9 @@ use std::f64::consts::PI;
 
 /// Nearest accepted distance as a fraction of the spacing, on faces and inside.
 const FACE_GAP: f64 = 0.86;
-const BODY_GAP: f64 = 0.83;
+pub(crate) const BODY_GAP: f64 = 0.83;
 /// Distance between nearest neighbours over the spacing.
-const PACKED: f64 = 0.91;
+pub(crate) const PACKED: f64 = 0.91;
 /// Candidates round each node.
 const FACE_TRIES: usize = 10;
 /// Distance kept from faces and their edges, as a fraction of the spacing.
@@ -27,6 +28,14 @@ const REFRESH: usize = 6;
 pub(crate) struct Packing<'a> {
     pub(crate) domain: &'a Domain<'a>,
     pub(crate) spacing: &'a Spacing,
+    /// Bricks that have been planted.
+    pub(crate) bricks: Bricks,
+}
+
+impl<'a> Packing<'a> {
+    pub(crate) fn new(domain: &'a Domain<'a>, spacing: &'a Spacing) -> Self {
+        Self { domain, spacing, bricks: Bricks::default() }
+    }
 }
 
 impl Packing<'_> {
@@ -58,17 +67,18 @@ impl Packing<'_> {
         })
     }
 
-    /// Is the place kept free for the layers of a needle path?
+    /// Is the place kept free for the layers of a needle path, or for bricks?
     pub(crate) fn reserved(&self, p: Point) -> bool {
         let height = self.domain.height();
-        self.spacing.features.iter().any(|f| match *f {
-            Feature::Path { axis, capture_radius, length, spacing } => {
-                let spacing = self.spacing.along(self.domain, &axis, spacing, height - p[2]);
-                axis.distance(height, p) < capture_radius + 0.6 * spacing
-                    && p[2] > height - length / axis.secant() - 0.6 * spacing
-            }
-            _ => false,
-        })
+        self.bricks.hold(p)
+            || self.spacing.features.iter().any(|f| match *f {
+                Feature::Path { axis, capture_radius, length, spacing } => {
+                    let spacing = self.spacing.along(self.domain, &axis, spacing, height - p[2]);
+                    axis.distance(height, p) < capture_radius + 0.6 * spacing
+                        && p[2] > height - length / axis.secant() - 0.6 * spacing
+                }
+                _ => false,
+            })
     }
 
     fn grid(&self, nodes: &Nodes, expected: f64) -> Grid {
@@ -80,8 +90,8 @@ impl Packing<'_> {
         grid
     }
 
-    /// Fills every face, then the interior, with about so many nodes in all; relaxes each.
-    pub(crate) fn fill(&self, nodes: &mut Nodes, expected: f64) {
+    /// Fills every face, then the interior, with about so many nodes in all; relaxes each. `bricks`: with bricks inside.
+    pub(crate) fn fill(&mut self, nodes: &mut Nodes, expected: f64, bricks: bool) {
         let mut grid = self.grid(nodes, expected);
         let mut spacings: Vec<f64> = nodes.points.iter().map(|&p| self.h(p)).collect();
         for &face in self.domain.faces() {
@@ -94,6 +104,9 @@ impl Packing<'_> {
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
         self.fill_interfaces(nodes, &mut grid, &mut spacings);
         spacings = nodes.points.iter().map(|&p| self.h(p)).collect();
+        if bricks {
+            self.plant(nodes, &mut grid, &mut spacings);
+        }
         self.fill_body(nodes, &mut grid, &mut spacings);
         self.relax(nodes, &mut grid, BODY_RELAXATIONS, |faces| faces == 0);
     }

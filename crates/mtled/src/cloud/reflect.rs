@@ -2,6 +2,7 @@
 
 use super::Cloud;
 use super::domain::MIRROR;
+use super::hexahedron::Hexahedron;
 use crate::mirror::Mirror;
 
 /// A half body and its mirror image: first what the half has, then the images of what does not lie on the plane.
@@ -25,10 +26,17 @@ impl Reflected {
         // a mirrored cell or triangle is turned inside out
         let cell = |&[a, b, c, d]: &[u32; 4]| [a, b, d, c].map(|n| image[n as usize]);
         let triangle = |&[a, b, c]: &[u32; 3]| [a, c, b].map(|n| image[n as usize]);
-        let Cloud { mut points, mut cells, mut faces, mut surface, mut surface_faces, quality, hexahedra } = half;
+        let Cloud { mut points, mut cells, mut faces, mut surface, mut surface_faces, quality, mut hexahedra } = half;
         points.extend(original.iter().map(|&n| mirror.image(&points[n as usize])).collect::<Vec<_>>());
         faces.iter_mut().for_each(|face| *face &= !MIRROR);
         faces.extend(original.iter().map(|&n| faces[n as usize]).collect::<Vec<_>>());
+        let own = cells.len() as u32;
+        let hexahedron = |h: &Hexahedron| {
+            let [a, b, c, d, e, f, g, i] = h.corners;
+            let corners = [e, f, g, i, a, b, c, d].map(|n| image[n as usize]);
+            Hexahedron { corners, cells: h.cells.iter().map(|c| own + c).collect() }
+        };
+        hexahedra.extend(hexahedra.iter().map(hexahedron).collect::<Vec<_>>());
         cells.extend(cells.iter().map(cell).collect::<Vec<_>>());
         let mut outside = surface_faces.iter().map(|face| face & MIRROR == 0);
         surface.retain(|_| outside.next().unwrap_or(true));

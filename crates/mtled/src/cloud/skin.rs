@@ -22,7 +22,7 @@ const CLEARANCE: f64 = 0.55;
 /// Nodes along the creases, evenly spaced between where they end or branch.
 pub(crate) fn place_creases(outline: &Outline, spacing: &Spacing, nodes: &mut Nodes) {
     let domain = &Domain::Outline(outline);
-    let packing = Packing { domain, spacing };
+    let packing = Packing::new(domain, spacing);
     let (low, high) = outline.bounds();
     let mut grid = Grid::new(low, high, 4096);
     nodes.points.iter().for_each(|&p| grid.push(p));

@@ -246,7 +246,7 @@ fn joined(corners: &[[u32; 8]]) -> (Vec<[u32; 4]>, Vec<Hexahedron>) {
     let found = |c: &[u32; 4]| place.get(c).copied().unwrap_or_default();
     let (sixes, _) = cut_cells.as_chunks::<6>();
     let hexahedra =
-        corners.iter().zip(sixes).map(|(&corners, six)| Hexahedron { corners, cells: six.each_ref().map(found) });
+        corners.iter().zip(sixes).map(|(&corners, six)| Hexahedron { corners, cells: six.iter().map(found).collect() });
     (cells, hexahedra.collect())
 }
 

@@ -19,15 +19,21 @@ impl Approximation {
         self
     }
 
-    /// Integrates the hexahedra among the cells with eight points each, or one; one gets eight as well where tetrahedra get four. No two
-    /// tetrahedra beside them share a point. To be called last.
+    /// Integrates the hexahedra among the cells with eight points each, or one; one gets eight as well where tetrahedra get four. The
+    /// tetrahedra beside them are joined among themselves. To be called last.
     #[must_use]
     pub fn with_hexahedra(mut self, hexahedra: &[Hexahedron], points_each: u32) -> Self {
         if self.settings.basis.is_none() || hexahedra.is_empty() {
             return self;
         }
-        self.share.fill(Share::Own);
-        hexahedra.iter().flat_map(|h| h.cells).for_each(|cell| self.share[cell as usize] = Share::Hexahedron);
+        // no pair reaches from a hexahedron to what lies beside it
+        let mut part: Vec<u8> = (0..self.cells.len()).map(|cell| 2 * self.regions.of_cell(cell)).collect();
+        let all = || hexahedra.iter().flat_map(|h| &h.cells).map(|&cell| cell as usize);
+        all().for_each(|cell| part[cell] |= 1);
+        self.share = shares(&self.points, &self.cells, &part, &self.settings);
+        let four = std::mem::take(&mut self.four);
+        self = self.with_four_points(&four);
+        all().for_each(|cell| self.share[cell] = Share::Hexahedron);
         let eight = |cell: usize| points_each > 1 || self.has_four(self.regions.of_cell(cell));
         self.hexahedra = HexahedronPoints::new(&self.points, &self.cells, hexahedra, eight);
         self
