@@ -348,10 +348,14 @@ fn error(row: &Row) -> f64 {
     row.max_force_error().unwrap_or(f64::INFINITY)
 }
 
-/// Clouds of one spacing: in space one with coarse surroundings beside the scene's own.
+/// Clouds of one spacing: in space those with coarse surroundings, without support nodes that few points share and with them, beside the scene's own.
 fn clouds(case: Case) -> Vec<Case> {
-    let coarse = case.with_coarse_surroundings();
-    if case.is_half_plane() || case.method == "tet4" { vec![case] } else { vec![coarse, case] }
+    if case.is_half_plane() || case.method == "tet4" {
+        return vec![case];
+    }
+    let around = case.with_coarse_surroundings();
+    let all_nodes = Case { points_per_support_node: case.points_per_support_node, ..around.clone() };
+    vec![around, all_nodes, case]
 }
 
 /// Other ways to discretise on the same cloud.
@@ -382,11 +386,11 @@ mod tests {
         scene.set("instrument.tilt_rad", "0.3").unwrap();
         let own = Case::of(&scene).unwrap();
         let both = clouds(own.clone());
-        assert!(both.len() == 2 && both[1] == own);
+        assert!(both.len() == 3 && both[2] == own);
         let tried = both[0].scene(&scene).unwrap().discretisation;
         let grading = tried.grading.unwrap();
         assert_eq!((grading.growth, grading.path_rings, tried.support_factor), (0.45, 2, 1.5));
-        assert_eq!((tried.points_per_support_node, own.points_per_support_node), (2, 1));
+        assert_eq!([0, 1, 2].map(|k: usize| both[k].points_per_support_node), [2, 1, 1]);
         assert_eq!(grading.spacing, scene.discretisation.grading.unwrap().spacing);
         let elements = Case { method: "tet4".to_owned(), ..own };
         assert_eq!(clouds(elements.clone()), [elements], "which have no supports");
