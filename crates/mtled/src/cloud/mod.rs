@@ -113,7 +113,7 @@ pub fn generate(domain: &Domain, spacing: &Spacing) -> Result<Cloud, CloudError>
     filled(domain, spacing, false)
 }
 
-/// The same with hexahedra inside, on lattices, where surface, interfaces and features leave room for them, and tetrahedra about them.
+/// The same with hexahedra inside, on a lattice, where surface, interfaces and features leave room for them, and tetrahedra about them.
 ///
 /// # Errors
 /// As [`generate`].
