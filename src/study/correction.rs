@@ -15,7 +15,8 @@ const DEPTHS: u32 = 20;
 const BEFORE: f64 = 0.382;
 /// Ways from pose to pose beyond which such a depth is moved to a pose's.
 const FAR: f64 = 20.0;
-/// Share of its largest length below which a vector's direction says nothing; what is next deeper is then taken.
+/// Share of the largest length, of the force or of any target's motion, below which a vector's direction says nothing; what is next deeper is then
+/// taken.
 const SMALL: f64 = 0.02;
 /// Scales, and angles (rad), beyond which the cloud is no model of the finer one.
 const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
@@ -149,11 +150,13 @@ fn displacements(scene: &Scene, driven: &Driven, i: usize) -> Vec<[f64; 3]> {
 
 /// What takes one cloud's answers to another's.
 fn correction(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> Result<Correction, StudyError> {
-    let force = similarities(depths, "force", &found.vectors, &known.vectors)?;
+    let most = |vectors: &[[f64; 3]]| vectors.iter().map(|v| length(*v)).fold(0.0, f64::max);
+    let force = similarities(depths, "force", &found.vectors, &known.vectors, SMALL * most(&found.vectors))?;
+    let all = (0..scene.targets.len()).map(|i| most(&displacements(scene, found, i))).fold(0.0, f64::max);
     let mut targets = Vec::new();
     for (i, target) in scene.targets.iter().enumerate() {
         let [found, known] = [found, known].map(|driven| displacements(scene, driven, i));
-        targets.extend(similarities(depths, &target.name, &found, &known)?);
+        targets.extend(similarities(depths, &target.name, &found, &known, SMALL * all)?);
     }
     Ok(Correction {
         apply: true,
@@ -166,13 +169,18 @@ fn correction(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> 
     })
 }
 
-/// Numbers of the similarities from one to the other vector, depth by depth.
-fn similarities(depths: &[f64], what: &str, from: &[[f64; 3]], to: &[[f64; 3]]) -> Result<Vec<f64>, StudyError> {
-    let most = from.iter().map(|v| length(*v)).fold(0.0, f64::max);
+/// Numbers of the similarities from one to the other vector, depth by depth; of vectors that are longer than `least`.
+fn similarities(
+    depths: &[f64],
+    what: &str,
+    from: &[[f64; 3]],
+    to: &[[f64; 3]],
+    least: f64,
+) -> Result<Vec<f64>, StudyError> {
     let mut numbers = vec![[1.0, 0.0, 0.0, 0.0]; depths.len()];
     let mut deeper = None;
     for (i, depth) in depths.iter().enumerate().rev() {
-        let own = Similarity::between(from[i], to[i]).filter(|_| length(from[i]) > SMALL * most);
+        let own = Similarity::between(from[i], to[i]).filter(|_| length(from[i]) > least);
         let Some(similarity) = own.or(deeper) else { continue };
         if !SCALES.contains(&similarity.scale) || length(similarity.turn) > LARGEST_TURN {
             return Err(StudyError::Untuned(format!(
