@@ -17,7 +17,7 @@ use crate::study::correction::{self, Learnt};
 use crate::study::tune::{self, Goal, Tuned};
 use crate::study::yardstick::Yardstick;
 
-/// How far off a cloud may be that is to be corrected, over the tolerance: what was left was 7 to 11 % of it (docs/lab/performance.md).
+/// How far off a cloud may be that is to be corrected, over the tolerance: what was left at depths between was 0.3 to 0.6 of it (docs/lab/performance.md).
 const TO_BE_CORRECTED: f64 = 4.0;
 
 /// Find the coarsest cloud and the fewest steps that meet a tolerance and a rate of poses on this machine, and write

@@ -1,7 +1,8 @@
 //! `accuracy.html`: error against cost of every row, on one page that needs nothing else: hover shows a row, clicks filter.
 
-use super::{cost_plot::Level, cost_plot::levels_of, cost_plot::special, page, svg::escaped};
+use super::{cost_plot::Level, cost_plot::against, cost_plot::levels_of, cost_plot::special, page, svg::escaped};
 use crate::study::accuracy::Row;
+use crate::study::reference;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -49,9 +50,11 @@ fn data(scene: &str, rows: &[&Row]) -> Value {
 }
 
 fn body(scenes: &[(&str, Vec<&Row>)]) -> String {
-    let mut html = String::from(
+    let without = scenes.iter().find(|(scene, _)| reference::force(scene).is_none());
+    let against = without.or(scenes.first()).map_or("", |(scene, _)| against(scene));
+    let mut html = format!(
         "<header>\n<h1>Error against cost</h1>\n<p>A mark per run: one way to discretise and step a scene. Errors are against \
-         independent finite elements, the largest (or root mean square) from a fifth of the path on. Costs are processor \
+         {against}, the largest (or root mean square) from a fifth of the path on. Costs are processor \
          time of one thread.</p>\n</header>\n<section id=\"cost\">\n<div class=\"controls\">\n",
     );
     let mut select = |control: &str, about: &str, options: &[(&str, &str)]| {

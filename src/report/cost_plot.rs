@@ -88,12 +88,20 @@ pub(super) fn cost_plot(scene: &str, rows: &[&Row]) -> Picture {
     picture
 }
 
+/// What errors of a scene of this name are against.
+pub(super) fn against(scene: &str) -> &'static str {
+    match reference::force(scene) {
+        Some(_) => "independent finite elements",
+        None => "independent finite elements where there are any, else the own model on a finer cloud",
+    }
+}
+
 fn heading(picture: &mut Picture, scene: &str, ended: usize) {
     let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };
     picture.text([AREA[0], 36.0], format!("{scene}: error of the force against cost"), title);
-    let about = "A mark per run: method, dimension, spacing, support, points per cell, precision and steps per pose. Error against \
-                 independent finite elements,";
-    let mut more = "the largest from a fifth of the path on. Cost: processor time of one thread.".to_owned();
+    let about = "A mark per run: method, dimension, spacing, support, points per cell, precision and steps per pose. Error, the largest \
+                 from a fifth of the path on,";
+    let mut more = format!("against {}. Cost: processor time of one thread.", against(scene));
     if ended > 0 {
         more += &format!(" {ended} runs that ended before their depth are left out.");
     }

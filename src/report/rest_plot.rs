@@ -1,6 +1,7 @@
 //! `at_rest_SCENE.png`: relative error of the force over depth, at rest, a line per discretisation.
 
 use super::{
+    cost_plot::against,
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, INK, Panel, VERMILION, label},
 };
@@ -41,7 +42,10 @@ pub(super) fn rest_plot(scene: &str, rows: &[&Row]) -> Picture {
     picture.text([SIDES[0], 36.0], format!("{scene}: error of the force at rest"), title);
     picture.text(
         [SIDES[0], 60.0],
-        "Predicted over reference - 1; reference: independent finite elements. Dotted: coarse, dashed: medium, full: finest.",
+        format!(
+            "Predicted over reference - 1; reference: {}. Dotted: coarse, dashed: medium, full: finest.",
+            against(scene)
+        ),
         label(Anchor::Start),
     );
     for (i, row) in rows.iter().enumerate() {
