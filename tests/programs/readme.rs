@@ -29,8 +29,11 @@ fn commands(readme: &str) -> Vec<String> {
 /// A clone that is built: what is in the repository, and programs where `cargo build --release` puts them. `cargo` itself is a
 /// stand-in that runs what it would have built.
 fn clone(folder: &Path) -> PathBuf {
+    // what a command leaves is in the list of what git ignores: a user's own results are not to be written over
+    let ignored = std::fs::read_to_string(root().join(".gitignore")).unwrap();
+    let is_ignored = |name: &str| ignored.lines().any(|line| line.trim_matches('/') == name);
     for entry in std::fs::read_dir(root()).unwrap().map(|entry| entry.unwrap()) {
-        if entry.file_name() != "target" {
+        if !is_ignored(&entry.file_name().to_string_lossy()) {
             symlink(entry.path(), folder.join(entry.file_name())).unwrap();
         }
     }
