@@ -27,6 +27,8 @@ pub struct Ended {
     pub panicked: bool,
     /// Time for which the owner waited for a helper that had most likely lost its processor; zero for the usual short wait.
     pub lost: Duration,
+    /// Rank of the helper that left last of those that left a closed gate: the one that was waited for.
+    pub late: usize,
 }
 
 /// The gate of one team. `J` is what a phase's owner tells its helpers.
@@ -34,6 +36,7 @@ pub struct Gate<J> {
     state: AtomicU64,
     /// Index of the next part of the work that nobody has claimed.
     next: AtomicUsize,
+    late: AtomicUsize,
     panicked: AtomicBool,
     job: UnsafeCell<Option<J>>,
 }
@@ -48,6 +51,7 @@ impl<J: Copy> Gate<J> {
         Self {
             state: AtomicU64::new(CLOSED),
             next: AtomicUsize::new(0),
+            late: AtomicUsize::new(0),
             panicked: AtomicBool::new(false),
             job: UnsafeCell::new(None),
         }
@@ -68,7 +72,11 @@ impl<J: Copy> Gate<J> {
         let closing = Closing(self, &mut wait);
         own();
         drop(closing);
-        Ended { panicked: self.panicked.swap(false, Ordering::Relaxed), lost: wait.lost() }
+        Ended {
+            panicked: self.panicked.swap(false, Ordering::Relaxed),
+            lost: wait.lost(),
+            late: self.late.load(Ordering::Relaxed),
+        }
     }
 
     /// Enters the present phase if it is open and not the one `seen` last.
@@ -84,10 +92,13 @@ impl<J: Copy> Gate<J> {
         self.job.with(|at| unsafe { *at })
     }
 
-    /// Leaves the phase that [`Gate::enter`] gave a job of.
-    pub fn leave(&self, panicked: bool) {
+    /// The helper of a rank leaves the phase that [`Gate::enter`] gave a job of.
+    pub fn leave(&self, rank: usize, panicked: bool) {
         if panicked {
             self.panicked.store(true, Ordering::Relaxed);
+        }
+        if self.state.load(Ordering::Relaxed) & CLOSED != 0 {
+            self.late.store(rank, Ordering::Relaxed);
         }
         self.state.fetch_sub(HELPER, Ordering::Release);
     }
@@ -163,7 +174,7 @@ mod model {
                         match data.gate.enter(&mut seen) {
                             Some(job) => {
                                 data.work(job);
-                                data.gate.leave(job == 2);
+                                data.gate.leave(1, job == 2);
                             }
                             None => loom::thread::yield_now(),
                         }

@@ -6,7 +6,7 @@
 //! memory nor a phase within a phase compiles.
 //!
 //! On a busy machine a helper may lose its processor within a part, and the caller waits for as long as others run there.
-//! What such a wait cost says for how long the caller goes on alone (see [`super::backoff`]).
+//! What such a wait cost says for how long the team goes on without that helper (see [`super::backoff`]).
 //!
 //! A phase that panics poisons the pool: the panic goes on in the caller, the helpers wait, and every later phase panics.
 
@@ -14,6 +14,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use super::backoff::Backoff;
 use super::disjoint::{Disjoint, Each};
@@ -52,13 +53,17 @@ struct Shared {
     stop: AtomicBool,
     /// Helpers that have begun.
     begun: AtomicUsize,
+    /// Of each helper, whether it is left out and sleeps.
+    left_out: Vec<AtomicBool>,
 }
 
 /// Persistent threads; the caller takes part as rank 0.
 pub struct Pool {
     shared: Arc<Shared>,
     helpers: Vec<JoinHandle<()>>,
-    backoff: Backoff,
+    backoff: Vec<Backoff>,
+    /// Helpers that are left out.
+    out: usize,
     poisoned: bool,
 }
 
@@ -73,7 +78,12 @@ impl Pool {
     /// a step. A thread that can't be started is done without.
     #[must_use]
     pub fn new(threads: usize) -> Self {
-        let shared = Arc::new(Shared { gate: Gate::new(), stop: AtomicBool::new(false), begun: AtomicUsize::new(0) });
+        let shared = Arc::new(Shared {
+            gate: Gate::new(),
+            stop: AtomicBool::new(false),
+            begun: AtomicUsize::new(0),
+            left_out: (1..threads).map(|_| AtomicBool::new(false)).collect(),
+        });
         let start = |rank: usize| {
             let shared = Arc::clone(&shared);
             thread::Builder::new().name(format!("solver-{rank}")).spawn(move || help(&shared, rank)).ok()
@@ -82,7 +92,8 @@ impl Pool {
         while shared.begun.load(Ordering::Acquire) < helpers.len() {
             thread::yield_now();
         }
-        Self { shared, helpers, backoff: Backoff::default(), poisoned: false }
+        let backoff = helpers.iter().map(|_| Backoff::default()).collect();
+        Self { shared, helpers, backoff, out: 0, poisoned: false }
     }
 
     /// Number of threads, the caller's included.
@@ -97,7 +108,7 @@ impl Pool {
     /// If `f` panicked on any thread, now or in an earlier phase.
     pub(crate) fn each<D: Disjoint>(&mut self, work: D, f: impl Fn(usize, D::Part) + Sync) {
         let count = work.len();
-        if self.helpers.is_empty() || self.backoff.is_on() {
+        if self.is_alone() {
             // SAFETY: each index once; `work` is used up.
             return self.alone(|| (0..count).for_each(|i| f(i, unsafe { work.part(i) })));
         }
@@ -121,7 +132,7 @@ impl Pool {
     ) {
         assert!(memory.len() >= self.threads(), "memory for {} of {} threads", memory.len(), self.threads());
         let count = work.len();
-        if self.helpers.is_empty() || self.backoff.is_on() {
+        if self.is_alone() {
             let own = &mut memory[0];
             // SAFETY: as in `each`.
             return self.alone(|| (0..count).for_each(|i| f(own, i, unsafe { work.part(i) })));
@@ -135,6 +146,32 @@ impl Pool {
                 f(own, i, unsafe { work.part(i) });
             }
         });
+    }
+
+    /// Calls back whom the team has done without for long enough, and says whether nobody helps the next phase. Reads the clock only
+    /// while somebody is left out.
+    fn is_alone(&mut self) -> bool {
+        if self.out > 0 {
+            let now = Instant::now();
+            for (backoff, left_out) in self.backoff.iter_mut().zip(&self.shared.left_out) {
+                if backoff.comes_back(now) {
+                    left_out.store(false, Ordering::Relaxed);
+                    self.out -= 1;
+                }
+            }
+        }
+        self.out == self.helpers.len()
+    }
+
+    /// Learns from a phase that a helper kept open for a time. Reads the clock after a loss only.
+    fn learn(&mut self, rank: usize, lost: Duration) {
+        let Some(helper) = rank.checked_sub(1).filter(|_| !lost.is_zero()) else { return };
+        let (threads, left_out) = (self.threads() - self.out, &self.shared.left_out[helper]);
+        // one that is left out already had entered before it saw that
+        if !left_out.load(Ordering::Relaxed) && self.backoff[helper].judge(lost, Instant::now(), threads) {
+            left_out.store(true, Ordering::Relaxed);
+            self.out += 1;
+        }
     }
 
     /// Runs a phase without helpers, and without the gate, whose atomic instructions are a twentieth of a half plane's step.
@@ -154,13 +191,15 @@ impl Pool {
     fn phase<F: Fn(&Gate<Job>, usize) + Sync>(&mut self, job: &F) {
         self.begin();
         let gate = &self.shared.gate;
-        for helper in &self.helpers {
-            helper.thread().unpark();
+        for (helper, left_out) in self.helpers.iter().zip(&self.shared.left_out) {
+            if !left_out.load(Ordering::Relaxed) {
+                helper.thread().unpark();
+            }
         }
         // SAFETY: `&mut self` keeps other threads out, and `f` of `each` has no pool to call. The job outlives the call.
         let ended = unsafe { gate.phase(Job::new(job), || job(gate, 0)) };
         assert!(!ended.panicked, "a solver thread panicked");
-        self.backoff.after(ended.lost);
+        self.learn(ended.late, ended.lost);
         self.poisoned = false;
     }
 }
@@ -180,6 +219,10 @@ fn help(shared: &Shared, rank: usize) {
     shared.begun.fetch_add(1, Ordering::Release);
     let (mut seen, mut turns) = (0, 0);
     while !shared.stop.load(Ordering::Acquire) {
+        if shared.left_out[rank - 1].load(Ordering::Relaxed) {
+            thread::park();
+            continue;
+        }
         let Some(job) = shared.gate.enter(&mut seen) else {
             wait(&mut turns);
             continue;
@@ -187,7 +230,7 @@ fn help(shared: &Shared, rank: usize) {
         turns = 0;
         // SAFETY: inside the gate, so the owner waits in `Pool::phase`, whose job is alive.
         let call = AssertUnwindSafe(|| unsafe { (job.call)(job.closure, &shared.gate, rank) });
-        shared.gate.leave(catch_unwind(call).is_err());
+        shared.gate.leave(rank, catch_unwind(call).is_err());
     }
 }
 
@@ -266,27 +309,30 @@ mod tests {
         }
     }
 
-    /// A helper that stays away in the middle of its part is left out of the phases after it, for many times as long.
+    /// The first of two helpers stays away in the middle of its part: it is left out of the phases after that, for many times as long, and the
+    /// other is not.
     #[test]
     #[cfg(not(miri))]
     fn a_helper_that_kept_the_team_waiting_is_left_out_for_a_while() {
-        let mut pool = Pool::new(2);
-        let helps = || thread::current().name().is_some_and(|name| name.starts_with("solver-"));
+        let mut pool = Pool::new(3);
+        let is_first = || thread::current().name() == Some("solver-1");
         let helped = AtomicUsize::new(0);
         let mut parts = [0; 64];
         pool.each(Each::new(&mut parts), |_, _| {
-            if helps() {
+            if is_first() {
                 helped.fetch_add(1, Ordering::Relaxed);
-                thread::sleep(std::time::Duration::from_millis(500));
+                thread::sleep(Duration::from_millis(500));
             }
             while helped.load(Ordering::Relaxed) == 0 {
                 thread::yield_now();
             }
         });
         assert!(helped.swap(0, Ordering::Relaxed) > 0);
+        let left_out: Vec<bool> = pool.shared.left_out.iter().map(|out| out.load(Ordering::Relaxed)).collect();
+        assert_eq!((left_out, pool.out), (vec![true, false], 1));
         for _ in 0..100 {
             pool.each(Each::new(&mut parts), |_, part| {
-                helped.fetch_add(usize::from(helps()), Ordering::Relaxed);
+                helped.fetch_add(usize::from(is_first()), Ordering::Relaxed);
                 *part += 1;
             });
         }
