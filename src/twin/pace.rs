@@ -6,7 +6,8 @@
 //! the error estimate that remains (see `solver::inertia`) says whether the steps were enough; so does, less strictly, the gap
 //! between the forces on instrument and base, which grows with the lag of the tissue. The next pose gets more steps while they are
 //! too large, and fewer when they are not. Where tissue slips, the force may change faster than over L ([`CHANGE_OF_SLIP`]). The start
-//! of a motion is an impulse, so it begins with the most steps. A resting instrument gets steps until the gap has closed and the tissue
+//! of a motion is an impulse, so it begins with the most steps; so is a turn into a direction whose tangent motion the solver has not learnt
+//! yet (`State::unlearnt`), which neither estimate sees: they compare with what was learnt. A resting instrument gets steps until the gap has closed and the tissue
 //! stands still, and then none.
 //!
 //! Forces alone don't tell that it stands still: where cells were crushed, single nodes come back after force and smooth field have. Per
@@ -39,6 +40,8 @@ const QUIET: f64 = 0.1;
 const FADE: f64 = 0.7;
 /// Largest factor on the steps that the tolerance asks for, and on the one step that a moving instrument takes at least.
 const LARGEST_BOOST: f64 = 16.0;
+/// Steps for a way that the tissue does not go along with at once, over those that the tolerance asks for.
+const IMPULSE: f64 = 20.0;
 /// Gap between the forces on instrument and base that a moving instrument may have, over what the tolerance allows the force.
 const LAG: f64 = 6.0;
 /// The same where tissue slips along a needle: how far it lags decides about what slips.
@@ -111,15 +114,17 @@ impl Pace {
         }
     }
 
-    /// Steps for a pose that is `travel` metres from the last one, while relaxation has changed the stress by the
+    /// Steps for a pose that is `travel` metres from the last one, `unlearnt` of them in directions that are new to the tissue, while relaxation has changed the stress by the
     /// share `relaxed`.
-    pub fn steps(&mut self, travel: f64, slowest: f64, relaxed: f64) -> u32 {
+    pub fn steps(&mut self, travel: f64, unlearnt: f64, slowest: f64, relaxed: f64) -> u32 {
         let s = &self.stepping;
         self.pending += relaxed;
         if travel > 0.0 {
-            let wanted = (travel / (s.tolerance * slowest * self.length)).max(1.0);
+            let unit = s.tolerance * slowest * self.length;
+            let wanted = (travel / unit).max(1.0);
+            let boost = self.boost.max((IMPULSE * unlearnt / (unit * wanted)).min(LARGEST_BOOST));
             let lag = self.lags_by * self.change / (s.tolerance * slowest * self.peak.max(self.force_floor));
-            return ((self.boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
+            return ((boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
         }
         if self.unsettled >= QUIET {
             return ((RELAXATION / slowest).ceil() as u32).min(self.most());
@@ -211,9 +216,9 @@ mod tests {
             let [moves, rests] =
                 [2.0, 0.5].map(|times| Balance { strain, kinetic: motion(times), ..Balance::default() });
             pace.judge(&moves, false);
-            assert_eq!(pace.steps(0.0, slowest, 0.0), 25, "{strain}");
+            assert_eq!(pace.steps(0.0, 0.0, slowest, 0.0), 25, "{strain}");
             (0..10).for_each(|_| pace.judge(&rests, false));
-            assert_eq!(pace.steps(0.0, slowest, 0.0), 0, "{strain}");
+            assert_eq!(pace.steps(0.0, 0.0, slowest, 0.0), 0, "{strain}");
         }
     }
 }

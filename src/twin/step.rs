@@ -132,7 +132,7 @@ impl Twin {
         let apart = phase == Phase::Approach && self.progress.phase == Phase::Approach;
         let (distance, travel) = if apart { (0.0, [0.0; 3]) } else { (distance, middle) };
         let relaxed = self.solver.stress_relaxation(time_s);
-        let steps = self.progress.pace.steps(distance, self.solver.slowest(), relaxed);
+        let steps = self.progress.pace.steps(distance, self.solver.unlearnt(travel), self.solver.slowest(), relaxed);
         Move { travel, moves: distance > 0.0, phase, steps }
     }
 

@@ -211,6 +211,12 @@ impl Solver {
         self.state.slowest()
     }
 
+    /// [`State::unlearnt`].
+    #[must_use]
+    pub fn unlearnt(&self, way: [f64; 3]) -> f64 {
+        self.state.unlearnt(way)
+    }
+
     /// [`Model::set_active`].
     pub fn set_active(&mut self, point: usize, share: f64) {
         self.model.set_active(&mut self.state, point, share);

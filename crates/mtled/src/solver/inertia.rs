@@ -30,12 +30,20 @@ use super::step::Balance;
 const ROUND_OFF: f64 = 1e-9;
 
 /// What the instrument's motions are to its nodes.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     /// c_k.
     pub rate: [[f64; 3]; 3],
     /// d / (d^2 + e^2), 1/m, with d the travel per step (see [`super::step`]); 0 at rest.
     pub gain: [f64; 3],
+    /// Of each t_k, the share that has not been learnt yet.
+    pub unlearnt: [f64; 3],
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self { rate: [[0.0; 3]; 3], gain: [0.0; 3], unlearnt: [1.0; 3] }
+    }
 }
 
 /// Sums over nodes that the balance is made of.

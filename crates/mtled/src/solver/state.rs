@@ -376,6 +376,14 @@ impl State {
     pub fn slowest(&self) -> f64 {
         self.control.slowest / self.moving.mass_factor.sqrt()
     }
+
+    /// What of a way of the instrument, m, is along directions whose tangent motions have not been learnt yet (see `solver::step`). The tissue
+    /// does not go along with it at once: it is an impulse.
+    #[must_use]
+    pub fn unlearnt(&self, way: [f64; 3]) -> f64 {
+        let unlearnt = self.control.motion.unlearnt;
+        way.iter().zip(unlearnt).map(|(d, share)| (d * share).powi(2)).sum::<f64>().sqrt()
+    }
 }
 
 impl Constraints {

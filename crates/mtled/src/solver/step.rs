@@ -101,11 +101,16 @@ impl Model {
         // what a rod drags may take many steps for a small way
         let steps = if state.constraints.drag.nodes.is_empty() { 1 } else { advance.steps };
         let of_travel = dot(&advance.travel, &advance.travel).sqrt() / (REFRESH_TRAVEL * self.mode.height());
+        let learn = LEARNING * state.slowest();
         let control = &mut state.control;
         control.since_refresh += of_travel.max(f64::from(steps) / f64::from(REFRESH));
         control.usual_travel = dot(&travel, &travel).sqrt().max(USUAL_DECAY * control.usual_travel);
         let square = dot(&travel, &travel) + (FLOOR * control.usual_travel).powi(2);
-        control.motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
+        let motion = &mut control.motion;
+        motion.gain = if square > 0.0 { travel.map(|d| d / square) } else { [0.0; 3] };
+        for k in 0..3 {
+            motion.unlearnt[k] *= (-learn * motion.gain[k] * travel[k] * f64::from(advance.steps)).exp();
+        }
         travel
     }
 
