@@ -11,7 +11,7 @@ use super::progress::Progress;
 use super::{CliError, Outcome, print, scene_file, warn};
 use crate::compare::{self, At, Collector, Keep, Reading, Run};
 use crate::report;
-use crate::scene::{Motion, Scene, Seconds};
+use crate::scene::{Motion, Override, Scene, Seconds};
 use crate::study::accuracy::{self, Row, StudyError, largest_error};
 use crate::study::correction::{self, Learnt};
 use crate::study::tune::{self, Goal, Tuned};
@@ -44,6 +44,10 @@ pub(super) struct Arguments {
     #[arg(long, help_heading = "Goal")]
     correct: bool,
 
+    /// Correct the scene with this key of discretisation or stepping changed, at its own pace, and look for no other cloud (may be repeated)
+    #[arg(long, value_name = "KEY=VALUE", requires = "correct", value_parser = of_cloud, help_heading = "Goal")]
+    cloud: Vec<String>,
+
     #[command(flatten)]
     threads: ThreadOptions,
 
@@ -57,21 +61,28 @@ fn share(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "a number between 0 and 1, as 0.02 for 2 %".to_owned())
 }
 
+fn of_cloud(text: &str) -> Result<String, String> {
+    let is_one = text.starts_with("discretisation.") || text.starts_with("stepping.");
+    let why = "a key of [discretisation] or [stepping] and its value, as discretisation.spacing_m=0.004; --set changes the others";
+    if is_one { Ok(text.to_owned()) } else { Err(why.to_owned()) }
+}
+
 fn rate(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().ok().filter(|x| (0.1..=1e6).contains(x));
     number.ok_or_else(|| "a number of Hz from 0.1 to 1000000".to_owned())
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
-    let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, [])?;
+    let rate = Override::typed("motion.pose_hz", arguments.pose_hz, "--pose-hz");
+    let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, [])?.with(&[rate])?;
     let depth = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?.depth.get();
     let goal = Goal { tolerance: arguments.tolerance, pose_hz: arguments.pose_hz };
-    let found = arguments.threads.install(|| search(&scene, depth, goal, arguments.correct))??;
+    let found = arguments.threads.install(|| search(&scene, depth, goal, arguments))??;
     let Some(Found { yardstick, tuned, learnt }) = found else {
         warn("interrupted: nothing is written");
         return Ok(Outcome::Lossy);
     };
-    let text = written(&tuned, &yardstick, goal, rayon_threads(arguments), learnt.as_ref());
+    let text = written(&tuned, &yardstick, goal, arguments, learnt.as_ref());
     // what is shown is what the file says
     let scene = scene_file::from_text(&text, &tuned.scene.name)?;
     let run = arguments.threads.install(|| shown(&scene))??;
@@ -110,23 +121,38 @@ struct Found {
     learnt: Option<Learnt>,
 }
 
-fn search(scene: &Scene, depth: f64, goal: Goal, correct: bool) -> Result<Option<Found>, CliError> {
+fn search(scene: &Scene, depth: f64, goal: Goal, arguments: &Arguments) -> Result<Option<Found>, CliError> {
     let interrupt = Interrupt::listen();
     let yardstick = Yardstick::of(scene, depth)?;
     eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
     let mut seen = |row: &Row| eprint(&row.line());
     let stop = || interrupt.pressed();
-    if !correct {
+    if !arguments.correct {
         let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &stop)?;
         return Ok(tuned.map(|tuned| Found { yardstick, tuned, learnt: None }));
     }
     let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
-    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
+    let mut case = None;
+    let cloud = if arguments.cloud.is_empty() {
+        let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
+        case = Some(tuned.row.case);
+        tuned.scene
+    } else {
+        let keys =
+            arguments.cloud.iter().map(|text| Override::parse(text, "--cloud")).collect::<Result<Vec<_>, _>>()?;
+        Scene { name: format!("{}_tuned", scene.name), ..scene.with(&keys)? }
+    };
     eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
-    let Some(learnt) = correction::learn(scene, &tuned.scene, depth, &stop)? else { return Ok(None) };
+    let Some(learnt) = correction::learn(scene, &cloud, depth, &stop)? else { return Ok(None) };
     eprint(&told(&learnt, goal));
-    let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
-    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, &stop)?;
+    let paced = if let Some(case) = case {
+        let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
+        tune::paced(scenes, &case, &learnt.known, goal, &mut seen, &stop)?
+    } else {
+        let row = learnt.on_the_way(&stop)?;
+        row.iter().for_each(&mut seen);
+        row.map(|row| Tuned { scene: learnt.scene.clone(), row })
+    };
     Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
 }
 
@@ -157,16 +183,20 @@ fn met(is: bool) -> &'static str {
 }
 
 /// The scene file, with what was measured above it.
-fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, threads: usize, learnt: Option<&Learnt>) -> String {
-    let row = &tuned.row;
+fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, arguments: &Arguments, learnt: Option<&Learnt>) -> String {
+    let (row, threads) = (&tuned.row, rayon_threads(arguments));
+    let wanted = if arguments.cloud.is_empty() {
+        format!("force within {} % of", accuracy_percent(goal.tolerance))
+    } else {
+        format!("with {}, against", arguments.cloud.join(", "))
+    };
     let mut text = String::new();
     // Writing to a String can't fail.
     let _ = writeln!(
         text,
-        "# Written by `needle_twin tune`: force within {} % of {} at {} poses per second.\n\
+        "# Written by `needle_twin tune`: {wanted} {} at {} poses per second.\n\
          # Measured on {threads} thread{}: largest error {:.2} %, {:.4} ms of processor time per pose, {} nodes, {} points.\n\
          # Another machine has other costs: run it there.\n",
-        accuracy_percent(goal.tolerance),
         learnt.map_or(&yardstick.source, |learnt| &learnt.known.source),
         goal.pose_hz,
         if threads == 1 { "" } else { "s" },

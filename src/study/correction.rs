@@ -116,6 +116,16 @@ impl Learnt {
     pub fn other((key, value): (&str, f64), scene: &Scene) -> Result<Scene, StudyError> {
         Ok(scene.with(&[Override::typed(key, value, "tune")])?)
     }
+
+    /// How near force and targets are on the way at the scene's own pace, in the run that the correction was not learnt from. `None` if it was
+    /// stopped.
+    ///
+    /// # Errors
+    /// As [`Case::run`].
+    pub fn on_the_way(&self, stop: &dyn Fn() -> bool) -> Result<Option<Row>, StudyError> {
+        let other = Self::other(self.held_out, &self.scene)?;
+        Case::of(&other)?.row_of(&other, &self.known, stop)
+    }
 }
 
 /// The key that is changed for the run that a correction is not learnt from, and its value there.

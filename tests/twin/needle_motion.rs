@@ -50,6 +50,39 @@ fn an_inserted_needle_that_moves_sideways_is_pushed_back() {
     assert!(back.abs() < 0.03 * whole.abs(), "nothing is left when the needle is back: {back} of {whole}");
 }
 
+/// Into the tissue and then at once sideways, 5 um a pose: the tissue does not know that direction yet, and neither estimate of the error sees it.
+#[test]
+fn a_turn_into_a_new_direction_gets_the_steps_that_it_needs() {
+    const WAY: f64 = 5e-6;
+    let turned = |steps: &[(&str, &str)]| -> Vec<Prediction> {
+        let mut twin = Twin::new(&scene("needle_insertion", steps)).unwrap();
+        travel(&mut twin, 0.0, DEPTH, (DEPTH / WAY).round() as u32);
+        let aside = |twin: &mut Twin, x: f64| {
+            let mut pose = twin.pose_at_depth(DEPTH);
+            pose.tip[0] += x;
+            twin.step(StampedPose { time_s: 0.0, pose }).unwrap()
+        };
+        let poses = (1..=60).chain((0..60).rev());
+        poses.map(|i| aside(&mut twin, WAY * f64::from(i))).collect()
+    };
+    let (own, many) = (turned(&[]), turned(&[("stepping.min_steps_per_pose", "40")]));
+    let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let errors = own
+        .iter()
+        .zip(&many)
+        .map(|(a, b)| length(std::array::from_fn(|k| a.force_n[k] - b.force_n[k])) / length(b.force_n));
+    let largest = errors.fold(0.0, f64::max);
+    let steps = |of: &[Prediction]| of.iter().map(|p| p.steps).max().unwrap_or_default();
+    println!(
+        "{largest:.3} of the force; {} steps at most where it turns, {} on the way back",
+        steps(&own[..20]),
+        steps(&own[80..])
+    );
+    assert!(largest < 0.1, "{largest} of the force");
+    let back = steps(&own[80..]);
+    assert!(back < steps(&own[..20]), "in a direction that is known it takes fewer: {back}");
+}
+
 #[test]
 fn work_is_never_gained_on_a_closed_way() {
     let mut twin = inserted();
