@@ -123,37 +123,53 @@ struct Found {
 
 fn search(scene: &Scene, depth: f64, goal: Goal, arguments: &Arguments) -> Result<Option<Found>, CliError> {
     let interrupt = Interrupt::listen();
+    let stop = || interrupt.pressed();
+    if !arguments.cloud.is_empty() {
+        return correct(scene, depth, goal, &arguments.cloud, &stop);
+    }
     let yardstick = Yardstick::of(scene, depth)?;
     eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
     let mut seen = |row: &Row| eprint(&row.line());
-    let stop = || interrupt.pressed();
     if !arguments.correct {
         let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &stop)?;
         return Ok(tuned.map(|tuned| Found { yardstick, tuned, learnt: None }));
     }
     let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
-    let mut case = None;
-    let cloud = if arguments.cloud.is_empty() {
-        let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
-        case = Some(tuned.row.case);
-        tuned.scene
-    } else {
-        let keys =
-            arguments.cloud.iter().map(|text| Override::parse(text, "--cloud")).collect::<Result<Vec<_>, _>>()?;
-        Scene { name: format!("{}_tuned", scene.name), ..scene.with(&keys)? }
-    };
-    eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
-    let Some(learnt) = correction::learn(scene, &cloud, depth, &stop)? else { return Ok(None) };
-    eprint(&told(&learnt, goal));
-    let paced = if let Some(case) = case {
-        let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
-        tune::paced(scenes, &case, &learnt.known, goal, &mut seen, &stop)?
-    } else {
-        let row = learnt.on_the_way(&stop)?;
-        row.iter().for_each(&mut seen);
-        row.map(|row| Tuned { scene: learnt.scene.clone(), row })
-    };
+    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
+    let Some(learnt) = learn(scene, &tuned.scene, depth, goal, &stop)? else { return Ok(None) };
+    let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
+    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, &stop)?;
     Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
+}
+
+/// The scene with these keys, corrected, at its own pace.
+fn correct(
+    scene: &Scene,
+    depth: f64,
+    goal: Goal,
+    keys: &[String],
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Found>, CliError> {
+    let keys = keys.iter().map(|text| Override::parse(text, "--cloud")).collect::<Result<Vec<_>, _>>()?;
+    let cloud = Scene { name: format!("{}_tuned", scene.name), ..scene.with(&keys)? };
+    let Some(learnt) = learn(scene, &cloud, depth, goal, stop)? else { return Ok(None) };
+    let Some(row) = learnt.on_the_way(stop)? else { return Ok(None) };
+    eprint(&(accuracy::heading() + &row.line()));
+    let tuned = Tuned { scene: learnt.scene.clone(), row };
+    Ok(Some(Found { yardstick: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
+}
+
+fn learn(
+    scene: &Scene,
+    cloud: &Scene,
+    depth: f64,
+    goal: Goal,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Learnt>, CliError> {
+    eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
+    let learnt = correction::learn(scene, cloud, depth, stop)?;
+    learnt.iter().for_each(|learnt| eprint(&told(learnt, goal)));
+    Ok(learnt)
 }
 
 /// What is left after a correction in the run that it was not learnt from.
@@ -246,7 +262,12 @@ fn proof(run: &Run, yardstick: &Yardstick, goal: Goal) -> Proof {
         format!("; a pose is answered in {:.3} ms (median), {:.3} ms (99 of 100)", l.p50, l.p99)
     });
     let right = error.is_some_and(|e| e <= goal.tolerance);
-    let told = error.map_or_else(|| "ended early".to_owned(), |e| format!("{:.2} %", 100.0 * e));
+    // the depth says whether it is one layer of nodes or the whole way
+    let at = errors
+        .iter()
+        .find(|(_, e)| Some(e.abs()) == error)
+        .map_or_else(String::new, |(d, _)| format!(" at {:.2} mm", 1e3 * d));
+    let told = error.map_or_else(|| "ended early".to_owned(), |e| format!("{:.2} %{at}", 100.0 * e));
     Proof {
         text: format!(
             "run of the written scene: largest error of the force {told} of {} %: {}; {factor:.1} times real time at {} Hz: \

@@ -30,6 +30,8 @@ const OTHER_RATIO: f64 = 0.01;
 pub struct Learnt {
     /// The scene with its correction.
     pub scene: Scene,
+    /// The finer cloud that it was learnt from, at rest at each depth.
+    pub learnt_from: Yardstick,
     /// Key and value of the run that it was not learnt from.
     pub held_out: (&'static str, f64),
     /// The finer cloud in that run, at rest at each depth.
@@ -96,6 +98,8 @@ pub fn learn(
         learnt_from: format!("{} nodes, {} points", known.nodes, known.integration_points),
         ..correction(&plain, &depths, &found, &known)?
     };
+    let source = format!("a finer cloud of {} nodes at rest", known.nodes);
+    let learnt_from = Yardstick::driven(&finer, &depths, known, source)?;
     let mut scene = Scene { correction: Some(correction), ..plain.clone() };
     let held_out = held_out(problem);
     let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, stop);
@@ -105,7 +109,7 @@ pub fn learn(
     let before = largest(&plain, &between, &before, &known);
     let source = format!("a finer cloud of {} nodes at rest with {} = {:.4}", known.nodes, held_out.0, held_out.1);
     let known = Yardstick::driven(&finer, &between, known, source)?;
-    Ok(Some(Learnt { before, left, scene, held_out, known }))
+    Ok(Some(Learnt { before, left, scene, learnt_from, held_out, known }))
 }
 
 impl Learnt {

@@ -4,13 +4,13 @@
 use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError};
 use super::composites::{COMPOSITES, Composite, posed};
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
-use crate::scene::{Motion, Preset, Scene, Target};
+use crate::scene::{Motion, Override, Preset, Scene, Target};
 
 /// Spacing of the own fine cloud over the scene's, in a half plane.
 pub(super) const FINE: f64 = 0.5;
 /// The same in space, where half the spacing costs ten times as much.
 pub(super) const FINE_IN_SPACE: f64 = 0.7;
-/// Steps of each pose on the own fine cloud.
+/// Fewest steps of a pose on the own fine cloud: in a fast motion its pace asks for more.
 const FINE_STEPS: u32 = 4;
 /// Depths at which forces are compared where the scene's own model is the reference.
 const DEPTHS: u32 = 20;
@@ -59,13 +59,14 @@ impl Yardstick {
         Ok(yardstick)
     }
 
-    /// The scene's own model: half of the spacing, double precision, four steps per pose.
+    /// The scene's own model: half of the spacing, double precision, four steps per pose or more.
     fn own(scene: &Scene, depth_m: f64) -> Result<Self, StudyError> {
         let own = Case::of(scene)?;
         let mut case = own.spaced(scene, if own.is_half_plane() { FINE } else { FINE_IN_SPACE });
         "f64".clone_into(&mut case.precision);
-        case.steps = Steps::Fixed(FINE_STEPS);
-        let mut scene = case.scene(scene)?;
+        case.steps = Steps::Auto;
+        let steps = Override::typed("stepping.min_steps_per_pose", FINE_STEPS, "study");
+        let mut scene = case.scene(scene)?.with(&[steps])?;
         if scene.targets.is_empty() {
             scene.targets = probes(&scene);
         }

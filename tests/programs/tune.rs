@@ -110,3 +110,34 @@ fn a_coarser_cloud_is_corrected() {
     let without = run(&[&other[..], &["--set", "correction.apply=false", "--threads", "1", "--json"]].concat());
     assert!(text(&without.stdout).contains("\"dimension_because\""), "{}", text(&without.stderr));
 }
+
+#[test]
+fn a_given_cloud_is_corrected_at_its_own_pace() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("corrected.toml").display().to_string();
+    let keys = ["motion.depth_m=0.001", "motion.speed_m_per_s=0.002", "material.poisson_ratio=0.48"];
+    let motion = keys.iter().flat_map(|key| ["--set", key]).collect::<Vec<_>>();
+    let asked = ["tune", "--scene", "compression", "--tolerance", "0.01", "--pose-hz", "200", "--threads", "1"];
+    let cloud = ["--correct", "--cloud", "discretisation.spacing_m=0.003", "--cloud", "stepping.tolerance=0.008"];
+    let done = run(&[&asked[..], &motion, &cloud, &["--out", &scene]].concat());
+    let (said, seen) = (text(&done.stdout), text(&done.stderr));
+    assert_eq!(done.status.code(), Some(0), "{said}{seen}");
+    assert!(said.contains("are left of") && said.contains(" mm of 1 %: met") && !said.contains("NOT met"), "{said}");
+    let written = std::fs::read_to_string(&scene).unwrap();
+    for part in
+        ["with discretisation.spacing_m=0.003, stepping.tolerance=0.008, against a finer cloud of", "[correction]"]
+    {
+        assert!(written.contains(part), "{part}: {written}");
+    }
+    let of = |key: &str| written.lines().find(|line| line.starts_with(key)).map(str::to_owned);
+    assert_eq!(of("spacing_m"), Some("spacing_m = 0.003".to_owned()));
+    assert_eq!(of("tolerance"), Some("tolerance = 0.008".to_owned()));
+
+    let other = ["--correct", "--cloud", "material.poisson_ratio=0.3"];
+    let alone = ["--cloud", "discretisation.spacing_m=0.003"];
+    for (wrong, why) in [(&other[..], "--set changes the others"), (&alone, "--correct")] {
+        let done = run(&[&asked[..], wrong].concat());
+        assert_eq!(done.status.code(), Some(2), "{wrong:?}");
+        assert!(text(&done.stderr).contains(why), "{}", text(&done.stderr));
+    }
+}
