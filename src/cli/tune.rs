@@ -175,8 +175,13 @@ fn learn(
 /// What is left after a correction in the run that it was not learnt from.
 fn told(learnt: &Learnt, goal: Goal) -> String {
     let (key, value) = learnt.held_out;
+    let dropped = if learnt.dropped.is_empty() {
+        String::new()
+    } else {
+        format!(" (without a correction, since nearer so: {})", learnt.dropped.join("; "))
+    };
     format!(
-        "corrected; with {key} = {value:.4}, which it was not learnt from, {:.2} % of force and targets are left of {:.2} %: {}\n",
+        "corrected{dropped}; with {key} = {value:.4}, which it was not learnt from, {:.2} % of force and targets are left of {:.2} %: {}\n",
         100.0 * learnt.left,
         100.0 * learnt.before,
         met(learnt.left <= goal.tolerance)

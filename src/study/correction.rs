@@ -40,6 +40,9 @@ pub struct Learnt {
     pub before: f64,
     /// What is left of it.
     pub left: f64,
+    /// What was nearer in that run without a correction, and has none: `force` or names of targets. A coarse cloud has nothing that could be
+    /// stretched where a tip passes a target on its path.
+    pub dropped: Vec<String>,
 }
 
 /// The row of a case; of one that is corrected after it was learnt how, to the yardstick's last depth. `None` if it was stopped.
@@ -104,12 +107,18 @@ pub fn learn(
     let held_out = held_out(problem);
     let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, stop);
     let (Some(known), Some(before), Some(found)) = (run(&finer)?, run(&plain)?, run(&scene)?) else { return Ok(None) };
-    let left = largest(&scene, &between, &found, &known);
-    scene.correction.iter_mut().for_each(|c| c.left = left);
-    let before = largest(&plain, &between, &before, &known);
+    let [before, found] = [&before, &found].map(|found| errors(&plain, &between, found, &known));
+    let names: Vec<&str> =
+        std::iter::once("force").chain(plain.targets.iter().map(|target| target.name.as_str())).collect();
+    let mut dropped = Vec::new();
+    if let Some(correction) = &mut scene.correction {
+        dropped = keep_what_helps(correction, &names, &before, &found);
+    }
+    let left = scene.correction.as_ref().map_or(0.0, |c| c.left);
+    let before = before.into_iter().fold(0.0, f64::max);
     let source = format!("a finer cloud of {} nodes at rest with {} = {:.4}", known.nodes, held_out.0, held_out.1);
     let known = Yardstick::driven(&finer, &between, known, source)?;
-    Ok(Some(Learnt { before, left, scene, learnt_from, held_out, known }))
+    Ok(Some(Learnt { before, left, dropped, scene, learnt_from, held_out, known }))
 }
 
 impl Learnt {
@@ -191,7 +200,7 @@ fn similarities(
     to: &[[f64; 3]],
     least: f64,
 ) -> Result<Vec<f64>, StudyError> {
-    let mut numbers = vec![[1.0, 0.0, 0.0, 0.0]; depths.len()];
+    let mut numbers = vec![Similarity::NONE.numbers(); depths.len()];
     let mut deeper = None;
     for (i, depth) in depths.iter().enumerate().rev() {
         let own = Similarity::between(from[i], to[i]).filter(|_| length(from[i]) > least);
@@ -210,9 +219,24 @@ fn similarities(
     Ok(numbers.concat())
 }
 
-/// Largest distance from what is known, over its greatest length so far (what a needle comes to hold may move back): of the force, and of each
-/// target's motion, from a fifth of the path on.
-fn largest(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> f64 {
+/// Takes away what makes an error larger than it was, of force and targets in turn, and notes what is left; the names of what is without.
+fn keep_what_helps(correction: &mut Correction, names: &[&str], before: &[f64], found: &[f64]) -> Vec<String> {
+    let each = correction.depths.len() * Correction::NUMBERS;
+    let all = correction.force.chunks_mut(each).chain(correction.targets.chunks_mut(each));
+    let mut dropped = Vec::new();
+    for (((name, numbers), before), found) in names.iter().zip(all).zip(before).zip(found) {
+        if found > before {
+            numbers.chunks_mut(Correction::NUMBERS).for_each(|n| n.copy_from_slice(&Similarity::NONE.numbers()));
+            dropped.push((*name).to_owned());
+        }
+    }
+    correction.left = before.iter().zip(found).map(|(before, found)| before.min(*found)).fold(0.0, f64::max);
+    dropped
+}
+
+/// Largest distance from what is known, over its greatest length so far (what a needle comes to hold may move back), from a fifth of the path on: of
+/// the force, and of each target's motion.
+fn errors(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> Vec<f64> {
     let deepest = depths.last().copied().unwrap_or_default();
     let error = |found: &[[f64; 3]], known: &[[f64; 3]]| {
         let mut most = 0.0_f64;
@@ -225,12 +249,36 @@ fn largest(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> f64
         }
         worst
     };
-    let targets = (0..scene.targets.len())
-        .map(|i| error(&displacements(scene, found, i), &displacements(scene, known, i)))
-        .fold(0.0, f64::max);
-    error(&found.vectors, &known.vectors).max(targets)
+    let of_target = |i| error(&displacements(scene, found, i), &displacements(scene, known, i));
+    std::iter::once(error(&found.vectors, &known.vectors)).chain((0..scene.targets.len()).map(of_target)).collect()
 }
 
 fn length(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_correction_makes_worse_goes_without() {
+        let learnt = [0.9, 0.0, 0.01, 0.0, 1.1, 0.0, 0.02, 0.0];
+        let mut correction = Correction {
+            apply: true,
+            learnt_from: String::new(),
+            left: 0.0,
+            of: String::new(),
+            depths: vec![1e-3, 2e-3],
+            force: learnt.to_vec(),
+            targets: [learnt, learnt].concat(),
+        };
+        let names = ["force", "on the path", "beside it"];
+        let dropped = keep_what_helps(&mut correction, &names, &[0.03, 0.05, 0.04], &[0.01, 0.09, 0.02]);
+        assert_eq!(dropped, ["on the path"]);
+        assert_eq!(correction.force, learnt);
+        assert_eq!(correction.targets[..8], [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(correction.targets[8..], learnt);
+        assert!((correction.left - 0.05).abs() < 1e-12, "{}", correction.left);
+    }
 }

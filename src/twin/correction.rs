@@ -26,6 +26,9 @@ pub struct Similarity {
 }
 
 impl Similarity {
+    /// What leaves a vector as it is.
+    pub const NONE: Self = Self { scale: 1.0, turn: [0.0; 3] };
+
     /// What takes a vector to another one the short way; `None` where one of them has no direction.
     #[must_use]
     pub fn between(from: [f64; 3], to: [f64; 3]) -> Option<Self> {
