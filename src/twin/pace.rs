@@ -6,9 +6,9 @@
 //! the error estimate that remains (see `solver::inertia`) says whether the steps were enough; so does, less strictly, the gap
 //! between the forces on instrument and base, which grows with the lag of the tissue. The next pose gets more steps while they are
 //! too large, and fewer when they are not. Where tissue slips, the force may change faster than over L ([`CHANGE_OF_SLIP`]). The start
-//! of a motion is an impulse, so it begins with the most steps; so is a turn into a direction whose tangent motion the solver has not learnt
-//! yet (`State::unlearnt`), which neither estimate sees: they compare with what was learnt. A resting instrument gets steps until the gap has closed and the tissue
-//! stands still, and then none.
+//! of a motion is an impulse, so it begins with the most steps. So is a turn into a direction whose tangent motion the solver has not
+//! learnt yet (`State::unlearnt`), which neither estimate sees: both compare with what was learnt. A resting instrument gets steps until
+//! the gap has closed and the tissue stands still, and then none.
 //!
 //! Forces alone don't tell that it stands still: where cells were crushed, single nodes come back after force and smooth field have. Per
 //! relaxation time 1/omega a mode of amplitude u goes the way q/omega, and has the energies T = m q^2/2 and W = m omega^2 u^2/2. So
@@ -114,8 +114,8 @@ impl Pace {
         }
     }
 
-    /// Steps for a pose that is `travel` metres from the last one, `unlearnt` of them in directions that are new to the tissue, while relaxation has changed the stress by the
-    /// share `relaxed`.
+    /// Steps for a pose that is `travel` metres from the last one, `unlearnt` of them in directions that are new to the tissue, while
+    /// relaxation has changed the stress by the share `relaxed`.
     pub fn steps(&mut self, travel: f64, unlearnt: f64, slowest: f64, relaxed: f64) -> u32 {
         let s = &self.stepping;
         self.pending += relaxed;
@@ -220,5 +220,21 @@ mod tests {
             (0..10).for_each(|_| pace.judge(&rests, false));
             assert_eq!(pace.steps(0.0, 0.0, slowest, 0.0), 0, "{strain}");
         }
+    }
+
+    /// Of a way in a new direction more, but no more than the start of a motion gets; of a known one what the tolerance asks for.
+    #[test]
+    fn a_way_that_was_not_learnt_gets_more_steps() {
+        let (height, slowest) = (0.017, 0.02);
+        let mut pace = Pace::new(&Scene::preset("needle_insertion").unwrap(), height);
+        let still = Balance { instrument: [0.0, 0.0, 1e-2], ..Balance::default() };
+        let mut steps = |way: f64, unlearnt: f64| {
+            (0..60).for_each(|_| pace.judge(&still, true));
+            pace.steps(way, unlearnt, slowest, 0.0)
+        };
+        assert_eq!(steps(5e-6, 0.0), 1);
+        assert_eq!(steps(5e-6, 1e-6), 3);
+        assert_eq!(steps(5e-6, 5e-6), 15);
+        assert_eq!((steps(1e-4, 0.0), steps(1e-4, 1e-4)), (15, 236));
     }
 }

@@ -33,8 +33,12 @@ impl Default for Backoff {
 }
 
 impl Backoff {
-    /// Learns that a phase of so many threads waited for this helper. Whether it is left out from now on.
-    pub fn judge(&mut self, lost: Duration, now: Instant, threads: usize) -> bool {
+    /// Learns that a phase of so many threads has just waited for this helper. Whether it is left out from now on.
+    pub fn after(&mut self, lost: Duration, threads: usize) -> bool {
+        self.judge(lost, Instant::now(), threads)
+    }
+
+    fn judge(&mut self, lost: Duration, now: Instant, threads: usize) -> bool {
         if now.duration_since(self.since) > lost.mul_f64(WORTH * threads as f64) {
             (self.since, self.share) = (now, FIRST);
             return false;
@@ -45,13 +49,19 @@ impl Backoff {
     }
 
     /// Whether it was left out and is to help again from now on.
-    pub fn comes_back(&mut self, now: Instant) -> bool {
+    fn comes_back(&mut self, now: Instant) -> bool {
         let over = self.until.is_some_and(|until| now >= until);
         if over {
             (self.since, self.until) = (now, None);
         }
         over
     }
+}
+
+/// Ranks, less 1, of the helpers that come back now.
+pub fn come_back(helpers: &mut [Backoff]) -> impl Iterator<Item = usize> {
+    let now = Instant::now();
+    helpers.iter_mut().enumerate().filter_map(move |(i, helper)| helper.comes_back(now).then_some(i))
 }
 
 #[cfg(test)]

@@ -14,9 +14,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::backoff::Backoff;
+use super::backoff::{Backoff, come_back};
 use super::disjoint::{Disjoint, Each};
 use super::gate::Gate;
 use super::sync::relax;
@@ -152,12 +152,9 @@ impl Pool {
     /// while somebody is left out.
     fn is_alone(&mut self) -> bool {
         if self.out > 0 {
-            let now = Instant::now();
-            for (backoff, left_out) in self.backoff.iter_mut().zip(&self.shared.left_out) {
-                if backoff.comes_back(now) {
-                    left_out.store(false, Ordering::Relaxed);
-                    self.out -= 1;
-                }
+            for helper in come_back(&mut self.backoff) {
+                self.shared.left_out[helper].store(false, Ordering::Relaxed);
+                self.out -= 1;
             }
         }
         self.out == self.helpers.len()
@@ -168,7 +165,7 @@ impl Pool {
         let Some(helper) = rank.checked_sub(1).filter(|_| !lost.is_zero()) else { return };
         let (threads, left_out) = (self.threads() - self.out, &self.shared.left_out[helper]);
         // one that is left out already had entered before it saw that
-        if !left_out.load(Ordering::Relaxed) && self.backoff[helper].judge(lost, Instant::now(), threads) {
+        if !left_out.load(Ordering::Relaxed) && self.backoff[helper].after(lost, threads) {
             left_out.store(true, Ordering::Relaxed);
             self.out += 1;
         }
