@@ -73,8 +73,7 @@ fn rate(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
-    let rate = Override::typed("motion.pose_hz", arguments.pose_hz, "--pose-hz");
-    let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, [])?.with(&[rate])?;
+    let scene = arguments.set.apply(&scene_file::load(&arguments.scene)?, [])?;
     let depth = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?.depth.get();
     let goal = Goal { tolerance: arguments.tolerance, pose_hz: arguments.pose_hz };
     let found = arguments.threads.install(|| search(&scene, depth, goal, arguments))??;
@@ -151,7 +150,7 @@ fn correct(
     stop: &dyn Fn() -> bool,
 ) -> Result<Option<Found>, CliError> {
     let keys = keys.iter().map(|text| Override::parse(text, "--cloud")).collect::<Result<Vec<_>, _>>()?;
-    let cloud = Scene { name: format!("{}_tuned", scene.name), ..scene.with(&keys)? };
+    let cloud = Scene { name: format!("{}_tuned", scene.name), ..goal.asked_of(&scene.with(&keys)?)? };
     let Some(learnt) = learn(scene, &cloud, depth, goal, stop)? else { return Ok(None) };
     let Some(row) = learnt.on_the_way(stop)? else { return Ok(None) };
     eprint(&(accuracy::heading() + &row.line()));

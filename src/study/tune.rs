@@ -19,7 +19,7 @@ const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
 /// Steps per pose that are tried, few first.
 const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
 /// Most steps per pose at a scene's own pace: the key's default.
-const MOST_STEPS: u32 = 2000;
+pub(super) const MOST_STEPS: u32 = 2000;
 /// Discretisations whose steps per pose are tried.
 const FINALISTS: usize = 4;
 /// Share of the time between two poses that the mean pose may take: the rest is for what else the machine does.
@@ -51,7 +51,7 @@ impl Goal {
     }
 
     /// The scene with the poses that are asked for.
-    fn asked_of(&self, scene: &Scene) -> Result<Scene, StudyError> {
+    pub(crate) fn asked_of(&self, scene: &Scene) -> Result<Scene, StudyError> {
         Ok(scene.with(&[Override::text("motion.pose_hz", &self.pose_hz.to_string(), "tune")])?)
     }
 }

@@ -4,6 +4,7 @@
 use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError};
 use super::composites::{COMPOSITES, Composite, posed};
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
+use super::tune::MOST_STEPS;
 use crate::scene::{Motion, Override, Preset, Scene, Target};
 
 /// Spacing of the own fine cloud over the scene's, in a half plane.
@@ -65,8 +66,9 @@ impl Yardstick {
         let mut case = own.spaced(scene, if own.is_half_plane() { FINE } else { FINE_IN_SPACE });
         "f64".clone_into(&mut case.precision);
         case.steps = Steps::Auto;
-        let steps = Override::typed("stepping.min_steps_per_pose", FINE_STEPS, "study");
-        let mut scene = case.scene(scene)?.with(&[steps])?;
+        let steps = [("stepping.min_steps_per_pose", FINE_STEPS), ("stepping.max_steps_per_pose", MOST_STEPS)];
+        let steps = steps.map(|(path, steps)| Override::typed(path, steps, "study"));
+        let mut scene = case.scene(scene)?.with(&steps)?;
         if scene.targets.is_empty() {
             scene.targets = probes(&scene);
         }

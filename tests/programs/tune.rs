@@ -89,6 +89,9 @@ fn a_coarser_cloud_is_corrected() {
         "motion.speed_m_per_s=0.002",
         "--set",
         "material.poisson_ratio=0.48",
+        // fewer than the own fine cloud takes
+        "--set",
+        "stepping.max_steps_per_pose=2",
     ];
     let asked =
         ["tune", "--scene", "compression", "--tolerance", "0.01", "--pose-hz", "200", "--threads", "1", "--correct"];

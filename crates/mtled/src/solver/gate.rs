@@ -36,6 +36,7 @@ pub struct Gate<J> {
     state: AtomicU64,
     /// Index of the next part of the work that nobody has claimed.
     next: AtomicUsize,
+    /// [`Ended::late`].
     late: AtomicUsize,
     panicked: AtomicBool,
     job: UnsafeCell<Option<J>>,

@@ -328,6 +328,7 @@ impl State {
     pub fn forget_motion(&mut self) {
         self.moving.q.fill([0.0; 3]);
         self.moving.tangent.0.iter_mut().for_each(|t| t.fill([0.0; 3]));
+        self.control.motion.unlearnt = [1.0; 3];
     }
 
     /// Moves the rod along its axis, to a way in m at the end of the next advance.
