@@ -113,8 +113,9 @@ function mark(row, x, y) {
     return node('rect', { ...style, x: x - m, y: y - m, width: 2 * m, height: 2 * m });
   };
   if (!row.corrected) return shape();
-  const ringed = node('g', { class: 'point' });
-  ringed.append(shape(), node('circle', { cx: x, cy: y, r: 1.8 * m, fill: 'none', stroke: colour }));
+  const ringed = node('g', { class: 'point' }), inner = shape();
+  inner.removeAttribute('class');
+  ringed.append(inner, node('circle', { cx: x, cy: y, r: 1.8 * m, fill: 'none', stroke: colour }));
   return ringed;
 }
 
