@@ -9,7 +9,8 @@ use byteorder::{BigEndian, LittleEndian};
 
 use super::messages::RosMessage;
 use super::recorder::Tap;
-use ros2_guarded::{Delivery, Link, Mailbox, Unsent, cdr, origin_of, publication, times_of};
+use super::origin::Origin;
+use ros2_guarded::{Delivery, Link, Mailbox, Unsent, cdr, publication, times_of};
 
 /// A publisher that knows how many subscriptions it has.
 pub struct Output<M: serde::Serialize> {
@@ -158,14 +159,20 @@ impl<M: RosMessage + 'static> Input<M> {
         self.next_from().await.0
     }
 
-    /// As [`Input::next`], with a number that stands for the publisher.
-    pub async fn next_from(&self) -> (M, u64) {
+    /// As [`Input::next`], with where it comes from.
+    pub async fn next_from(&self) -> (M, Origin) {
         loop {
             let delivery = self.mailbox.next().await;
             if let Some((message, _)) = self.read(&delivery) {
-                return (message, origin_of(&delivery.stamp));
+                return (message, Origin::of(&delivery));
             }
         }
+    }
+
+    /// As [`Input::take`], with where it comes from.
+    pub fn take_from(&self) -> Option<(M, Origin)> {
+        std::iter::from_fn(|| self.mailbox.take())
+            .find_map(|delivery| Some((self.read(&delivery)?.0, Origin::of(&delivery))))
     }
 }
 

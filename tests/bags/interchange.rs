@@ -93,6 +93,7 @@ fn every_message_type_is_read_by_others() {
         own::Outlook,
         own::ForceComparison,
         own::TwinStatus,
+        own::Safety,
     );
     let mut recorded: Vec<String> = recorded_types().collect();
     recorded.sort();

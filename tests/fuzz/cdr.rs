@@ -4,7 +4,7 @@ use ros2_messages::RosMessage;
 use ros2_messages::diagnostic_msgs::DiagnosticArray;
 use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
 use ros2_messages::needle_twin::{
-    ForceBand, ForceComparison, Outlook, TissueEvent, TissueModel, TissueState, TwinStatus,
+    ForceBand, ForceComparison, Outlook, Safety, TissueEvent, TissueModel, TissueState, TwinStatus,
 };
 use ros2_messages::rosgraph_msgs::Clock;
 use ros2_messages::sensor_msgs::{JointState, PointCloud2};
@@ -12,7 +12,7 @@ use ros2_messages::visualization_msgs::Marker;
 use ros2_messages::{from_cdr, to_cdr};
 
 /// The types, in the order of their numbers.
-pub const TYPES: [fn(&[u8]); 15] = [
+pub const TYPES: [fn(&[u8]); 16] = [
     one::<JointState>,
     one::<PoseStamped>,
     one::<WrenchStamped>,
@@ -28,6 +28,7 @@ pub const TYPES: [fn(&[u8]); 15] = [
     one::<ForceBand>,
     one::<TissueEvent>,
     one::<Outlook>,
+    one::<Safety>,
 ];
 
 /// The first byte says which type the others are taken for.

@@ -15,7 +15,7 @@ use smol::stream::StreamExt;
 
 use super::services::ReplyReaders;
 use super::uplink::Uplink;
-use super::wire::{Head, Kind};
+use super::wire::{Head, Kind, UNSTAMPED};
 use crate::qos::{self, Side};
 
 /// RTPS's number for Fast DDS, with which the GUIDs of its participants begin.
@@ -62,7 +62,7 @@ impl EndpointRecord {
         change(&mut self.remotes);
         if self.remotes.len() != before {
             let count = u32::try_from(self.remotes.len()).unwrap_or(u32::MAX);
-            uplink.send(Head::of(Kind::Matched, self.number, [0; 24]), &count.to_ne_bytes());
+            uplink.send(Head::of(Kind::Matched, self.number, UNSTAMPED), &count.to_ne_bytes());
         }
     }
 }

@@ -51,7 +51,7 @@ pub use process::serve;
 pub use raw::RawCdr;
 pub use session::ZenohSession;
 pub use throttle::Throttle;
-pub use wire::{Endpoint, Head, Kind, Plan, Quality, Role, Stamp, origin_of, times_of, wall_nanos};
+pub use wire::{Endpoint, Guid, Head, Kind, Plan, Quality, Role, Stamp, publisher_of, times_of, wall_nanos};
 
 /// First argument of the program when it is to be a middleware process.
 const ARGUMENT: &str = "__middleware";

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use smol::channel::{Receiver, Sender};
 
-use super::wire::{Head, Kind, Stamp};
+use super::wire::{Guid, Head, Kind, Stamp, times, wall_nanos};
 use crate::bell::Bell;
 
 /// Bytes that may wait while the process is busy: a burst, not a stream.
@@ -273,9 +273,10 @@ pub fn cdr<M: serde::Serialize>(bytes: &mut Vec<u8>, message: &M) -> Result<(), 
     cdr_encoding::to_writer::<M, byteorder::LittleEndian, &mut Vec<u8>>(bytes, message).map_err(|e| e.to_string())
 }
 
-/// Head of a message that is published.
-pub const fn publication(endpoint: u16) -> Head {
-    Head::of(Kind::Message, endpoint, [0; 24])
+/// Head of a message that is published now.
+pub fn publication(endpoint: u16) -> Head {
+    let now = wall_nanos();
+    Head::of(Kind::Message, endpoint, times([now, now], Guid::default()))
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::drops::Drops;
 use super::frames::Frames;
 use super::services::Order;
 use super::uplink::Uplink;
-use super::wire::{Head, Kind};
+use super::wire::{Head, Kind, UNSTAMPED, is_over, times_of, wall_nanos};
 use crate::raw::RawCdr;
 
 /// Messages of so many bytes are several datagrams, of which a receive buffer of 208 kB, Linux' default, holds three or four.
@@ -29,17 +29,25 @@ pub(super) struct Writer {
     pub number: u16,
     pub name: String,
     pub publisher: Publisher<RawCdr>,
+    /// What was said longer ago is not sent any more: this process may have been frozen, or the node behind it.
+    pub lifespan: Option<Duration>,
     /// Whether a reader on Fast DDS, perhaps on another machine, is matched that has not been spoken of.
     pub fast_dds: Arc<AtomicBool>,
 }
 
 impl Writer {
-    fn publish(&self, body: Vec<u8>, uplink: &Uplink) {
+    fn publish(&self, said_nanos: i64, body: Vec<u8>, uplink: &Uplink) {
+        if is_over(said_nanos, self.lifespan, wall_nanos()) {
+            return;
+        }
         if self.publisher.publish(RawCdr::new(body)).is_err() {
-            uplink.send(Head::of(Kind::Failed, self.number, [0; 24]), &[]);
+            uplink.send(Head::of(Kind::Failed, self.number, UNSTAMPED), &[]);
         }
     }
 }
+
+/// A large message that waits: its writer's place, when it was said, its body.
+type Waiting = (usize, i64, Vec<u8>);
 
 /// Publishes what the node says and hands on its answers and calls, until it closes the socket.
 pub(super) fn publish_all(
@@ -67,7 +75,7 @@ fn sort(
     socket: &UnixStream,
     uplink: &Uplink,
     orders: &smol::channel::Sender<Order>,
-    large: &Sender<(usize, Vec<u8>)>,
+    large: &Sender<Waiting>,
 ) {
     let mut is_large = vec![false; writers.len()];
     frames.take_all(socket, |head, body| {
@@ -83,24 +91,25 @@ fn sort(
             uplink.log(log::Level::Info, &advice(&writer.name, body.len()));
         }
         *is_large |= body.len() > LARGE;
+        let [said_nanos, _] = times_of(&head.stamp);
         if !*is_large {
-            writer.publish(body.to_vec(), uplink);
-        } else if large.try_send((at, body.to_vec())).is_err() {
-            uplink.send(Head::of(Kind::Failed, head.endpoint, [0; 24]), &[]);
+            writer.publish(said_nanos, body.to_vec(), uplink);
+        } else if large.try_send((at, said_nanos, body.to_vec())).is_err() {
+            uplink.send(Head::of(Kind::Failed, head.endpoint, UNSTAMPED), &[]);
         }
     });
 }
 
 /// Publishes large messages one after the other.
-fn publish_paced(writers: &[Writer], waiting: &Receiver<(usize, Vec<u8>)>, uplink: &Uplink) {
+fn publish_paced(writers: &[Writer], waiting: &Receiver<Waiting>, uplink: &Uplink) {
     let mut drops = Drops::new();
-    for (at, body) in waiting {
+    for (at, said_nanos, body) in waiting {
         if let Some(notice) = drops.notice() {
             uplink.log(log::Level::Warn, &notice);
         }
         let pause = pause_behind(body.len());
         if let Some(writer) = writers.get(at) {
-            writer.publish(body, uplink);
+            writer.publish(said_nanos, body, uplink);
         }
         thread::sleep(pause);
     }

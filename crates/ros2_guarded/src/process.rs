@@ -3,7 +3,6 @@
 
 use std::ffi::OsString;
 use std::future::Future;
-use std::hash::{Hash as _, Hasher as _};
 use std::io::{self, Write as _};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::os::fd::AsFd;
@@ -30,7 +29,7 @@ use super::outflow::{Writer, publish_all};
 use super::services::{ORDERS, ReplyReaders, Served, be_answered, be_asked, obey};
 use super::uplink::Uplink;
 use super::watch::{Finding, Voice, Watch, threads, ticks};
-use super::wire::{Endpoint, Head, Kind, Plan, Role, caller, times, wall_nanos};
+use super::wire::{Endpoint, Guid, Head, Kind, Plan, Role, caller, times, wall_nanos};
 use super::zenoh;
 use crate::qos::Side;
 use crate::raw::RawCdr;
@@ -172,7 +171,7 @@ impl Domain {
                     let record = EndpointRecord::new(number, side, guid, &name, &dds_type, profile);
                     // To readers on this machine messages go in datagrams of 64 kB, which lose nothing.
                     let fast_dds = if localhost { Arc::default() } else { record.fast_dds() };
-                    self.publishers.push(Writer { number, name, publisher, fast_dds });
+                    self.publishers.push(Writer { number, name, publisher, lifespan: endpoint.quality.lifespan(), fast_dds });
                     self.graph.add(record);
                 } else {
                     let subscription = node.create_subscription(&topic, None).map_err(|e| say(&e))?;
@@ -280,18 +279,11 @@ fn stamps(info: &MessageInfo) -> [i64; 2] {
     [received, info.source_timestamp().map_or(received, |t| t.to_nanos())]
 }
 
-/// A number that stands for the publisher.
-fn origin(info: &MessageInfo) -> u64 {
-    let mut hasher = std::hash::DefaultHasher::new();
-    info.publisher_gid().hash(&mut hasher);
-    hasher.finish()
-}
-
 async fn hear(number: u16, subscription: &Subscription<RawCdr>, uplink: &Uplink) {
     loop {
         match subscription.async_take().await {
             Ok((raw, info)) => {
-                let head = Head::of(Kind::Message, number, times(stamps(&info), origin(&info)));
+                let head = Head::of(Kind::Message, number, times(stamps(&info), Guid(info.publisher_gid().to_bytes16())));
                 uplink.send(Head { flag: u8::from(raw.is_big_endian()), ..head }, raw.as_slice());
             }
             // a representation that is not plain CDR

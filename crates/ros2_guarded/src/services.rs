@@ -11,7 +11,7 @@ use ros2_client::{Client, Context, MessageInfo, Node, QosProfile, RmwRequestId, 
 use smol::channel::{Receiver, Sender};
 
 use super::uplink::Uplink;
-use super::wire::{Head, Kind, caller, caller_of};
+use super::wire::{Head, Kind, UNSTAMPED, caller, caller_of};
 use crate::raw::RawCdr;
 use crate::throttle::Throttle;
 
@@ -159,7 +159,7 @@ pub(super) async fn be_answered(clients: &[(u16, Client<RawCdr, RawCdr>)], uplin
     loop {
         for (number, client) in clients {
             while let Ok(Some((_, raw))) = client.receive_response() {
-                uplink.send(Head::of(Kind::Response, *number, [0; 24]), raw.as_slice());
+                uplink.send(Head::of(Kind::Response, *number, UNSTAMPED), raw.as_slice());
             }
         }
         smol::Timer::after(ANSWERS).await;

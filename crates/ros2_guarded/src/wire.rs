@@ -1,7 +1,7 @@
 //! Protocol between a node and its middleware process: frames over a Unix socket, and the plan that comes first.
 //!
 //! ```text
-//! frame    length u32 │ kind u8 │ flag u8 │ endpoint u16 │ stamp or caller, 24 bytes │ body
+//! frame    length u32 │ kind u8 │ flag u8 │ endpoint u16 │ stamp or caller, 32 bytes │ body
 //! ```
 //! Both sides are the same program on the same machine, so numbers are sent in native byte order.
 
@@ -16,14 +16,14 @@ use crate::session::ZenohSession;
 /// Longest body of a frame: more than any tissue that can be answered in time.
 pub const LONGEST: usize = 16 << 20;
 /// Length of the part before the body.
-pub(super) const HEAD: usize = 32;
+pub(super) const HEAD: usize = 8 + size_of::<Stamp>();
 /// What a frame is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
     /// Node to process: the [`Plan`].
     Plan = 1,
-    /// Both ways: a message of a topic; the stamp is when it was received and sent.
+    /// Both ways: a message of a topic; the stamp is when it was received and sent (from the node: when it was said).
     Message,
     /// Both ways: a call; the stamp is its caller.
     Request,
@@ -66,9 +66,26 @@ impl Kind {
     }
 }
 
-/// Times of a message (ns since 1970: received, sent) and a number that stands for its publisher, or who asked (GUID and number of
-/// the request).
-pub type Stamp = [u8; 24];
+/// Times of a message (ns since 1970: received, sent) and the GUID of its publisher, or who asked (GUID and number of the request).
+pub type Stamp = [u8; 32];
+
+/// A stamp that says nothing.
+pub const UNSTAMPED: Stamp = [0; 32];
+
+/// Who publishes: the GUID of a writer, which `ros2 topic info --verbose` lists. Zeros where the middleware does not say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Guid(pub [u8; 16]);
+
+impl std::fmt::Display for Guid {
+    /// As `ros2 topic info --verbose` has it: `01.10.8a...`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        for (at, byte) in self.0.iter().enumerate() {
+            let dot = if at == 0 { "" } else { "." };
+            write!(f, "{dot}{byte:02x}")?;
+        }
+        Ok(())
+    }
+}
 
 /// Wall time, ns since 1970.
 #[must_use]
@@ -79,12 +96,18 @@ pub fn wall_nanos() -> i64 {
 }
 
 /// Two times and a publisher as a stamp.
-pub fn times([received, sent]: [i64; 2], origin: u64) -> Stamp {
-    let mut stamp = [0; 24];
-    stamp[16..].copy_from_slice(&origin.to_ne_bytes());
+pub fn times([received, sent]: [i64; 2], publisher: Guid) -> Stamp {
+    let mut stamp = UNSTAMPED;
+    stamp[16..].copy_from_slice(&publisher.0);
     stamp[..8].copy_from_slice(&received.to_ne_bytes());
     stamp[8..16].copy_from_slice(&sent.to_ne_bytes());
     stamp
+}
+
+/// Whether a message that was said at a time has outlived its lifespan; wall times, ns.
+pub(super) fn is_over(said_nanos: i64, lifespan: Option<Duration>, now_nanos: i64) -> bool {
+    let age = i128::from(now_nanos) - i128::from(said_nanos);
+    lifespan.is_some_and(|lifespan| age > i128::try_from(lifespan.as_nanos()).unwrap_or(i128::MAX))
 }
 
 /// The times of a stamp.
@@ -97,17 +120,17 @@ pub fn times_of(stamp: &Stamp) -> [i64; 2] {
 
 /// The publisher of a stamp.
 #[must_use]
-pub fn origin_of(stamp: &Stamp) -> u64 {
-    let mut origin = [0; 8];
-    origin.copy_from_slice(&stamp[16..]);
-    u64::from_ne_bytes(origin)
+pub fn publisher_of(stamp: &Stamp) -> Guid {
+    let mut publisher = Guid::default();
+    publisher.0.copy_from_slice(&stamp[16..]);
+    publisher
 }
 
 /// A caller as a stamp.
 pub fn caller(guid: [u8; 16], number: i64) -> Stamp {
-    let mut stamp = [0; 24];
+    let mut stamp = UNSTAMPED;
     stamp[..16].copy_from_slice(&guid);
-    stamp[16..].copy_from_slice(&number.to_ne_bytes());
+    stamp[16..24].copy_from_slice(&number.to_ne_bytes());
     stamp
 }
 
@@ -115,7 +138,7 @@ pub fn caller(guid: [u8; 16], number: i64) -> Stamp {
 pub fn caller_of(stamp: &Stamp) -> ([u8; 16], i64) {
     let (mut guid, mut number) = ([0; 16], [0; 8]);
     guid.copy_from_slice(&stamp[..16]);
-    number.copy_from_slice(&stamp[16..]);
+    number.copy_from_slice(&stamp[16..24]);
     (guid, i64::from_ne_bytes(number))
 }
 
@@ -136,7 +159,7 @@ impl Head {
     /// Of no endpoint.
     #[must_use]
     pub const fn new(kind: Kind) -> Self {
-        Self { kind, flag: 0, endpoint: 0, stamp: [0; 24] }
+        Self { kind, flag: 0, endpoint: 0, stamp: UNSTAMPED }
     }
 
     /// Of an endpoint.
@@ -243,6 +266,13 @@ pub struct Quality {
     liveliness_lease: Option<Duration>,
 }
 
+impl Quality {
+    /// Time after which a message is of no use to anybody.
+    pub(super) const fn lifespan(&self) -> Option<Duration> {
+        self.lifespan
+    }
+}
+
 impl From<&QosProfile> for Quality {
     fn from(profile: &QosProfile) -> Self {
         Self {
@@ -297,7 +327,7 @@ mod tests {
             })
             .unwrap();
         }
-        for cut in [1, 31, 33, 4096, bytes.len()] {
+        for cut in [1, HEAD - 1, HEAD + 1, 4096, bytes.len()] {
             let (mut frames, mut found) = (Frames::new(), Vec::new());
             for mut piece in bytes.chunks(cut) {
                 while !piece.is_empty() {
@@ -328,11 +358,20 @@ mod tests {
     }
 
     #[test]
+    fn a_message_that_was_said_before_its_lifespan_is_over() {
+        let lifespan = Some(Duration::from_millis(25));
+        assert!(!is_over(0, lifespan, 25_000_000) && is_over(0, lifespan, 25_000_001) && !is_over(0, None, i64::MAX));
+        assert!(!is_over(5, lifespan, 0), "a wall clock that was set back");
+    }
+
+    #[test]
     fn a_profile_survives_the_way() {
         for profile in [qos::sensor(5), qos::reliable(7), qos::latched(), qos::service()] {
             assert_eq!(QosProfile::from(Quality::from(&profile)), profile);
         }
-        let stamp = times([-1, i64::MAX], 7);
-        assert_eq!((times_of(&stamp), origin_of(&stamp)), ([-1, i64::MAX], 7));
+        let publisher = Guid([7; 16]);
+        let stamp = times([-1, i64::MAX], publisher);
+        assert_eq!((times_of(&stamp), publisher_of(&stamp)), ([-1, i64::MAX], publisher));
+        assert!(publisher.to_string().starts_with("07.07.") && publisher.to_string().len() == 47);
     }
 }

@@ -1,5 +1,6 @@
 //! Package `needle_twin`: our own messages. The .msg files in `msg/` are the contract; units and signs stand there.
 
+use super::builtin_interfaces::Time;
 use super::geometry_msgs::{Point, Vector3};
 use super::ros_messages;
 use super::std_msgs::Header;
@@ -326,4 +327,39 @@ pub struct LookAheadResponse {
     pub computed_s: f64,
 }
 
-ros_messages!("needle_twin": TissueModel, TissueState, TissueEvent, ForceBand, Outlook, ForceComparison, TwinStatus);
+/// Whether it is safe to go on, and why not (`msg/Safety.msg`).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Safety {
+    /// When this was judged, on the node's clock, and the frame.
+    pub header: Header,
+    /// Stamp of the newest pose that was answered.
+    pub pose_stamp: Time,
+    /// The older of the time since it came and the time since its stamp, s; [`Safety::NEVER`] before the first.
+    pub pose_age_s: f64,
+    /// The same of the newest usable reading of the load cell, s.
+    pub reading_age_s: f64,
+    /// Whether it is.
+    pub safe: bool,
+    /// What is left to `force_limit_n`, N; [`Safety::NEVER`] without a limit.
+    pub force_margin_n: f64,
+    /// Length of predicted less measured force over the components that are measured, N.
+    pub residual_n: f64,
+    /// Why it is not safe; empty if it is.
+    pub reasons: Vec<String>,
+    /// Parameter of this name, N; 0: the load cell is not asked.
+    pub residual_band_n: f64,
+    /// What is left to it, N; [`Safety::NEVER`] without a band.
+    pub residual_margin_n: f64,
+    /// What is left of the band of the torque, N m; [`Safety::NEVER`] where none is measured.
+    pub torque_margin_nm: f64,
+    /// Direction of insertion at that pose; zeros before the first.
+    pub axis: Vector3,
+}
+
+impl Safety {
+    /// An age or a margin of what is not there: the largest double, so that every comparison with a limit comes out on the safe side for
+    /// an age, and does not count for a margin.
+    pub const NEVER: f64 = f64::MAX;
+}
+
+ros_messages!("needle_twin": TissueModel, TissueState, TissueEvent, ForceBand, Outlook, ForceComparison, TwinStatus, Safety);

@@ -150,6 +150,7 @@ static DEFINITIONS: &[Definition] = &[
         include_str!("../msg/TwinStatus.msg"),
         "RIHS01_d9e4e62f3741f6f63b6150047b28cffbce1f9bb9fdb8fc605db676c9b88d6079",
     ),
+    definition("needle_twin/Safety", include_str!("../msg/Safety.msg"), "RIHS01_d38ad546097c1c379aba745694045664a04afa9476c814fdbdd91805555eb5bc"),
 ];
 
 /// A type as a bag's channel describes it.

@@ -282,6 +282,7 @@ fn stamp(type_name: &str, data: &[u8]) -> Option<Result<Option<Time>, CdrError>>
         geometry_msgs::PoseStamped, geometry_msgs::PoseArray, geometry_msgs::WrenchStamped, sensor_msgs::JointState,
         sensor_msgs::PointCloud2, visualization_msgs::Marker, diagnostic_msgs::DiagnosticArray, needle_twin::TissueModel,
         needle_twin::TissueState, needle_twin::TissueEvent, needle_twin::ForceBand, needle_twin::Outlook, needle_twin::ForceComparison, needle_twin::TwinStatus,
+        needle_twin::Safety,
         geometry_msgs::PoseWithCovarianceStamped;
         std_msgs::Float64, std_msgs::Bool, rosgraph_msgs::Clock
     ))

@@ -65,7 +65,7 @@ impl Graph {
 
     fn count(&self, record: &Record) {
         let count = u32::try_from(record.remotes.len()).unwrap_or(u32::MAX);
-        self.uplink.send(Head::of(Kind::Matched, record.number, [0; 24]), &count.to_ne_bytes());
+        self.uplink.send(Head::of(Kind::Matched, record.number, UNSTAMPED), &count.to_ne_bytes());
     }
 
     fn warn(&self, number: u16, token: &str, text: &str) {

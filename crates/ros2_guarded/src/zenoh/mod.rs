@@ -29,7 +29,7 @@ use crate::frames::Frames;
 use crate::session::ZenohSession;
 use crate::threads::{join, spawn};
 use crate::uplink::Uplink;
-use crate::wire::{Endpoint, Head, Kind, Plan, Role};
+use crate::wire::{Endpoint, Head, Kind, Plan, Role, UNSTAMPED, is_over, times_of, wall_nanos};
 
 /// Time between two signs of life.
 const PULSE: Duration = Duration::from_millis(200);
@@ -130,8 +130,9 @@ impl Domain {
         match head.kind {
             Kind::Message => {
                 let Ok(at) = self.writers.binary_search_by_key(&number, |w| w.number) else { return };
-                if !self.writers[at].publish(body) {
-                    uplink.send(Head::of(Kind::Failed, number, [0; 24]), &[]);
+                let over = is_over(times_of(&head.stamp)[0], self.writers[at].lifespan, wall_nanos());
+                if !over && !self.writers[at].publish(body) {
+                    uplink.send(Head::of(Kind::Failed, number, UNSTAMPED), &[]);
                 }
             }
             Kind::Response => {

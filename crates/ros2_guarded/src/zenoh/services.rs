@@ -10,7 +10,7 @@ use zenoh::{Session, Wait};
 use super::keys::{Extra, encapsulated, gid, plain};
 use crate::services::ORDERS;
 use crate::uplink::Uplink;
-use crate::wire::{Head, Kind, Stamp, caller, caller_of, wall_nanos};
+use crate::wire::{Head, Kind, Stamp, UNSTAMPED, caller, caller_of, wall_nanos};
 
 /// Calls that wait for their answers, the oldest first.
 type Waiting = Arc<Mutex<VecDeque<(Stamp, Query)>>>;
@@ -82,7 +82,7 @@ impl Caller {
             let Ok(sample) = reply.result() else { return };
             let payload = sample.payload().to_bytes();
             if let Some((big_endian, body)) = plain(&payload) {
-                uplink.send(Head { flag: u8::from(big_endian), ..Head::of(Kind::Response, own, [0; 24]) }, body);
+                uplink.send(Head { flag: u8::from(big_endian), ..Head::of(Kind::Response, own, UNSTAMPED) }, body);
             }
         };
         let query = session.get(&self.key).payload(encapsulated(body)).attachment(&extra.bytes()[..]);

@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::Duration;
 
 use ros2_client::QosProfile;
 use ros2_client::qos::{Durability, History, Reliability};
@@ -16,7 +17,7 @@ use zenoh_ext::{
 
 use super::keys::{Extra, encapsulated, gid, plain};
 use crate::uplink::Uplink;
-use crate::wire::{Head, Kind, times, wall_nanos};
+use crate::wire::{Guid, Head, Kind, times, wall_nanos};
 
 /// A publisher: one that keeps its last messages for those who come later, or not.
 enum Way {
@@ -27,6 +28,8 @@ enum Way {
 /// See the module.
 pub(super) struct Writer {
     pub number: u16,
+    /// See [`QosProfile::lifespan`].
+    pub lifespan: Option<Duration>,
     way: Way,
     gid: [u8; 16],
     said: AtomicI64,
@@ -48,7 +51,7 @@ impl Writer {
         } else {
             Way::Plain(builder.wait()?)
         };
-        Ok(Self { number, way, gid: gid(token), said: AtomicI64::new(0) })
+        Ok(Self { number, lifespan: profile.lifespan, way, gid: gid(token), said: AtomicI64::new(0) })
     }
 
     /// Publishes; false if Zenoh refuses.
@@ -87,8 +90,8 @@ pub(super) fn subscribe(
         let payload = sample.payload().to_bytes();
         let Some((big_endian, body)) = plain(&payload) else { return };
         let extra = sample.attachment().and_then(|extra| Extra::read(&extra.to_bytes()));
-        let (sent, origin) = extra.map_or((received, 0), |extra| (extra.sent, origin(&extra.gid)));
-        let head = Head::of(Kind::Message, number, times([received, sent], origin));
+        let (sent, publisher) = extra.map_or((received, Publisher::default()), |extra| (extra.sent, Publisher(extra.gid)));
+        let head = Head::of(Kind::Message, number, times([received, sent], publisher));
         uplink.send(Head { flag: u8::from(big_endian), ..head }, body);
     };
     let builder = session.declare_subscriber(key.to_owned()).callback(take);
@@ -97,9 +100,4 @@ pub(super) fn subscribe(
     }
     let history = HistoryConfig::default().detect_late_publishers().max_samples(depth(profile));
     Ok(Box::new(builder.history(history).wait()?))
-}
-
-/// A number that stands for the publisher.
-fn origin(gid: &[u8; 16]) -> u64 {
-    gid.first_chunk().map_or(0, |first| u64::from_le_bytes(*first))
 }
