@@ -4,6 +4,7 @@ pub mod alignment;
 mod collector;
 pub mod components;
 pub mod crossing;
+pub mod frozen;
 mod drive;
 pub mod ensemble;
 pub mod identifier;

@@ -83,13 +83,23 @@ impl Orders {
     }
 }
 
-/// A value and how long ago it came, s.
+/// A value, how long ago it came, and how old it is by its stamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Heard<T> {
     /// The value.
     pub value: T,
-    /// s
+    /// Since it came, s.
     pub age_s: f64,
+    /// Since its stamp, s: negative for one from the future, infinite for one without a stamp, 0 of what carries none. A predicted force
+    /// has the stamp of the pose that it answers, and its age is held against the newest position.
+    pub since_stamp_s: f64,
+}
+
+impl<T> Heard<T> {
+    /// Of what carries no stamp.
+    pub const fn unstamped(value: T, age_s: f64) -> Self {
+        Self { value, age_s, since_stamp_s: 0.0 }
+    }
 }
 
 /// Where a region begins on the needle's way.
@@ -110,6 +120,10 @@ pub struct Sight {
     pub force_n: Option<Heard<f64>>,
     /// Whether the twin says that it is safe to go on.
     pub safe: Option<Heard<bool>>,
+    /// Time since the guard last looked, s.
+    pub held_up_s: f64,
+    /// A topic on which a second publisher has spoken.
+    pub two_publish: Option<&'static str>,
     /// Whether the twin warns.
     pub warned: bool,
     /// Depth to go to, m.
@@ -126,10 +140,20 @@ pub struct Sight {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Trouble {
+    /// The guard itself was not running for so long, s: what happened meanwhile it has not seen.
+    HeldUp(f64),
+    /// Two publish a topic, and nobody knows which of them is right.
+    TwoPublish(&'static str),
     /// No position for too long.
     PositionLost,
+    /// The position's stamp is so far from now, s.
+    PositionStamp(f64),
     /// No prediction for too long.
     PredictionLost,
+    /// The prediction is of a pose so long before the newest position, s.
+    PredictionLate(f64),
+    /// The stamp of the twin's word on safety is so far from now, s.
+    SafetyStamp(f64),
     /// The twin says that it is not safe, or nothing.
     NotVouched,
     /// No target for too long.
@@ -153,6 +177,15 @@ pub enum Trouble {
 impl fmt::Display for Trouble {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::HeldUp(s) => write!(f, "the guard itself was held up for {s:.3} s"),
+            Self::TwoPublish(topic) => {
+                write!(f, "two publish {topic}: stop one of them, or remap it (`ros2 topic info --verbose` has their nodes)")
+            }
+            Self::PositionStamp(s) => stamp(f, "measured_js", *s),
+            Self::PredictionLate(s) => {
+                write!(f, "predicted_cf answers a pose of {s:.3} s before the newest measured_js: poses reach the twin late")
+            }
+            Self::SafetyStamp(s) => stamp(f, "safety", *s),
             Self::PositionLost => write!(f, "measured_js is silent: is the sensor's cable connected?"),
             Self::PredictionLost => write!(f, "predicted_cf is silent: does the twin run?"),
             Self::NotVouched => write!(f, "the twin does not vouch for its prediction (see its status)"),
@@ -176,6 +209,15 @@ impl fmt::Display for Trouble {
             Self::NotFollowing(gap) => write!(f, "the driver is {gap:.6} m away from where it was told to be"),
         }
     }
+}
+
+/// A stamp that is far from now.
+fn stamp(f: &mut fmt::Formatter<'_>, topic: &str, since_s: f64) -> fmt::Result {
+    if since_s.is_infinite() {
+        return write!(f, "{topic} has no stamps: how old it is can't be known");
+    }
+    let (by_s, side) = if since_s < 0.0 { (-since_s, "ahead of") } else { (since_s, "behind") };
+    write!(f, "the stamp of {topic} is {by_s:.3} s {side} the guard's clock: it is late, or the clocks differ (synchronise them, or use_sim_time)")
 }
 
 /// What the guard is doing.
@@ -355,17 +397,23 @@ impl Guard {
     /// Why the needle must not move, the most serious reason first.
     fn trouble(&self, sight: &Sight) -> Option<Trouble> {
         let Orders { timeout_s, target_timeout_s, following_error_m, .. } = self.orders;
+        if sight.held_up_s > timeout_s {
+            return Some(Trouble::HeldUp(sight.held_up_s));
+        }
+        if let Some(topic) = sight.two_publish {
+            return Some(Trouble::TwoPublish(topic));
+        }
         let Some(depth) = fresh(sight.depth_m, timeout_s).filter(|d| d.is_finite()) else {
-            return Some(Trouble::PositionLost);
+            return Some(off(sight.depth_m, timeout_s).map_or(Trouble::PositionLost, Trouble::PositionStamp));
         };
         let Some(force) = fresh(sight.force_n, timeout_s).filter(|f| f.is_finite()) else {
-            return Some(Trouble::PredictionLost);
+            return Some(off(sight.force_n, timeout_s).map_or(Trouble::PredictionLost, Trouble::PredictionLate));
         };
         if let Some(trouble) = self.limit_trouble(sight, force) {
             return Some(trouble);
         }
         if fresh(sight.safe, timeout_s) != Some(true) {
-            return Some(Trouble::NotVouched);
+            return Some(off(sight.safe, timeout_s).map_or(Trouble::NotVouched, Trouble::SafetyStamp));
         }
         let goal_timeout = if sight.goal_moves { target_timeout_s } else { f64::INFINITY };
         if fresh(sight.goal_m, goal_timeout).is_none_or(|goal| !goal.is_finite()) {
@@ -380,8 +428,16 @@ impl Guard {
     }
 }
 
+/// A value that came, and is stamped, within the timeout.
 fn fresh<T>(heard: Option<Heard<T>>, timeout_s: f64) -> Option<T> {
-    heard.filter(|heard| heard.age_s <= timeout_s).map(|heard| heard.value)
+    let is_fresh = |heard: &Heard<T>| heard.age_s <= timeout_s && heard.since_stamp_s.abs() <= timeout_s;
+    heard.filter(is_fresh).map(|heard| heard.value)
+}
+
+/// Age by its stamp of a value that came in time and is not of now, s.
+fn off<T>(heard: Option<Heard<T>>, timeout_s: f64) -> Option<f64> {
+    let heard = heard.filter(|heard| heard.age_s <= timeout_s)?;
+    (heard.since_stamp_s.abs() > timeout_s).then_some(heard.since_stamp_s)
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ const ORDERS: Orders = Orders {
 };
 
 fn now<T>(value: T) -> Option<Heard<T>> {
-    Some(Heard { value, age_s: 0.001 })
+    Some(Heard::unstamped(value, 0.001))
 }
 
 fn well(depth_m: f64) -> Sight {
@@ -30,6 +30,8 @@ fn well(depth_m: f64) -> Sight {
         depth_m: now(depth_m),
         force_n: now(0.01),
         safe: now(true),
+        held_up_s: 0.004,
+        two_publish: None,
         warned: false,
         goal_m: now(0.005),
         boundary: None,
@@ -79,9 +81,7 @@ fn it_says_nothing_before_all_is_well() {
 #[test]
 fn every_trouble_stops_it_within_the_braking_time_for_good() {
     type Change = fn(&mut Sight);
-    let old = |age_s| Some(Heard { value: 0.0, age_s });
-    assert_eq!(old(1.0).map(|h| h.age_s), Some(1.0));
-    let troubles: [(Change, Trouble); 8] = [
+    let troubles: [(Change, Trouble); 14] = [
         (|s| s.depth_m = s.depth_m.map(|h| Heard { age_s: 0.026, ..h }), Trouble::PositionLost),
         (|s| s.depth_m = now(f64::NAN), Trouble::PositionLost),
         (|s| s.force_n = s.force_n.map(|h| Heard { age_s: 0.026, ..h }), Trouble::PredictionLost),
@@ -90,6 +90,12 @@ fn every_trouble_stops_it_within_the_braking_time_for_good() {
         (|s| s.safe = None, Trouble::NotVouched),
         (|s| s.goal_m = s.goal_m.map(|h| Heard { age_s: 0.21, ..h }), Trouble::TargetLost),
         (|s| s.force_n = now(0.099), Trouble::ForceLimit(0.099)),
+        (|s| s.held_up_s = 2.0, Trouble::HeldUp(2.0)),
+        (|s| s.two_publish = Some("safety"), Trouble::TwoPublish("safety")),
+        (|s| s.depth_m = s.depth_m.map(|h| Heard { since_stamp_s: 1.0, ..h }), Trouble::PositionStamp(1.0)),
+        (|s| s.depth_m = s.depth_m.map(|h| Heard { since_stamp_s: -0.5, ..h }), Trouble::PositionStamp(-0.5)),
+        (|s| s.force_n = s.force_n.map(|h| Heard { since_stamp_s: 0.1, ..h }), Trouble::PredictionLate(0.1)),
+        (|s| s.safe = s.safe.map(|h| Heard { since_stamp_s: f64::INFINITY, ..h }), Trouble::SafetyStamp(f64::INFINITY)),
     ];
     for (change, trouble) in troubles {
         let (mut guard, mut depth_m) = moving();
@@ -174,7 +180,7 @@ fn where_probabilities_are_ordered_they_decide_in_place_of_the_force() {
     let cases: [Case; 3] = [
         (odds(0.049, 0.0), Trouble::ForceLikely(0.049), "limit"),
         (odds(0.0, 0.25), Trouble::MissLikely(0.25), "missed"),
-        (Some(Heard { value: Odds::default(), age_s: 0.6 }), Trouble::OutlookLost, "outlook"),
+        (Some(Heard::unstamped(Odds::default(), 0.6)), Trouble::OutlookLost, "outlook"),
     ];
     for (said, trouble, word) in cases {
         let (mut guard, mut depth_m) = (Guard::new(orders), 0.001);
@@ -228,6 +234,6 @@ fn it_stops_before_a_region_that_moves_and_not_without_knowing_where_it_is() {
     let far = Boundary { depth_m: 0.01, predicted: false };
     run(&mut guard, &mut depth_m, 100, |s| s.boundary = now(far));
     assert_eq!(guard.phase(), Phase::Moving);
-    run(&mut guard, &mut depth_m, 1, |s| s.boundary = Some(Heard { value: far, age_s: 0.6 }));
+    run(&mut guard, &mut depth_m, 1, |s| s.boundary = Some(Heard::unstamped(far, 0.6)));
     assert_eq!(guard.phase(), Phase::Stopped(Trouble::RegionUnknown));
 }

@@ -14,6 +14,7 @@ mod logger_services;
 pub mod logging;
 pub mod names;
 pub mod observer;
+mod origin;
 pub mod parameter;
 pub mod parameter_file;
 mod parameter_services;

@@ -220,7 +220,7 @@ impl<Q: Serialize, R: DeserializeOwned> Client<Q, R> {
 
     /// Asks; false if the middleware did not take it.
     pub fn ask(&self, request: &Q) -> bool {
-        let head = Head::of(Kind::Request, self.endpoint, [0; 24]);
+        let head = Head { endpoint: self.endpoint, ..Head::new(Kind::Request) };
         self.link.send(head, false, |bytes| cdr(bytes, request)).is_ok()
     }
 
@@ -237,7 +237,7 @@ mod tests {
     use super::*;
 
     fn caller(vendor: [u8; 2]) -> Stamp {
-        let mut guid = [7; 24];
+        let mut guid = [7; 32];
         guid[..2].copy_from_slice(&vendor);
         guid
     }

@@ -208,13 +208,15 @@ impl Campaign {
             let goal_m = goal_m.unwrap_or(self.nominal.target(depth_m).depth_m);
             let odds = outlook.as_ref().and_then(|(outlook, then)| {
                 let value = outlook.odds(&guard.orders().question(depth_m, goal_m))?;
-                Some(Heard { value, age_s: time_s - then })
+                Some(Heard::unstamped(value, time_s - then))
             });
-            let now = |value: f64| Some(Heard { value, age_s: 0.0 });
+            let now = |value: f64| Some(Heard::unstamped(value, 0.0));
             let sight = Sight {
                 depth_m: now(depth_m),
                 force_n: now(predicted_n),
-                safe: Some(Heard { value: off_n < RESIDUAL_BAND_N, age_s: 0.0 }),
+                safe: Some(Heard::unstamped(off_n < RESIDUAL_BAND_N, 0.0)),
+                held_up_s: 0.0,
+                two_publish: None,
                 warned: off_n > 0.5 * RESIDUAL_BAND_N,
                 goal_m: now(goal_m),
                 boundary: None,

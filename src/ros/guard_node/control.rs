@@ -7,13 +7,15 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::{Goal, Line};
-use crate::guard::{Boundary, Guard, Heard, Outlook, Phase, Sight, Trouble};
-use crate::ros::clock::wall_nanos;
+use crate::guard::{Boundary, Guard, Heard, Orders, Outlook, Phase, Sight, Trouble};
+use crate::ros::clock::NodeClock;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{PoseArray, WrenchStamped};
-use crate::ros::messages::needle_twin::{self, TwinStatus};
+use crate::ros::messages::needle_twin::{self, Safety, TwinStatus};
+use crate::ros::messages::rosgraph_msgs::Clock;
 use crate::ros::messages::sensor_msgs::JointState;
-use crate::ros::messages::std_msgs::{Bool, Header};
+use crate::ros::messages::std_msgs::Header;
+use crate::ros::origin::{Followed, Guid, Origin};
 use crate::ros::participant::{Input, Output, Participant, ParticipantError};
 use crate::ros::qos;
 
@@ -24,24 +26,30 @@ const MADE_UP: u32 = 5;
 pub(super) struct Endpoints {
     measured: Input<JointState>,
     force: Input<WrenchStamped>,
-    safe: Input<Bool>,
+    safety: Input<Safety>,
     status: Input<TwinStatus>,
     targets: Input<PoseArray>,
     /// Where a probability is asked.
     outlook: Option<Input<needle_twin::Outlook>>,
+    /// With simulated time.
+    clock: Option<Input<Clock>>,
     servo: Output<JointState>,
 }
 
 impl Endpoints {
-    pub fn new(participant: &mut Participant, ask_members: bool) -> Result<Self, ParticipantError> {
+    /// A setpoint that is older than the orders' timeout is of no use to a driver, and the middleware drops it.
+    pub fn new(participant: &mut Participant, orders: &Orders, use_sim_time: bool) -> Result<Self, ParticipantError> {
+        let mut commands = qos::reliable(10);
+        commands.lifespan = Duration::try_from_secs_f64(orders.timeout_s).ok();
         Ok(Self {
             measured: participant.subscription("measured_js", qos::sensor(10))?,
             force: participant.subscription("predicted_cf", qos::sensor(10))?,
-            safe: participant.subscription("safe_to_go_on", qos::sensor(10))?,
+            safety: participant.subscription("safety", qos::sensor(10))?,
             status: participant.subscription("status", qos::sensor(10))?,
             targets: participant.subscription("targets", qos::sensor(10))?,
-            outlook: ask_members.then(|| participant.subscription("outlook", qos::sensor(1))).transpose()?,
-            servo: participant.publisher("servo_jp", qos::reliable(10))?,
+            outlook: orders.ask_members().then(|| participant.subscription("outlook", qos::sensor(1))).transpose()?,
+            clock: use_sim_time.then(|| participant.subscription("/clock", qos::sensor(1))).transpose()?,
+            servo: participant.publisher("servo_jp", commands)?,
         })
     }
 }
@@ -105,9 +113,13 @@ pub(super) struct Task {
 
 /// Runs until the goal is reached (if it is to end there) or `stop` is closed; the setpoint is brought to rest
 /// first.
-pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: &Receiver<()>) {
-    let mut ears = Ears::default();
-    let mut due = Instant::now() + task.period;
+///
+/// # Errors
+/// Why its orders can't be carried out.
+pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: &Receiver<()>) -> Result<(), String> {
+    let mut ears = Ears::new(endpoints.clock.is_some());
+    let mut looked = Instant::now();
+    let mut due = looked + task.period;
     while stop.recv_deadline(due) == Err(RecvTimeoutError::Timeout) {
         let now = Instant::now();
         due = if now > due + MADE_UP * task.period { now + task.period } else { due + task.period };
@@ -115,10 +127,14 @@ pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: 
         if shared.resume.swap(false, Ordering::Relaxed) {
             task.guard.resume();
         }
-        let sight = ears.sight(&task);
+        if matches!(task.guard.phase(), Phase::Waiting(_)) {
+            ears.contradiction(&task)?;
+        }
+        let sight = ears.sight(&task, (now - looked).as_secs_f64());
+        looked = now;
         let before = task.guard.phase();
         let setpoint_m = task.guard.tick(&sight);
-        endpoints.say(&task.joint, setpoint_m);
+        endpoints.say(&task.joint, setpoint_m, &ears.clock);
         tell(before, task.guard.phase(), sight.depth_m, &ears.twin_says);
         let report = Report {
             phase: task.guard.phase(),
@@ -133,16 +149,17 @@ pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: 
         }
     }
     while let Some(setpoint_m) = task.guard.leave() {
-        endpoints.say(&task.joint, Some(setpoint_m));
+        endpoints.say(&task.joint, Some(setpoint_m), &ears.clock);
         std::thread::sleep(task.period);
     }
+    Ok(())
 }
 
 impl Endpoints {
-    fn say(&self, joint: &str, setpoint_m: Option<f64>) {
+    fn say(&self, joint: &str, setpoint_m: Option<f64>, clock: &NodeClock) {
         let Some(setpoint_m) = setpoint_m else { return };
         self.servo.send(JointState {
-            header: Header { stamp: Time::from_nanos(wall_nanos()), ..Header::default() },
+            header: Header { stamp: clock.stamp(), ..Header::default() },
             name: vec![joint.to_owned()],
             position: vec![setpoint_m],
             ..JointState::default()
@@ -172,12 +189,57 @@ fn name(trouble: Trouble) -> std::mem::Discriminant<Trouble> {
     std::mem::discriminant(&trouble)
 }
 
+/// A message that has come.
+#[derive(Clone, Copy, Debug)]
+struct Word<T> {
+    value: T,
+    /// Zero: it has none.
+    stamp: Time,
+    received: Instant,
+}
+
+impl<T: Copy> Word<T> {
+    /// With its age, and that of its stamp at a time in ns.
+    fn heard(&self, now: Instant, then_nanos: Option<i64>) -> Heard<T> {
+        Heard {
+            value: self.value,
+            age_s: now.saturating_duration_since(self.received).as_secs_f64(),
+            since_stamp_s: since_s(self.stamp, then_nanos),
+        }
+    }
+}
+
+/// Time from a stamp to a time in ns, s; infinite where one of them is missing.
+#[allow(clippy::cast_precision_loss)] // a span
+fn since_s(stamp: Time, then_nanos: Option<i64>) -> f64 {
+    let known = then_nanos.filter(|_| !stamp.is_zero());
+    known.map_or(f64::INFINITY, |nanos| nanos.saturating_sub(stamp.nanos()) as f64 * 1e-9)
+}
+
+/// Who publishes what the guard acts on.
+#[derive(Debug, Default)]
+struct Publishers {
+    position: Followed<Guid>,
+    force: Followed<Guid>,
+    safety: Followed<Guid>,
+}
+
+/// A publisher that has been silent for so long has gone.
+const GONE: Duration = Duration::from_millis(500);
+
+/// Directions that differ by less than a degree are one.
+const SAME_DIRECTION: f64 = 0.99985;
+
 /// What has come, and when.
 #[derive(Debug, Default)]
 struct Ears {
-    depth_m: Option<(f64, Instant)>,
-    force: Option<([f64; 3], Instant)>,
-    safe: Option<(bool, Instant)>,
+    clock: NodeClock,
+    publishers: Publishers,
+    depth_m: Option<Word<f64>>,
+    force: Option<Word<[f64; 3]>>,
+    safe: Option<Word<bool>>,
+    /// Direction in which the twin's needle goes.
+    axis: Option<[f64; 3]>,
     warned: bool,
     twin_says: Arc<str>,
     goal_m: Option<(f64, Instant)>,
@@ -186,24 +248,35 @@ struct Ears {
 }
 
 impl Ears {
+    fn new(use_sim_time: bool) -> Self {
+        Self { clock: NodeClock::new(use_sim_time), ..Self::default() }
+    }
+
     fn listen(&mut self, endpoints: &Endpoints, task: &Task) {
+        while let Some(message) = endpoints.clock.as_ref().and_then(Input::take) {
+            self.clock.tick(message.clock);
+        }
         let now = Instant::now();
-        while let Some(message) = endpoints.measured.take() {
-            self.depth_m = position(&message, &task.joint).map(|depth| (depth, now)).or(self.depth_m);
+        while let Some((message, Origin { publisher, received })) = endpoints.measured.take_from() {
+            if let Some(value) = position(&message, &task.joint)
+                && self.publishers.position.takes(publisher, now, GONE)
+            {
+                self.depth_m = Some(Word { value, stamp: message.header.stamp, received });
+            }
         }
-        while let Some(message) = endpoints.force.take() {
-            self.force = Some((message.wrench.force.into(), now));
+        while let Some((message, Origin { publisher, received })) = endpoints.force.take_from() {
+            if self.publishers.force.takes(publisher, now, GONE) {
+                self.force = Some(Word { value: message.wrench.force.into(), stamp: message.header.stamp, received });
+            }
         }
-        while let Some(message) = endpoints.safe.take() {
-            self.safe = Some((message.data, now));
+        while let Some((message, Origin { publisher, received })) = endpoints.safety.take_from() {
+            if self.publishers.safety.takes(publisher, now, GONE) {
+                self.hear_safety(&message, received);
+            }
         }
         while let Some(message) = endpoints.status.take() {
             self.warned = message.health != TwinStatus::HEALTH_OK;
             self.boundary = boundary(&message, task).map(|boundary| (boundary, now));
-            let says = message.reasons.join("; ");
-            if *says != *self.twin_says {
-                self.twin_says = says.into();
-            }
         }
         while let Some(message) = endpoints.outlook.as_ref().and_then(Input::take) {
             self.outlook = outlook(&message, task).map(|outlook| (outlook, now));
@@ -213,31 +286,79 @@ impl Ears {
         }
     }
 
-    fn sight(&self, task: &Task) -> Sight {
+    fn hear_safety(&mut self, message: &Safety, received: Instant) {
+        self.safe = Some(Word { value: message.safe, stamp: message.header.stamp, received });
+        let axis: [f64; 3] = message.axis.into();
+        self.axis = Some(axis).filter(|axis| axis.iter().all(|x| x.is_finite()) && *axis != [0.0; 3]).or(self.axis);
+        let says = message.reasons.join("; ");
+        if *says != *self.twin_says {
+            self.twin_says = says.into();
+        }
+    }
+
+    /// Whether the guard's line is that on which the twin's needle goes.
+    ///
+    /// # Errors
+    /// That the two can't both be right: the depth of a target is along the line, and a force against the opposite direction would be
+    /// none.
+    fn contradiction(&self, task: &Task) -> Result<(), String> {
+        let Some(axis) = self.axis else { return Ok(()) };
+        let least = if matches!(task.goal, Goal::Target(_)) { SAME_DIRECTION } else { 0.0 };
+        if task.line.along(axis) > least {
+            return Ok(());
+        }
+        Err(format!(
+            "the parameter axis is {:?}, and the twin's needle goes along {axis:?} (topic safety): give the guard that axis, and with \
+             target_index the entry_m of the scene",
+            task.line.axis()
+        ))
+    }
+
+    fn sight(&self, task: &Task, held_up_s: f64) -> Sight {
         let now = Instant::now();
-        let aged = |(value, then): (f64, Instant)| Heard { value, age_s: (now - then).as_secs_f64() };
+        let node_nanos = self.clock.now_nanos();
+        let since = |then: Instant| now.saturating_duration_since(then).as_secs_f64();
         let (mut goal_m, goal_moves) = match task.goal {
-            Goal::Depth(depth) => (Some(Heard { value: depth, age_s: 0.0 }), false),
-            Goal::Target(_) => (self.goal_m.map(aged), true),
+            Goal::Depth(depth) => (Some(Heard::unstamped(depth, 0.0)), false),
+            Goal::Target(_) => (self.goal_m.map(|(depth, then)| Heard::unstamped(depth, since(then))), true),
         };
         let mut odds = None;
-        if let (Some((outlook, then)), Some((depth_m, _))) = (&self.outlook, self.depth_m) {
-            let age_s = (now - *then).as_secs_f64();
+        if let (Some((outlook, then)), Some(Word { value: depth_m, .. })) = (&self.outlook, self.depth_m) {
             // where the members have the target, since they have learnt from the load cell
             let target_m = outlook.target_depth_m(depth_m).filter(|_| goal_moves);
             goal_m = target_m.and_then(|value| Some(Heard { value, ..goal_m? })).or(goal_m);
             let goal = goal_m.map_or(f64::INFINITY, |goal| goal.value);
-            odds = outlook.odds(&task.guard.orders().question(depth_m, goal)).map(|value| Heard { value, age_s });
+            let question = task.guard.orders().question(depth_m, goal);
+            odds = outlook.odds(&question).map(|value| Heard::unstamped(value, since(*then)));
         }
+        let newest = self.depth_m.map(|depth| depth.stamp).filter(|stamp| !stamp.is_zero());
+        let force_n = self.force.map(|force| {
+            let Heard { value, age_s, since_stamp_s } = force.heard(now, newest.map(Time::nanos));
+            Heard { value: self.force_n(task, value), age_s, since_stamp_s }
+        });
+        let Publishers { position, force, safety } = &self.publishers;
+        let speak = [(position, "measured_js"), (force, "predicted_cf"), (safety, "safety")];
         Sight {
-            depth_m: self.depth_m.map(aged),
-            force_n: self.force.map(|(force, then)| aged((task.line.against_n(force), then))),
-            safe: self.safe.map(|(value, then)| Heard { value, age_s: (now - then).as_secs_f64() }),
+            depth_m: self.depth_m.map(|depth| depth.heard(now, node_nanos)),
+            force_n,
+            safe: self.safe.map(|safe| safe.heard(now, node_nanos)),
+            held_up_s,
+            two_publish: speak.into_iter().find(|(who, _)| who.other(now, GONE).is_some()).map(|(_, topic)| topic),
             warned: self.warned,
             goal_m,
-            boundary: self.boundary.map(|(value, then)| Heard { value, age_s: (now - then).as_secs_f64() }),
+            boundary: self.boundary.map(|(value, then)| Heard::unstamped(value, since(then))),
             odds,
             goal_moves,
+        }
+    }
+
+    /// The force that the limit is held against: what is against the insertion, where the direction is known to be the twin's, else the
+    /// length of the vector.
+    fn force_n(&self, task: &Task, force: [f64; 3]) -> f64 {
+        if self.axis.is_some_and(|axis| task.line.along(axis) > SAME_DIRECTION) {
+            task.line.against_n(force)
+        } else {
+            force.iter().map(|f| f * f).sum::<f64>().sqrt()
         }
     }
 }

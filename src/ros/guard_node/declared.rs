@@ -57,8 +57,8 @@ parameters! {
         "force_limit_n",
         0.5,
         [1e-6, 1e6],
-        "Largest predicted force against the insertion: the speed falls from 80 % of it on, and the guard stops at 97 \
-         %.",
+        "Largest predicted force against the insertion (of its length while axis is not the twin's): the speed falls from 80 % of it on, \
+         and the guard stops at 97 %.",
     )
     .fixed();
     MAX_PROBABILITY_OF_FORCE_LIMIT: f64 = Parameter::real(
@@ -101,7 +101,8 @@ parameters! {
         "timeout_s",
         0.025,
         [0.001, 10.0],
-        "measured_js, predicted_cf and safe_to_go_on that are silent for longer are lost, and the guard stops.",
+        "measured_js, predicted_cf and safety that are silent for longer, or whose stamps are further from now, are lost, and the guard \
+         stops; so it does when it was itself held up for longer.",
     )
     .fixed();
     TARGET_TIMEOUT_S: f64 = Parameter::real(
@@ -214,6 +215,17 @@ impl Line {
         let depth_m = self.depth_m(place);
         let off = |k: usize| place[k] - self.entry_m[k] - depth_m * self.axis[k];
         Place { depth_m, aside_m: (0..3).map(|k| off(k) * off(k)).sum::<f64>().sqrt() }
+    }
+
+    /// Direction of insertion.
+    pub const fn axis(&self) -> [f64; 3] {
+        self.axis
+    }
+
+    /// Cosine of the angle to a direction of any length.
+    pub fn along(&self, direction: [f64; 3]) -> f64 {
+        let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+        (0..3).map(|k| self.axis[k] * direction[k]).sum::<f64>() / length
     }
 
     /// What of a force is against the insertion, N.

@@ -1,7 +1,7 @@
 //! The guard as a ROS 2 node: `needle_twin guard`.
 //!
 //! ```text
-//! measured_js, predicted_cf, safe_to_go_on, status, targets ──► control thread ──► servo_jp
+//! measured_js, predicted_cf, safety, status, targets, /clock ──► control thread ──► servo_jp
 //! housekeeping thread: ~/resume, parameters, discovery, diagnostics        main thread: signals
 //! ```
 //! It is a process of its own, so that it outlives the twin and detects that the twin has ended. The driver detects the end of
@@ -70,9 +70,6 @@ fn guard(mut start: Start, signals: &Signals) -> Result<u8, NodeError> {
     for warning in warnings {
         tracing::warn!("{warning}");
     }
-    if parameters.get(start::USE_SIM_TIME) {
-        tracing::warn!("use_sim_time has no effect on the guard, which minds the wall clock: leave it out");
-    }
     let parameters = Arc::new(parameters);
     let orders = declared::orders(&parameters);
     let task = Task {
@@ -98,7 +95,7 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
     let mapping = start::mapping(parameters, &start.environment);
     participant.set_mapping(mapping);
     participant.set_recorder(Recorder::create(parameters)?);
-    let endpoints = Endpoints::new(&mut participant, task.guard.orders().ask_members())?;
+    let endpoints = Endpoints::new(&mut participant, task.guard.orders(), parameters.get(start::USE_SIM_TIME))?;
     let housekeeping = Housekeeping::new(&mut participant, parameters)?;
     for unused in participant.unused_qos_overrides() {
         tracing::warn!("`{unused}` names no topic of this node: `ros2 node info` lists them");
@@ -113,9 +110,8 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
     let control = {
         let shared = Arc::clone(&shared);
         spawn("control", move || {
-            control::run(task, &endpoints, &shared, &stopped);
             // Fails only if the node has given up.
-            let _ = done.send(());
+            let _ = done.send(control::run(task, &endpoints, &shared, &stopped));
         })?
     };
     let health = participant.health();
@@ -128,8 +124,8 @@ fn work(mut start: Start, parameters: &Arc<Parameters>, task: Task, signals: &Si
             break None;
         }
         if control.is_finished() {
-            let gone = || "the control thread has ended unexpectedly".to_owned();
-            break finished.try_recv().err().map(|_| gone());
+            let gone = "the control thread has ended unexpectedly".to_owned();
+            break finished.try_recv().unwrap_or(Err(gone)).err();
         }
         if keeper.is_finished() {
             break Some("the housekeeping thread has ended unexpectedly".to_owned());

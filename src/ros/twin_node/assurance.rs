@@ -1,105 +1,356 @@
-//! Whether it is safe to go on, for whoever drives the needle: `safe_to_go_on`, at a steady rate.
+//! Whether it is safe to go on, for whoever drives the needle: `safety`, which says why not and how old its evidence is, and
+//! `safe_to_go_on`, the same as a bare truth value.
 //!
-//! True only while the prediction is valid in every respect: the node is active and its health no worse than WARN, a pose
-//! that came within `guard_timeout_s` has been answered and published, and, with a `residual_band_n`, the load cell
-//! speaks and agrees. A node that is frozen or dead says nothing, so silence means "not safe" too: whoever listens needs
-//! a timeout of their own, a few periods long.
+//! A yes needs evidence that is fresh by two clocks: a pose that came within `guard_timeout_s` and whose stamp is no further than that
+//! from now, on either side, and that was answered and published; with a `residual_band_n`, a reading of the load cell that is as fresh,
+//! and that agrees with the prediction as a vector. What came is never made younger by comparing it once more. After a no a yes needs all
+//! of it for [`HOLD`] without a break, and after a disagreement the residual must come back to half of the band: a prediction that
+//! passes a wrong reading by chance is no agreement.
+//!
+//! A no is published at once, a yes at the steady rate. A node that is frozen or dead says nothing, so silence means no as well.
 
 use std::time::{Duration, Instant};
 
-use super::declared::Settings;
+use super::comparison::{Agreement, Cell};
+use super::declared::{GUARD_TIMEOUT_S, Settings};
 use super::judgement::{Around, judge};
-use super::shared::Shared;
-use crate::ros::messages::needle_twin::ForceComparison;
-use crate::ros::messages::std_msgs::Bool;
+use super::shared::{Live, Shared};
+use super::solver::Answer;
+use crate::ros::messages::builtin_interfaces::Time;
+use crate::ros::messages::geometry_msgs::Vector3;
+use crate::ros::messages::needle_twin::{ForceComparison, Safety};
+use crate::ros::messages::std_msgs::{Bool, Header};
+use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
+use crate::scene::Scene;
 
-/// See the module.
-pub(super) struct Assurance {
-    output: Output<Bool>,
+/// All must have been well for so long after a no.
+const HOLD: Duration = Duration::from_millis(100);
+
+/// Longest distance of a force from the load cell's origin, m: the force acts on the instrument between its tip, `load_cell_height_m` below
+/// that origin, and where it enters the tissue. An error of the force times this is an error of the torque.
+pub(super) fn lever_m(scene: &Scene) -> f64 {
+    let height_m = scene.instrument.map_or(0.0, |instrument| instrument.load_cell_height.get());
+    scene.motion.as_ref().map_or(0.0, |motion| motion.depth.get()).max(height_m)
 }
 
-/// What the force thread has last said, and when.
-#[derive(Debug, Default)]
-pub(super) struct Said {
-    /// When the last pose came whose answer was published.
-    pub pose: Option<Instant>,
-    /// The last comparison with the load cell that was valid: when it was made, and its residual, N.
-    pub residual: Option<(Instant, f64)>,
+/// Now, by the clocks that evidence is held against.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Now {
+    /// Monotonic.
+    pub steady: Instant,
+    /// The node's time, in which stamps are, ns; `None` while simulated time has not begun.
+    pub node_nanos: Option<i64>,
 }
 
-impl Said {
-    /// Takes a comparison.
-    pub fn compared(&mut self, message: &ForceComparison) {
-        if message.valid {
-            self.residual = Some((Instant::now(), message.residual_n));
+/// A message: its stamp, and when it came.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub stamp_nanos: i64,
+    pub received: Instant,
+}
+
+impl Seen {
+    /// Time since it came, s.
+    fn waited_s(&self, now: &Now) -> f64 {
+        now.steady.saturating_duration_since(self.received).as_secs_f64()
+    }
+
+    /// Time since its stamp, s: negative for one from the future.
+    #[allow(clippy::cast_precision_loss)] // a span
+    fn since_stamp_s(&self, now: &Now) -> f64 {
+        now.node_nanos.map_or(Safety::NEVER, |nanos| nanos.saturating_sub(self.stamp_nanos) as f64 * 1e-9)
+    }
+
+    /// Its age, s.
+    fn age_s(&self, now: &Now) -> f64 {
+        self.waited_s(now).max(self.since_stamp_s(now))
+    }
+
+    /// Why it is no evidence of the present, if it is not.
+    fn stale(&self, what: &str, now: &Now, timeout_s: f64) -> Option<String> {
+        let (waited_s, since_s) = (self.waited_s(now), self.since_stamp_s(now));
+        if waited_s > timeout_s {
+            return Some(format!("{what} came {waited_s:.3} s ago, guard_timeout_s is {timeout_s}"));
+        }
+        let (by_s, side) = if since_s < 0.0 { (-since_s, "ahead of") } else { (since_s, "behind") };
+        (by_s > timeout_s).then(|| {
+            format!(
+                "the stamp of {what} is {by_s:.3} s {side} this node's clock, guard_timeout_s is {timeout_s}: it is late, or the clocks \
+                 differ (synchronise them, or use_sim_time)"
+            )
+        })
+    }
+}
+
+/// What a yes is made of, and what has been said.
+#[derive(Debug)]
+pub(super) struct Assured {
+    lever_m: f64,
+    /// The newest pose whose answer was published, its force in N and the instrument's axis.
+    pose: Option<(Seen, f64, [f64; 3])>,
+    /// The newest comparison with the load cell that was valid.
+    pub agreement: Option<Agreement>,
+    pub cell: Cell,
+    /// The load cell has disagreed since all was well.
+    disagreed: bool,
+    well_since: Option<Instant>,
+    /// The last word.
+    safe: bool,
+}
+
+/// A judgement with the figures behind it.
+#[derive(Clone, Debug, Default)]
+struct Verdict {
+    reasons: Vec<String>,
+    pose_age_s: f64,
+    reading_age_s: f64,
+    residual_n: f64,
+    residual_margin_n: f64,
+    torque_margin_nm: f64,
+    force_margin_n: f64,
+}
+
+impl Assured {
+    pub const fn new(lever_m: f64) -> Self {
+        let cell = Cell { usable: None, fault: None };
+        Self { lever_m, pose: None, agreement: None, cell, disagreed: false, well_since: None, safe: false }
+    }
+
+    /// An answer was published.
+    pub fn answered(&mut self, answer: &Answer) {
+        let seen = Seen { stamp_nanos: answer.stamp.nanos(), received: answer.received };
+        let force_n = answer.prediction.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+        self.pose = Some((seen, force_n, answer.pose.pose.axis));
+    }
+
+    /// The tissue is undeformed again: what was said before is of another run.
+    pub fn reset(&mut self) {
+        (self.pose, self.agreement, self.well_since) = (None, None, None);
+    }
+
+    /// Judges the evidence. `denials`: what else speaks against it.
+    fn judge(&mut self, denials: Vec<String>, settings: &Settings, now: &Now) -> Verdict {
+        let timeout_s = settings.guard_timeout_s;
+        let mut verdict = Verdict {
+            reasons: denials,
+            pose_age_s: self.pose.map_or(Safety::NEVER, |(seen, ..)| seen.age_s(now)),
+            reading_age_s: self.reading().map_or(Safety::NEVER, |seen| seen.age_s(now)),
+            residual_margin_n: Safety::NEVER,
+            torque_margin_nm: Safety::NEVER,
+            force_margin_n: Safety::NEVER,
+            residual_n: self.agreement.map_or(0.0, |agreement| agreement.error_n),
+        };
+        match &self.pose {
+            None => verdict.reasons.push("no pose has been answered yet".to_owned()),
+            Some((seen, ..)) => verdict.reasons.extend(seen.stale("the newest answered pose", now, timeout_s)),
+        }
+        let cell = self.ask_cell(&mut verdict, settings, now);
+        verdict.reasons.extend(cell);
+        self.hold_to_limit(&mut verdict, settings.force_limit_n);
+        self.hold(&mut verdict, now.steady);
+        verdict
+    }
+
+    fn reading(&self) -> Option<Seen> {
+        self.cell.usable.map(|(stamp_nanos, received)| Seen { stamp_nanos, received })
+    }
+
+    /// What the load cell has against it, where it is asked.
+    fn ask_cell(&mut self, verdict: &mut Verdict, settings: &Settings, now: &Now) -> Option<String> {
+        let (band_n, timeout_s) = (settings.residual_band_n, settings.guard_timeout_s);
+        if band_n <= 0.0 {
+            return None;
+        }
+        if let Some(fault) = self.cell.fault {
+            return Some(fault_words(fault).to_owned());
+        }
+        let Some(reading) = self.reading() else {
+            return Some("residual_band_n is set, and no reading of the load cell has come".to_owned());
+        };
+        if let Some(reason) = reading.stale("the newest reading of the load cell", now, timeout_s) {
+            return Some(reason);
+        }
+        let Some(agreement) = self.agreement else {
+            return Some("no prediction has been compared with the load cell yet".to_owned());
+        };
+        // Compared are a pose and a reading that came one period after it: neither is the newest any more.
+        let compared = agreement.pose_received.min(agreement.reading_received);
+        let compared_s = now.steady.saturating_duration_since(compared).as_secs_f64();
+        if compared_s > 2.0 * timeout_s {
+            return Some(format!("the last comparison with the load cell is of {compared_s:.3} s ago"));
+        }
+        verdict.residual_margin_n = band_n - agreement.error_n;
+        let band_nm = band_n * self.lever_m;
+        if let Some(error_nm) = agreement.error_nm.filter(|_| band_nm > 0.0) {
+            verdict.torque_margin_nm = band_nm - error_nm;
+        }
+        let share = if self.disagreed { 0.5 } else { 1.0 };
+        let within = |error: f64, band: f64| error < share * band;
+        if !within(agreement.error_n, band_n) {
+            self.disagreed = true;
+            return Some(format!(
+                "predicted and measured force differ by {:.4} N, residual_band_n is {band_n} N{}: the tissue is not as modelled, or the \
+                 load cell is wrong or not tared",
+                agreement.error_n,
+                if share < 1.0 { ", half of it after a disagreement" } else { "" }
+            ));
+        }
+        if let Some(error_nm) = agreement.error_nm.filter(|error| band_nm > 0.0 && !within(*error, band_nm)) {
+            self.disagreed = true;
+            return Some(format!(
+                "predicted and measured torque differ by {error_nm:.6} N m, {band_nm:.6} N m are residual_band_n at {} m: something presses \
+                 from the side, or instrument.load_cell_height_m is not where the load cell's origin is",
+                self.lever_m
+            ));
+        }
+        None
+    }
+
+    fn hold_to_limit(&self, verdict: &mut Verdict, limit_n: f64) {
+        if limit_n <= 0.0 {
+            return;
+        }
+        let measured_n = self.agreement.map_or(0.0, |agreement| agreement.measured_n);
+        let force_n = self.pose.map_or(0.0, |(_, force_n, _)| force_n).max(measured_n);
+        verdict.force_margin_n = limit_n - force_n;
+        if verdict.force_margin_n <= 0.0 {
+            verdict.reasons.push(format!("the force is {force_n:.4} N, force_limit_n is {limit_n} N"));
         }
     }
 
-    /// Whether what was said is fresh, and the load cell agrees if it is asked.
-    pub fn vouches(&self, settings: &Settings, now: Instant) -> bool {
-        let timeout = Duration::try_from_secs_f64(settings.guard_timeout_s).unwrap_or_default();
-        let fresh = |then: Instant| now.saturating_duration_since(then) <= timeout;
-        let agrees = match self.residual {
-            _ if settings.residual_band_n <= 0.0 => true,
-            Some((then, residual_n)) => fresh(then) && residual_n.abs() < settings.residual_band_n,
-            None => false,
-        };
-        agrees && self.pose.is_some_and(fresh)
+    /// After a no, all must be well for a while.
+    fn hold(&mut self, verdict: &mut Verdict, now: Instant) {
+        if !verdict.reasons.is_empty() {
+            self.well_since = None;
+        } else if !self.safe {
+            let since = *self.well_since.get_or_insert(now);
+            if now.saturating_duration_since(since) < HOLD {
+                verdict.reasons.push(format!("all is well again; a yes comes after {} s of it", HOLD.as_secs_f64()));
+            } else {
+                self.disagreed = false;
+            }
+        }
+        self.safe = verdict.reasons.is_empty();
     }
 }
 
+/// Why a reading of the load cell can't be compared.
+fn fault_words(fault: u8) -> &'static str {
+    match fault {
+        ForceComparison::LOAD_CELL_STUCK => "load cell: the reading does not change",
+        ForceComparison::LOAD_CELL_SATURATED => "load cell: the reading is at the end of its range",
+        _ => "load cell: the reading is no number, or beyond any load cell",
+    }
+}
+
+/// The publishers.
+pub(super) struct Assurance {
+    bare: Output<Bool>,
+    safety: Output<Safety>,
+}
+
 impl Assurance {
-    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
-        Ok(Self { output: participant.publisher("safe_to_go_on", qos::reliable(10))? })
+    /// A message that is older than `guard_timeout_s` proves nothing, so that the middleware itself drops it (lifespan) and says that none
+    /// came in time (deadline).
+    pub fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
+        let timeout = Duration::try_from_secs_f64(parameters.get(GUARD_TIMEOUT_S)).ok();
+        let mut profile = qos::reliable(1);
+        (profile.deadline, profile.lifespan) = (timeout, timeout);
+        Ok(Self {
+            bare: participant.publisher("safe_to_go_on", profile.clone())?,
+            safety: participant.publisher("safety", profile)?,
+        })
     }
 
-    /// Says that it is not safe.
-    pub fn deny(&self) {
-        self.output.send(Bool { data: false });
+    /// Says that it is not safe: the last word of a node that ends.
+    pub fn deny(&self, frame_id: &str, shared: &Shared) {
+        self.bare.send(Bool { data: false });
+        let header = Header { stamp: shared.clock.stamp(), frame_id: frame_id.to_owned() };
+        let reasons = vec!["the node ends".to_owned()];
+        let (never, none) = (Safety::NEVER, Vector3::default());
+        self.safety.send(Safety {
+            header,
+            reasons,
+            pose_age_s: never,
+            reading_age_s: never,
+            force_margin_n: never,
+            residual_margin_n: never,
+            torque_margin_nm: never,
+            axis: none,
+            ..Safety::default()
+        });
     }
 
     /// Whether anyone listens.
     pub fn is_wanted(&self) -> bool {
-        self.output.is_wanted()
+        self.bare.is_wanted() || self.safety.is_wanted()
     }
 
-    pub fn publish(&self, said: &Said, shared: &Shared) {
+    /// Publishes if it is due, or turns into a no.
+    pub fn publish(&self, frame_id: &str, assured: &mut Assured, shared: &Shared, is_due: bool) {
         if !self.is_wanted() {
+            // who comes to listen gets no yes from before
+            assured.safe = false;
             return;
         }
         let settings = shared.settings();
-        let data = said.vouches(&settings, Instant::now())
-            && judge(&shared.lock(), shared, &settings, &Around::default()).vouches();
-        self.output.send(Bool { data });
+        let now = Now { steady: Instant::now(), node_nanos: shared.clock.now_nanos() };
+        let denials = denials(&shared.lock(), shared, &settings);
+        let before = assured.safe;
+        let verdict = assured.judge(denials, &settings, &now);
+        if !is_due && (assured.safe || !before) {
+            return;
+        }
+        self.bare.send(Bool { data: assured.safe });
+        if self.safety.is_wanted() {
+            self.safety.send(assured.message(verdict, &settings, &now, frame_id));
+        }
     }
+}
+
+impl Assured {
+    fn message(&self, verdict: Verdict, settings: &Settings, now: &Now, frame_id: &str) -> Safety {
+        let stamp = Time::from_nanos(now.node_nanos.unwrap_or(0));
+        Safety {
+            header: Header { stamp, frame_id: frame_id.to_owned() },
+            pose_stamp: Time::from_nanos(self.pose.map_or(0, |(seen, ..)| seen.stamp_nanos)),
+            pose_age_s: verdict.pose_age_s,
+            reading_age_s: verdict.reading_age_s,
+            safe: self.safe,
+            force_margin_n: verdict.force_margin_n,
+            residual_n: verdict.residual_n,
+            reasons: verdict.reasons,
+            residual_band_n: settings.residual_band_n,
+            residual_margin_n: verdict.residual_margin_n,
+            torque_margin_nm: verdict.torque_margin_nm,
+            axis: self.pose.map_or([0.0; 3], |(.., axis)| axis).into(),
+        }
+    }
+}
+
+/// What the node itself has against a yes.
+fn denials(live: &Live, shared: &Shared, settings: &Settings) -> Vec<String> {
+    let mut denials = judge(live, shared, settings, &Around::default()).denials;
+    for (doubt, words) in live.doubts(settings.input_timeout_s) {
+        let is_cell = doubt.topic() == "measured_cf";
+        if !is_cell || settings.residual_band_n > 0.0 {
+            denials.push(format!("{} {words}", doubt.topic()));
+        }
+    }
+    if shared.clock.is_simulated() {
+        let stood_s = live.last_clock.map_or(Safety::NEVER, |at| at.elapsed().as_secs_f64());
+        if stood_s > settings.guard_timeout_s {
+            denials.push(format!(
+                "simulated time has stood still for {stood_s:.3} s, guard_timeout_s is {}: /clock is paused, or comes too seldom",
+                settings.guard_timeout_s
+            ));
+        }
+    }
+    denials
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::*;
-    use crate::ros::parameters::Parameters;
-    use crate::ros::twin_node::declared::declarations;
-
-    #[test]
-    fn silence_and_disagreement_are_not_safe() {
-        let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
-        let elastic = Settings::of(&parameters);
-        let cell = Settings { residual_band_n: 0.01, ..elastic.clone() };
-        let now = Instant::now();
-        let late = now + Duration::from_millis(26);
-        let mut said = Said::default();
-        assert!(!said.vouches(&elastic, now), "nothing was said");
-        said.pose = Some(now);
-        assert!(said.vouches(&elastic, now) && !said.vouches(&elastic, late));
-        assert!(!said.vouches(&cell, now), "no load cell");
-        said.residual = Some((now, -0.009));
-        assert!(said.vouches(&cell, now));
-        said.residual = Some((now, -0.011));
-        assert!(!said.vouches(&cell, now) && said.vouches(&elastic, now));
-        said = Said { pose: Some(late), residual: Some((now, 0.0)) };
-        assert!(!said.vouches(&cell, late), "the load cell's cable is cut");
-    }
-}
+#[path = "assurance/tests.rs"]
+mod tests;

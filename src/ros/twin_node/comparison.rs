@@ -2,31 +2,57 @@
 //!
 //! A reading counts for a pose if it lies round the pose's stamp: two readings no more than [`MAX_GAP_NANOS`] apart are
 //! interpolated. Until the later of the two is here the prediction waits, at most [`PATIENCE`] of wall time.
+//!
+//! What a comparison proves is as old as the pose and the reading behind it, by the times at which they came ([`Agreement`]).
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::identification::Identification;
 use super::solver::Answer;
+use crate::compare::frozen::Frozen;
 use crate::compare::learning::Swing;
 use crate::instrument::reading::is_force;
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Header;
-use crate::twin::Phase;
+use crate::twin::{Phase, Prediction};
 
 const MAX_GAP_NANOS: i64 = 100_000_000;
 const PATIENCE: Duration = Duration::from_millis(200);
 /// Readings and waiting predictions that are kept: seconds at any sensible rate.
 const KEPT: usize = 4096;
-/// A reading that has not moved for so long while the prediction has is stuck.
-const STUCK_NANOS: i64 = 1_000_000_000;
-/// ... while the prediction moved by more than this, N, and by more than a twentieth of its peak.
-const STUCK_CHANGE_N: f64 = 2e-3;
 
+/// What the load cell said.
 #[derive(Clone, Copy, Debug)]
-struct Reading {
-    stamp_nanos: i64,
-    force_n: [f64; 3],
+pub(super) struct Reading {
+    pub stamp_nanos: i64,
+    /// When it came.
+    pub received: Instant,
+    pub force_n: [f64; 3],
+    /// About the load cell's origin.
+    pub torque_nm: [f64; 3],
+}
+
+/// How a prediction and a reading agree, and when the two came.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Agreement {
+    pub pose_received: Instant,
+    pub reading_received: Instant,
+    /// Length of the difference over the components that are measured, N.
+    pub error_n: f64,
+    /// The same of the torque, where it is measured, N m.
+    pub error_nm: Option<f64>,
+    /// Length of the measured force, N.
+    pub measured_n: f64,
+}
+
+/// The state of the load cell by its newest readings.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Cell {
+    /// Stamp and arrival of the newest reading that can be compared.
+    pub usable: Option<(i64, Instant)>,
+    /// Why the newest reading can't be: a `LOAD_CELL_` constant.
+    pub fault: Option<u8>,
 }
 
 /// Readings whose stamps are within this of the newest make up the tare.
@@ -47,7 +73,16 @@ pub(super) struct Comparator {
     samples: u64,
     peak_predicted: f64,
     not_finite_nanos: Option<i64>,
-    same_since: Option<(Reading, f64)>,
+    cell: Cell,
+    frozen: Frozen,
+    /// The newest prediction along the instrument, N.
+    predicted_n: f64,
+    tare_nm: [f64; 3],
+    /// Components of the torque that the load cell has ever read.
+    read_torque: [bool; 3],
+    /// Components of the force that have ever been finite.
+    has: [bool; 3],
+    begun: Option<Instant>,
     identification: Option<Identification>,
     swing: Swing,
 }
@@ -62,10 +97,13 @@ impl Comparator {
         Self { identification, ..Self::default() }
     }
 
-    /// Takes a reading.
-    pub fn measured(&mut self, stamp_nanos: i64, force_n: [f64; 3]) {
+    /// Takes a reading. `range_n`: where the load cell ends, N, 0 if that is not known; `band_n`: the disagreement that is tolerated.
+    pub fn measured(&mut self, mut reading: Reading, range_n: f64, band_n: f64) {
+        self.leave_out_what_is_not_measured(&mut reading);
+        let Reading { stamp_nanos, received, force_n, .. } = reading;
         if !is_force(&force_n) {
             self.not_finite_nanos = Some(stamp_nanos);
+            self.cell.fault = Some(ForceComparison::LOAD_CELL_NOT_FINITE);
             return;
         }
         // A jump back (a bag was looped): what came before belongs to another run.
@@ -74,17 +112,49 @@ impl Comparator {
                 return;
             }
             self.readings.clear();
-            self.same_since = None;
+            self.frozen = Frozen::default();
+        }
+        let time = received.saturating_duration_since(*self.begun.get_or_insert(received));
+        self.frozen.take(time, force_n, self.predicted_n, self.peak_predicted, band_n);
+        self.cell.fault = if range_n > 0.0 && force_n.iter().any(|f| f.abs() >= range_n) {
+            Some(ForceComparison::LOAD_CELL_SATURATED)
+        } else {
+            self.frozen.is_found().then_some(ForceComparison::LOAD_CELL_STUCK)
+        };
+        if self.cell.fault.is_none() {
+            self.cell.usable = Some((stamp_nanos, received));
         }
         if self.readings.len() == KEPT {
             self.readings.pop_front();
         }
-        self.readings.push_back(Reading { stamp_nanos, force_n });
+        self.readings.push_back(reading);
+    }
+
+    /// The load cell by its newest readings.
+    pub const fn cell(&self) -> Cell {
+        self.cell
+    }
+
+    /// A component that was never a number is not measured: a cell of one axis says NaN for the others. One that was is missed.
+    fn leave_out_what_is_not_measured(&mut self, reading: &mut Reading) {
+        (0..3).for_each(|k| self.has[k] |= reading.force_n[k].is_finite());
+        if self.has.contains(&true) {
+            (0..3).filter(|k| !self.has[*k]).for_each(|k| reading.force_n[k] = 0.0);
+        }
+        for k in 0..3 {
+            // a torque is a second opinion: without it there is still the force
+            let read = reading.torque_nm[k].is_finite() && reading.torque_nm[k] != 0.0;
+            self.read_torque[k] |= read;
+            if !self.read_torque[k] {
+                reading.torque_nm[k] = 0.0;
+            }
+        }
     }
 
     /// Takes a prediction.
     pub fn predicted(&mut self, answer: Answer) {
         let predicted = axial(answer.prediction.force_n, answer.pose.pose.axis);
+        self.predicted_n = predicted;
         self.peak_predicted = self.peak_predicted.max(predicted.abs());
         if self.waiting.len() == KEPT {
             self.waiting.pop_front();
@@ -93,26 +163,35 @@ impl Comparator {
     }
 
     /// Takes the readings of the last tenth of a second as zero. `range_n`: where the load cell ends, N; 0 if that is not known.
+    /// `band_n`: by how much it may move, N; 0: by anything.
     ///
     /// # Errors
     /// Why there is no such reading, or why it can't be taken.
-    pub fn tare(&mut self, range_n: f64) -> Result<[f64; 3], String> {
+    pub fn tare(&mut self, range_n: f64, band_n: f64) -> Result<[f64; 3], String> {
         let newest = self.readings.back().ok_or("no load-cell reading has come")?.stamp_nanos;
         let recent = self.readings.iter().rev().take_while(|r| newest - r.stamp_nanos <= TARE_NANOS);
-        let (mut sum, mut n) = ([0.0; 3], 0.0);
+        let (mut sum, mut n) = ([0.0; 6], 0.0);
         for reading in recent {
-            for (total, force) in sum.iter_mut().zip(reading.force_n) {
-                *total += force;
+            for (total, x) in sum.iter_mut().zip(reading.force_n.iter().chain(&reading.torque_nm)) {
+                *total += x;
             }
             n += 1.0;
         }
-        let tare_n = sum.map(|total| total / n);
+        let [x, y, z, mx, my, mz] = sum.map(|total| total / n);
+        let tare_n = [x, y, z];
         if range_n > 0.0 && tare_n.iter().any(|f| f.abs() >= range_n) {
             return Err(format!(
                 "the load cell reads {tare_n:?} N, at the end of its range ({range_n} N): unload it first"
             ));
         }
-        self.tare_n = tare_n;
+        let moved_n = length(std::array::from_fn(|k| tare_n[k] - self.tare_n[k]));
+        if band_n > 0.0 && moved_n >= band_n {
+            return Err(format!(
+                "the load cell is {moved_n:.4} N from its zero, beyond residual_band_n ({band_n} N): unload it first. If that is the \
+                 weight of the tool, call ~/force_tare"
+            ));
+        }
+        (self.tare_n, self.tare_nm) = (tare_n, [mx, my, mz].map(|m| if m.is_finite() { m } else { 0.0 }));
         self.clear_statistics();
         // With another zero, what was learnt of the offset is not true any more.
         self.identification.iter_mut().for_each(Identification::reset);
@@ -123,7 +202,18 @@ impl Comparator {
     pub fn reset(&mut self) {
         let mut identification = self.identification.take();
         identification.iter_mut().for_each(Identification::reset);
-        *self = Self { tare_n: self.tare_n, identification, ..Self::default() };
+        *self = Self {
+            tare_n: self.tare_n,
+            tare_nm: self.tare_nm,
+            has: self.has,
+            read: self.read,
+            read_torque: self.read_torque,
+            frozen: self.frozen,
+            cell: self.cell,
+            begun: self.begun,
+            identification,
+            ..Self::default()
+        };
     }
 
     fn clear_statistics(&mut self) {
@@ -154,8 +244,8 @@ impl Comparator {
         }
     }
 
-    /// The next comparison that can be made, if any.
-    pub fn next(&mut self, frame_id: &str, range_n: f64) -> Option<ForceComparison> {
+    /// The next comparison that can be made, if any, and what it proves if it is valid.
+    pub fn next(&mut self, frame_id: &str, range_n: f64) -> Option<(ForceComparison, Option<Agreement>)> {
         let (answer, since) = *self.waiting.front()?;
         let stamp = answer.stamp.nanos();
         let newest = self.readings.back().map(|r| r.stamp_nanos);
@@ -166,7 +256,13 @@ impl Comparator {
         Some(self.compare(&answer, stamp, frame_id, range_n))
     }
 
-    fn compare(&mut self, answer: &Answer, stamp: i64, frame_id: &str, range_n: f64) -> ForceComparison {
+    fn compare(
+        &mut self,
+        answer: &Answer,
+        stamp: i64,
+        frame_id: &str,
+        range_n: f64,
+    ) -> (ForceComparison, Option<Agreement>) {
         let predicted_n = axial(answer.prediction.force_n, answer.pose.pose.axis);
         let mut message = ForceComparison {
             header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
@@ -177,10 +273,11 @@ impl Comparator {
             load_cell: ForceComparison::LOAD_CELL_MISSING,
             ..ForceComparison::default()
         };
+        let mut agreement = None;
         if self.not_finite_nanos.is_some_and(|t| (t - stamp).abs() < MAX_GAP_NANOS) {
             message.load_cell = ForceComparison::LOAD_CELL_NOT_FINITE;
-        } else if let Some((force, nearest)) = self.reading_at(stamp) {
-            self.judge(&mut message, answer, force, stamp, nearest, range_n);
+        } else if let Some((reading, nearest)) = self.reading_at(stamp) {
+            agreement = self.judge(&mut message, answer, &reading, nearest, range_n);
         }
         if let Some((rmse, max)) = self.statistics() {
             message.rmse_n = rmse;
@@ -193,7 +290,7 @@ impl Comparator {
             let doubt_n = self.swing.see(answer.pose.time_s, predicted_n, &answer.prediction.health);
             identification.take(&mut message, stamp, inserted, doubt_n);
         }
-        message
+        (message, agreement)
     }
 
     #[allow(clippy::cast_precision_loss)] // a fraction of a second
@@ -201,22 +298,22 @@ impl Comparator {
         &mut self,
         message: &mut ForceComparison,
         answer: &Answer,
-        force: [f64; 3],
-        stamp: i64,
+        reading: &Reading,
         nearest: i64,
         range_n: f64,
-    ) {
+    ) -> Option<Agreement> {
+        let Reading { stamp_nanos, force_n: force, torque_nm, received } = *reading;
         message.measured_force_n = force.into();
-        message.measured_delay_s = (stamp - nearest) as f64 * 1e-9;
+        message.measured_delay_s = (stamp_nanos - nearest) as f64 * 1e-9;
         if range_n > 0.0 && force.iter().any(|f| f.abs() >= range_n) {
             message.load_cell = ForceComparison::LOAD_CELL_SATURATED;
-            return;
+            return None;
         }
-        if self.is_stuck(Reading { stamp_nanos: stamp, force_n: force }, message.predicted_n) {
+        if self.frozen.is_found() {
             message.load_cell = ForceComparison::LOAD_CELL_STUCK;
-            return;
+            return None;
         }
-        let net = [force[0] - self.tare_n[0], force[1] - self.tare_n[1], force[2] - self.tare_n[2]];
+        let net: [f64; 3] = std::array::from_fn(|k| force[k] - self.tare_n[k]);
         message.load_cell = ForceComparison::LOAD_CELL_OK;
         message.valid = true;
         message.measured_n = axial(net, answer.pose.pose.axis);
@@ -224,49 +321,60 @@ impl Comparator {
         self.squares += message.residual_n * message.residual_n;
         self.max_abs = self.max_abs.max(message.residual_n.abs());
         (0..3).for_each(|k| self.read[k] |= force[k] != 0.0);
-        let predicted = answer.prediction.force_n;
-        let square = (0..3).map(|k| (predicted[k] - net[k]).powi(2)).sum::<f64>();
-        self.vector_squares += square;
+        let Prediction { force_n: predicted_n, torque_nm: predicted_nm, .. } = answer.prediction;
+        let difference: [f64; 3] = std::array::from_fn(|k| predicted_n[k] - net[k]);
+        self.vector_squares += difference.iter().map(|d| d * d).sum::<f64>();
         if self.measures_vectors() {
-            message.vector_error_n = square.sqrt();
+            message.vector_error_n = length(difference);
         }
         self.samples += 1;
+        let torque = self.read_torque.contains(&true);
+        let error_nm = length(masked(
+            std::array::from_fn(|k| predicted_nm[k] - (torque_nm[k] - self.tare_nm[k])),
+            self.read_torque,
+        ));
+        Some(Agreement {
+            pose_received: answer.received,
+            reading_received: received,
+            error_n: length(masked(difference, self.read)).max(message.residual_n.abs()),
+            error_nm: torque.then_some(if error_nm.is_finite() { error_nm } else { f64::MAX }),
+            measured_n: length(masked(net, self.read)),
+        })
     }
 
-    /// Force at a time and the stamp of the reading nearest to it.
+    /// The reading at a time and the stamp of the reading nearest to it. One between two came with the later of them.
     #[allow(clippy::cast_precision_loss)] // differences of stamps
-    fn reading_at(&self, stamp: i64) -> Option<([f64; 3], i64)> {
+    fn reading_at(&self, stamp: i64) -> Option<(Reading, i64)> {
         let after = self.readings.partition_point(|r| r.stamp_nanos < stamp);
         let later = self.readings.get(after);
         let earlier = after.checked_sub(1).and_then(|i| self.readings.get(i));
         match (earlier, later) {
-            (_, Some(b)) if b.stamp_nanos == stamp => Some((b.force_n, stamp)),
+            (_, Some(b)) if b.stamp_nanos == stamp => Some((*b, stamp)),
             (Some(a), Some(b)) if b.stamp_nanos - a.stamp_nanos <= MAX_GAP_NANOS => {
                 let t = (stamp - a.stamp_nanos) as f64 / (b.stamp_nanos - a.stamp_nanos) as f64;
-                let force = std::array::from_fn(|k| a.force_n[k] + t * (b.force_n[k] - a.force_n[k]));
-                Some((force, if t < 0.5 { a.stamp_nanos } else { b.stamp_nanos }))
+                let between = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + t * (b[k] - a[k]));
+                let (force_n, torque_nm) = (between(a.force_n, b.force_n), between(a.torque_nm, b.torque_nm));
+                let reading = Reading { stamp_nanos: stamp, force_n, torque_nm, ..*b };
+                Some((reading, if t < 0.5 { a.stamp_nanos } else { b.stamp_nanos }))
             }
             (earlier, later) => {
                 let distance = |r: &&Reading| (r.stamp_nanos - stamp).abs();
-                let nearest = earlier.into_iter().chain(later).min_by_key(distance)?;
-                (distance(&nearest) <= MAX_GAP_NANOS / 2).then_some((nearest.force_n, nearest.stamp_nanos))
+                let nearest = *earlier.into_iter().chain(later).min_by_key(distance)?;
+                let reading = Reading { stamp_nanos: stamp, ..nearest };
+                (distance(&&nearest) <= MAX_GAP_NANOS / 2).then_some((reading, nearest.stamp_nanos))
             }
         }
     }
+}
 
-    fn is_stuck(&mut self, reading: Reading, predicted: f64) -> bool {
-        match self.same_since {
-            Some((since, predicted_then)) if since.force_n == reading.force_n => {
-                let change = (predicted - predicted_then).abs();
-                reading.stamp_nanos - since.stamp_nanos > STUCK_NANOS
-                    && change > STUCK_CHANGE_N.max(0.05 * self.peak_predicted)
-            }
-            _ => {
-                self.same_since = Some((reading, predicted));
-                false
-            }
-        }
-    }
+/// Length of a vector.
+fn length(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// A vector without the components that are not measured.
+fn masked(v: [f64; 3], measured: [bool; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| if measured[k] { v[k] } else { 0.0 })
 }
 
 #[cfg(test)]
@@ -275,6 +383,17 @@ mod tests {
     use super::*;
     use crate::ros::messages::builtin_interfaces::Time;
     use crate::twin::{Health, Phase, Pose, Prediction, StampedPose, Work};
+
+    /// Takes a reading that came at its stamp.
+    fn hear(c: &mut Comparator, stamp_nanos: i64, force_n: [f64; 3], range_n: f64) {
+        let begun = *c.begun.get_or_insert_with(Instant::now);
+        let received = begun + Duration::from_nanos(stamp_nanos.unsigned_abs());
+        c.measured(Reading { stamp_nanos, received, force_n, torque_nm: [0.0; 3] }, range_n, 0.0);
+    }
+
+    fn next(c: &mut Comparator, range_n: f64) -> Option<ForceComparison> {
+        c.next("sample", range_n).map(|(message, _)| message)
+    }
 
     fn answer(nanos: i64, force: f64) -> Answer {
         let now = Instant::now();
@@ -303,11 +422,11 @@ mod tests {
     #[test]
     fn readings_are_interpolated_and_the_sign_is_that_of_the_tissue_on_the_instrument() {
         let mut c = Comparator::default();
-        c.measured(1_000_000_000, [0.0, 0.0, 0.10]);
+        hear(&mut c, 1_000_000_000, [0.0, 0.0, 0.10], 0.0);
         c.predicted(answer(1_005_000_000, 0.25));
-        assert!(c.next("sample", 0.0).is_none(), "the later reading is not here");
-        c.measured(1_010_000_000, [0.0, 0.0, 0.20]);
-        let m = c.next("sample", 0.0).unwrap();
+        assert!(next(&mut c, 0.0).is_none(), "the later reading is not here");
+        hear(&mut c, 1_010_000_000, [0.0, 0.0, 0.20], 0.0);
+        let m = next(&mut c, 0.0).unwrap();
         assert!(m.valid);
         assert!((m.measured_n - 0.15).abs() < 1e-12);
         assert!((m.residual_n - 0.10).abs() < 1e-12);
@@ -319,9 +438,9 @@ mod tests {
     fn a_load_cell_of_several_axes_is_compared_as_a_vector() {
         let mut c = Comparator::default();
         let mut said = |nanos: i64, force: [f64; 3]| {
-            c.measured(nanos, force);
+            hear(&mut c, nanos, force, 0.0);
             c.predicted(answer(nanos, 0.5));
-            let m = c.next("sample", 0.0).unwrap();
+            let m = next(&mut c, 0.0).unwrap();
             [m.vector_error_n, m.rmse_vector_n]
         };
         assert_eq!(said(1_000_000_000, [0.0, 0.0, 0.5]), [0.0, 0.0], "one axis alone so far");
@@ -332,27 +451,27 @@ mod tests {
     #[test]
     fn tare_is_the_present_reading() {
         let mut c = Comparator::default();
-        assert!(c.tare(0.0).is_err());
-        c.measured(1_000_000_000, [0.0, 0.0, 0.5]);
-        assert_eq!(c.tare(0.0).unwrap(), [0.0, 0.0, 0.5]);
+        assert!(c.tare(0.0, 0.0).is_err());
+        hear(&mut c, 1_000_000_000, [0.0, 0.0, 0.5], 0.0);
+        assert_eq!(c.tare(0.0, 0.0).unwrap(), [0.0, 0.0, 0.5]);
         c.predicted(answer(1_000_000_000, 0.0));
-        let m = c.next("sample", 0.0).unwrap();
+        let m = next(&mut c, 0.0).unwrap();
         assert!(m.valid && m.measured_n == 0.0 && m.measured_force_n.z == 0.5);
     }
 
     #[test]
     fn missing_not_finite_and_saturated_are_said_and_left_out() {
         let mut c = Comparator::default();
-        c.measured(1_000_000_000, [0.0, f64::NAN, 0.5]);
-        c.measured(1_001_000_000, [0.0, 0.0, 10.0]);
+        hear(&mut c, 1_000_000_000, [0.0, f64::NAN, 0.5], 0.0);
+        hear(&mut c, 1_001_000_000, [0.0, 0.0, 10.0], 0.0);
         c.predicted(answer(1_000_000_000, 0.0));
-        assert_eq!(c.next("sample", 0.0).unwrap().load_cell, ForceComparison::LOAD_CELL_NOT_FINITE);
+        assert_eq!(next(&mut c, 0.0).unwrap().load_cell, ForceComparison::LOAD_CELL_NOT_FINITE);
         let mut c = Comparator::default();
-        c.measured(2_000_000_000, [0.0, 0.0, 10.0]);
+        hear(&mut c, 2_000_000_000, [0.0, 0.0, 10.0], 5.0);
         c.predicted(answer(1_000_000_000, 0.0));
-        assert_eq!(c.next("sample", 5.0).unwrap().load_cell, ForceComparison::LOAD_CELL_MISSING);
+        assert_eq!(next(&mut c, 5.0).unwrap().load_cell, ForceComparison::LOAD_CELL_MISSING);
         c.predicted(answer(2_000_000_000, 0.0));
-        assert_eq!(c.next("sample", 5.0).unwrap().load_cell, ForceComparison::LOAD_CELL_SATURATED);
+        assert_eq!(next(&mut c, 5.0).unwrap().load_cell, ForceComparison::LOAD_CELL_SATURATED);
         assert_eq!(c.statistics(), None);
     }
 
@@ -361,28 +480,65 @@ mod tests {
         let mut c = Comparator::default();
         for i in 0..200 {
             let stamp = 1_000_000_000 + i * 10_000_000;
-            c.measured(stamp, [0.0, 0.0, 0.1]);
+            hear(&mut c, stamp, [0.0, 0.0, 0.1], 0.0);
             c.predicted(answer(stamp, 0.1 + 0.001 * i as f64));
-            let m = c.next("sample", 0.0).unwrap();
-            assert_eq!(m.load_cell == ForceComparison::LOAD_CELL_STUCK, i > 100, "{i}");
+            let m = next(&mut c, 0.0).unwrap();
+            // more than 5 % of the peak, and 2 mN
+            assert_eq!(m.load_cell == ForceComparison::LOAD_CELL_STUCK, i > 6, "{i}");
         }
+    }
+
+    #[test]
+    fn what_is_not_measured_is_no_fault_and_what_was_measured_is_missed() {
+        let mut c = Comparator::default();
+        for (nanos, x, valid) in [(1, f64::NAN, true), (2, 0.3, true), (3, f64::NAN, false)] {
+            hear(&mut c, nanos * 1_000_000_000, [x, f64::NAN, 0.1], 0.0);
+            c.predicted(answer(nanos * 1_000_000_000, 0.1));
+            let (m, agreement) = c.next("sample", 0.0).unwrap();
+            assert_eq!((m.valid, c.cell().fault.is_none()), (valid, valid), "{nanos}");
+            let error_n = agreement.map(|a| a.error_n);
+            assert_eq!(error_n, valid.then_some(if nanos == 2 { 0.3 } else { 0.0 }), "{nanos}: across the axis");
+        }
+    }
+
+    #[test]
+    fn a_torque_counts_once_it_is_measured() {
+        let mut c = Comparator::default();
+        let mut error_nm = |nanos: i64, torque: f64| {
+            let received = Instant::now();
+            let reading =
+                Reading { stamp_nanos: nanos, received, force_n: [0.0, 0.0, 0.1], torque_nm: [torque, 0.0, 0.0] };
+            c.measured(reading, 0.0, 0.0);
+            c.predicted(answer(nanos, 0.1));
+            c.next("sample", 0.0).unwrap().1.unwrap().error_nm
+        };
+        assert_eq!((error_nm(1, f64::NAN), error_nm(2, 0.0), error_nm(3, -0.5)), (None, None, Some(0.5)));
+        assert_eq!(error_nm(4, f64::NAN), Some(f64::MAX), "it is missed");
+    }
+
+    #[test]
+    fn zero_is_not_moved_beyond_the_band() {
+        let mut c = Comparator::default();
+        hear(&mut c, 1_000_000_000, [0.0, 0.0, 50.0], 0.0);
+        assert!(c.tare(0.0, 0.02).unwrap_err().contains("force_tare"));
+        assert!(c.tare(0.0, 0.0).is_ok());
     }
 
     #[test]
     fn a_reading_that_no_load_cell_gives_counts_for_nothing() {
         let mut c = Comparator::default();
-        c.measured(1_000_000_000, [0.0, 0.0, 0.10]);
-        c.measured(1_000_100_000, [0.0, 0.0, 1e200]);
-        c.measured(1_000_200_000, [0.0, 0.0, 0.10]);
+        hear(&mut c, 1_000_000_000, [0.0, 0.0, 0.10], 0.0);
+        hear(&mut c, 1_000_100_000, [0.0, 0.0, 1e200], 0.0);
+        hear(&mut c, 1_000_200_000, [0.0, 0.0, 0.10], 0.0);
         c.predicted(answer(1_000_200_000, 0.25));
-        let m = c.next("sample", 0.0).unwrap();
+        let m = next(&mut c, 0.0).unwrap();
         assert!(!m.valid && m.load_cell == ForceComparison::LOAD_CELL_NOT_FINITE);
-        c.measured(1_200_000_000, [0.0, 0.0, 0.10]);
+        hear(&mut c, 1_200_000_000, [0.0, 0.0, 0.10], 0.0);
         c.predicted(answer(1_200_000_000, 0.25));
-        let m = c.next("sample", 0.0).unwrap();
+        let m = next(&mut c, 0.0).unwrap();
         assert!(m.valid && m.rmse_n < 0.2, "{}", m.rmse_n);
-        c.measured(2_000_000_000, [0.0, 0.0, 1e308]);
-        assert!(c.tare(0.0).unwrap()[2] < 0.2, "it is of the readings before");
-        assert!(c.tare(0.05).unwrap_err().contains("unload"));
+        hear(&mut c, 2_000_000_000, [0.0, 0.0, 1e308], 0.0);
+        assert!(c.tare(0.0, 0.0).unwrap()[2] < 0.2, "it is of the readings before");
+        assert!(c.tare(0.05, 0.0).unwrap_err().contains("unload"));
     }
 }

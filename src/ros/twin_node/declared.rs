@@ -69,19 +69,27 @@ parameters! {
         [0.0, 1e6],
         "Readings of measured_cf at or beyond this count as saturated, N; 0: not checked.",
     );
-    GUARD_RATE_HZ: f64 = Parameter::real("guard_rate_hz", 100.0, [1.0, 1000.0], "Rate of safe_to_go_on.");
+    GUARD_RATE_HZ: f64 = Parameter::real("guard_rate_hz", 100.0, [1.0, 1000.0], "Rate of safety and safe_to_go_on.");
     GUARD_TIMEOUT_S: f64 = Parameter::real(
         "guard_timeout_s",
         0.025,
         [0.001, 3600.0],
-        "safe_to_go_on is false without a pose that came and was answered within this time.",
+        "safety is a no without a pose that was measured, by its stamp, came and was answered within this time; the same of a \
+         reading of the load cell where residual_band_n asks it, and of /clock with use_sim_time.",
     );
     RESIDUAL_BAND_N: f64 = Parameter::real(
         "residual_band_n",
         0.0,
         [0.0, 1e6],
-        "safe_to_go_on is false unless the load cell speaks and predicted and measured force differ by less, N; beyond \
-         half of it the health is WARN. 0: the load cell is not asked.",
+        "safety is a no unless the load cell speaks and predicted and measured force differ by less, N, as vectors; torques, where \
+         they are measured, by less than this at the length of the sample. Beyond half of it the health is WARN. 0: the load cell is \
+         not asked.",
+    );
+    FORCE_LIMIT_N: f64 = Parameter::real(
+        "force_limit_n",
+        0.0,
+        [0.0, 1e6],
+        "safety is a no from this predicted or measured force on, N. 0: no limit.",
     );
     LOOK_AHEAD: bool = Parameter::new(
         "look_ahead",
@@ -164,6 +172,7 @@ pub(super) struct Settings {
     pub guard_rate_hz: f64,
     pub guard_timeout_s: f64,
     pub residual_band_n: f64,
+    pub force_limit_n: f64,
     pub outlook_m: f64,
     pub hardware_id: String,
 }
@@ -181,6 +190,7 @@ impl Settings {
             guard_rate_hz: parameters.get(GUARD_RATE_HZ),
             guard_timeout_s: parameters.get(GUARD_TIMEOUT_S),
             residual_band_n: parameters.get(RESIDUAL_BAND_N),
+            force_limit_n: parameters.get(FORCE_LIMIT_N),
             outlook_m: parameters.get(OUTLOOK_M),
             hardware_id: parameters.get(HARDWARE_ID),
         }

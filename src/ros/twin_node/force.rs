@@ -3,7 +3,7 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use super::assurance::{Assurance, Said};
+use super::assurance::{Assurance, Assured};
 use super::comparison::Comparator;
 use super::identification::Identification;
 use super::members::{Answered, Measured, Newest};
@@ -16,6 +16,7 @@ use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
 use crate::ros::messages::needle_twin::{ForceComparison, TissueEvent};
 use crate::ros::messages::std_msgs::{Header, String as Text};
+use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Output, Participant, ParticipantError};
 use crate::ros::qos;
 use crate::twin::Prediction;
@@ -61,13 +62,13 @@ pub(super) struct ForceOutputs {
 }
 
 impl ForceOutputs {
-    pub fn new(participant: &mut Participant) -> Result<Self, ParticipantError> {
+    pub fn new(participant: &mut Participant, parameters: &Parameters) -> Result<Self, ParticipantError> {
         Ok(Self {
             force: participant.publisher("predicted_cf", qos::reliable(10))?,
             comparison: participant.publisher("comparison", qos::reliable(10))?,
             region: participant.publisher("region", qos::latched())?,
             events: participant.publisher("events", qos::latest(EVENTS))?,
-            assurance: Assurance::new(participant)?,
+            assurance: Assurance::new(participant, parameters)?,
         })
     }
 
@@ -85,9 +86,10 @@ pub(super) fn run(
     identification: Option<Identification>,
     members: Option<&Newest>,
     mut seen: Seen,
+    lever_m: f64,
 ) {
     let mut comparator = Comparator::new(identification);
-    let mut said = Said::default();
+    let mut said = Assured::new(lever_m);
     let mut refusals = Throttle::new(SAID_AGAIN);
     let mut untracked = Throttle::new(Duration::from_secs(600));
     let mut due = Instant::now();
@@ -96,7 +98,7 @@ pub(super) fn run(
         match events.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok(Event::Answer(answer)) => {
                 if answered(outputs, frame_id, shared, &mut comparator, &answer) {
-                    said.pose = Some(answer.received);
+                    said.answered(&answer);
                     members.inspect(|newest| newest.put(Answered::of(&answer)));
                     entered(outputs, shared, &mut region);
                 }
@@ -105,9 +107,11 @@ pub(super) fn run(
                 seen.number += 1;
                 happened(outputs, frame_id, shared, seen.number, &sighting);
             }
-            Ok(Event::Measured { stamp_nanos, force_n }) => {
+            Ok(Event::Measured(reading)) => {
                 shared.lock().measured += 1;
-                comparator.measured(stamp_nanos, force_n);
+                let settings = shared.settings();
+                comparator.measured(reading, settings.load_cell_range_n, settings.residual_band_n);
+                said.cell = comparator.cell();
             }
             Ok(Event::Tracked(seen)) => match members {
                 Some(newest) => newest.tracked(seen),
@@ -125,35 +129,50 @@ pub(super) fn run(
             Ok(Event::Reset(reason)) => {
                 comparator.reset();
                 members.inspect(|newest| newest.reset());
-                said = Said::default();
+                said.reset();
                 seen.reset();
                 shared.lock().reset();
                 entered(outputs, shared, &mut region);
                 tracing::info!("back in the undeformed state ({reason})");
             }
-            Ok(Event::Tare(reply)) => {
+            Ok(Event::Tare { forced, reply }) => {
                 // Fails only if the caller has given up.
-                let _ = reply.send(comparator.tare(shared.settings().load_cell_range_n));
+                let _ = reply.send(tare(shared, &mut comparator, forced));
             }
             Err(RecvTimeoutError::Timeout) => {}
             Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => {
                 // The last message: a node that ends says that it is not safe to go on.
-                outputs.assurance.deny();
+                outputs.assurance.deny(frame_id, shared);
                 return;
             }
         }
         compare(outputs, frame_id, shared, &mut comparator, &mut said, members, &mut seen);
         let now = Instant::now();
-        if now >= due {
+        let is_due = now >= due;
+        if is_due {
             let mut period = Duration::from_secs_f64(1.0 / shared.settings().guard_rate_hz);
             if !outputs.assurance.is_wanted() {
                 period = period.max(UNHEARD);
             }
             // Absolute deadlines; what was missed is skipped, not caught up.
             due = if now - due > period { now + period } else { due + period };
-            outputs.assurance.publish(&said, shared);
         }
+        outputs.assurance.publish(frame_id, &mut said, shared, is_due);
     }
+}
+
+/// Takes the present reading as zero. Inside tissue it is the tissue's force, and taken as zero it would hide what the load cell is
+/// there to show.
+fn tare(shared: &Shared, comparator: &mut Comparator, forced: bool) -> Result<[f64; 3], String> {
+    let settings = shared.settings();
+    let depth_m = shared.lock().last.map_or(0.0, |answer| answer.prediction.depth_m);
+    if !forced && depth_m > 0.0 {
+        return Err(format!(
+            "the instrument is {depth_m:.6} m inside the sample, and presses on the load cell: retract it first. To take the present \
+             reading all the same, call ~/force_tare"
+        ));
+    }
+    comparator.tare(settings.load_cell_range_n, if forced { 0.0 } else { settings.residual_band_n })
 }
 
 /// Nothing that is not finite leaves: every number of a prediction passes here.
@@ -335,13 +354,13 @@ fn compare(
     frame_id: &str,
     shared: &Shared,
     comparator: &mut Comparator,
-    said: &mut Said,
+    said: &mut Assured,
     members: Option<&Newest>,
     seen: &mut Seen,
 ) {
     let range_n = shared.settings().load_cell_range_n;
-    while let Some(message) = comparator.next(frame_id, range_n) {
-        said.compared(&message);
+    while let Some((message, agreement)) = comparator.next(frame_id, range_n) {
+        said.agreement = agreement.or(said.agreement);
         {
             let mut live = shared.lock();
             live.load_cell = Some(message.load_cell);

@@ -53,6 +53,7 @@ pub(super) struct Housekeeping {
     logger_services: Option<LoggerServices>,
     reset: Trigger,
     tare: Trigger,
+    force_tare: Trigger,
     status: Output<TwinStatus>,
     diagnostics: Output<DiagnosticArray>,
     model: Output<TissueModel>,
@@ -100,6 +101,7 @@ impl Housekeeping {
             logger_services: LoggerServices::offer(participant, parameters)?,
             reset: participant.server("~/reset", "std_srvs", "Trigger")?,
             tare: participant.server("~/tare", "std_srvs", "Trigger")?,
+            force_tare: participant.server("~/force_tare", "std_srvs", "Trigger")?,
             status: participant.publisher("status", qos::reliable(10))?,
             diagnostics: participant.publisher("/diagnostics", qos::reliable(10))?,
             model: participant.publisher("tissue_model", qos::latched())?,
@@ -276,10 +278,11 @@ impl Housekeeping {
             self.shared.clock.set_simulated(self.parameters.get(USE_SIM_TIME));
         }
         self.reset.answer(|_| self.reset(context, "~/reset"));
-        self.tare.answer(|_| tare(&context.events));
+        self.tare.answer(|_| tare(&context.events, false));
+        self.force_tare.answer(|_| tare(&context.events, true));
         while let Some(asked) = context.page.as_ref().and_then(|page| page.asked.try_recv().ok()) {
             let TriggerResponse { success, message } = match &asked.command {
-                Command::Tare => tare(&context.events),
+                Command::Tare => tare(&context.events, false),
                 Command::Reset => self.reset(context, "asked for on the live page"),
                 Command::Mark(text) => self.mark(text),
             };
@@ -347,14 +350,18 @@ impl Housekeeping {
     }
 }
 
-fn tare(events: &SyncSender<Event>) -> TriggerResponse {
+fn tare(events: &SyncSender<Event>, forced: bool) -> TriggerResponse {
     let (reply, answer) = crossbeam_channel::bounded(1);
-    let asked = events.try_send(Event::Tare(reply)).is_ok();
+    let asked = events.try_send(Event::Tare { forced, reply }).is_ok();
     let outcome = if asked { answer.recv_timeout(Duration::from_millis(500)).ok() } else { None };
     match outcome {
         Some(Ok([x, y, z])) => {
             let message = format!("zero is now ({x:.6}, {y:.6}, {z:.6}) N");
-            tracing::info!("load cell: {message}");
+            if forced {
+                tracing::warn!("load cell: {message}, forced");
+            } else {
+                tracing::info!("load cell: {message}");
+            }
             TriggerResponse { success: true, message }
         }
         Some(Err(reason)) => TriggerResponse { success: false, message: reason },

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
+use super::comparison::Reading;
 use super::inbox::{Inbox, PoseInput, Where};
-use super::shared::{Reject, Shared};
+use super::shared::{Doubt, Reject, Shared};
 use super::solver::Event;
 use super::stretch::{Arrival, Stretch};
 use super::tracked::Seen;
@@ -16,11 +17,15 @@ use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
 use crate::ros::messages::rosgraph_msgs::Clock;
 use crate::ros::messages::sensor_msgs::JointState;
+use crate::ros::origin::{Followed, Guid, Origin};
 use crate::ros::participant::{Input, Participant, ParticipantError, Wish};
 use crate::ros::qos;
 
 /// A stamp so far ahead of the node's clock is refused. `/clock` comes at 1 Hz at the slowest.
 const FUTURE_S: f64 = 2.0;
+
+/// Why a measurement without stamps is no evidence.
+const UNSTAMPED: &str = "has no stamps: how old it is can't be known";
 
 /// The subscriptions.
 pub(super) struct Inputs {
@@ -73,14 +78,11 @@ pub(super) fn run(
     });
     let wrench = executor.spawn(async {
         loop {
-            let message = inputs.wrench.next().await;
-            intake.borrow_mut().check_cell(&message.header.frame_id);
-            let event = Event::Measured {
-                stamp_nanos: stamp_or_now(shared, message.header.stamp),
-                force_n: message.wrench.force.into(),
-            };
-            // A full channel means that the force thread is thousands behind: a lost reading shows as missing.
-            let _ = events.try_send(event);
+            let (message, origin) = inputs.wrench.next_from().await;
+            if let Some(reading) = intake.borrow_mut().wrench(&message, origin) {
+                // A full channel means that the force thread is thousands behind: a lost reading shows as missing.
+                let _ = events.try_send(Event::Measured(reading));
+            }
         }
     });
     let targets = executor.spawn(async {
@@ -112,11 +114,10 @@ fn stamp_or_now(shared: &Shared, stamp: Time) -> i64 {
 }
 
 /// Who sends poses.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Source {
     topic: &'static str,
-    /// Stands for the publisher.
-    origin: u64,
+    publisher: Guid,
 }
 
 /// Judges poses.
@@ -128,7 +129,9 @@ struct Intake<'a> {
     /// Poses from long before the last one: stragglers, or the first of a time that starts again.
     stretch: Stretch,
     /// Who poses are taken from; another topic or publisher is ignored until this one is silent.
-    source: Option<(Source, Instant)>,
+    poses: Followed<Source>,
+    /// The same of readings of the load cell.
+    cells: Followed<Guid>,
     warnings: BTreeMap<Reject, Throttle>,
     unstamped: Throttle,
     cell_frame: Throttle,
@@ -142,7 +145,8 @@ impl<'a> Intake<'a> {
             inbox,
             last_stamp: None,
             stretch: Stretch::default(),
-            source: None,
+            poses: Followed::default(),
+            cells: Followed::default(),
             warnings: BTreeMap::new(),
             unstamped: Throttle::new(Duration::from_secs(60)),
             cell_frame: Throttle::new(Duration::from_secs(60)),
@@ -159,11 +163,11 @@ impl<'a> Intake<'a> {
         }
     }
 
-    fn joint_state(&mut self, message: &JointState, origin: u64) {
+    fn joint_state(&mut self, message: &JointState, origin: Origin) {
         let settings = self.shared.settings();
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
         let taken = adapter.depth(message).map(Where::Depth);
-        self.offer(Source { topic: "measured_js", origin }, message.header.stamp, taken);
+        self.offer("measured_js", origin, message.header.stamp, taken);
     }
 
     /// A load cell may use another frame name; the user is then responsible for axes parallel to those of the sample.
@@ -177,28 +181,68 @@ impl<'a> Intake<'a> {
         }
     }
 
-    fn pose_stamped(&mut self, message: &PoseStamped, origin: u64) {
+    fn pose_stamped(&mut self, message: &PoseStamped, origin: Origin) {
         let settings = self.shared.settings();
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
         let taken = adapter.pose(message).map(Where::Pose);
-        self.offer(Source { topic: "measured_cp", origin }, message.header.stamp, taken);
+        self.offer("measured_cp", origin, message.header.stamp, taken);
     }
 
-    fn offer(&mut self, source: Source, stamp: Time, taken: Result<Where, Refusal>) {
+    fn offer(&mut self, topic: &'static str, origin: Origin, stamp: Time, taken: Result<Where, Refusal>) {
+        let source = Source { topic, publisher: origin.publisher };
         match taken {
-            Ok(place) => self.accept(source, stamp, place),
-            Err(refusal) => self.reject(Reject::from(&refusal), || format!("{}: {refusal}", source.topic)),
+            Ok(place) => self.accept(source, origin.received, stamp, place),
+            // Joints of other machines on one topic are no loss while the needle's are there.
+            Err(Refusal::NoSuchJoint { .. }) if self.poses.source().is_some_and(|followed| followed != source) => {}
+            Err(refusal) => self.reject(Reject::from(&refusal), || format!("{topic}: {refusal}")),
         }
+    }
+
+    /// A reading of the load cell, if it is of the one that is followed.
+    fn wrench(&mut self, message: &WrenchStamped, Origin { publisher, received }: Origin) -> Option<Reading> {
+        self.check_cell(&message.header.frame_id);
+        let timeout = self.timeout();
+        if !self.cells.takes(publisher, Instant::now(), timeout) {
+            self.doubt_two("measured_cf", self.cells.source(), publisher);
+            return None;
+        }
+        if message.header.stamp.is_zero() {
+            self.doubt(Doubt::Unstamped("measured_cf"), || UNSTAMPED.to_owned());
+        }
+        Some(Reading {
+            stamp_nanos: stamp_or_now(self.shared, message.header.stamp),
+            received,
+            force_n: message.wrench.force.into(),
+            torque_nm: message.wrench.torque.into(),
+        })
+    }
+
+    fn timeout(&self) -> Duration {
+        Duration::try_from_secs_f64(self.shared.settings().input_timeout_s).unwrap_or(Duration::MAX)
+    }
+
+    /// Two publishers of one measurement: nobody knows which of them is right.
+    fn doubt_two(&self, topic: &'static str, followed: Option<Guid>, other: Guid) {
+        self.doubt(Doubt::Two(topic), || {
+            format!(
+                "has two publishers ({} is followed, {other} speaks too; `ros2 topic info --verbose` has their nodes): stop one of \
+                 them, or remap it",
+                followed.unwrap_or_default()
+            )
+        });
+    }
+
+    fn doubt(&self, doubt: Doubt, words: impl FnOnce() -> String) {
+        self.shared.lock().doubt(doubt, words);
     }
 
     #[allow(clippy::cast_precision_loss)] // an age, shown to people
-    fn accept(&mut self, source: Source, stamp: Time, place: Where) {
+    fn accept(&mut self, source: Source, received: Instant, stamp: Time, place: Where) {
         if !self.shared.is_active() {
             return;
         }
-        let received = Instant::now();
         let settings = self.shared.settings();
-        if !self.owns(source, received, settings.input_timeout_s) {
+        if !self.owns(source) {
             return;
         }
         let nanos = self.stamp(source.topic, stamp);
@@ -226,7 +270,7 @@ impl<'a> Intake<'a> {
                 }
                 // Late messages are no reason to throw the tissue's history away: they wait until a long stretch of
                 // them, or /clock, says that time has gone back.
-                for _ in 0..self.stretch.add(source.origin, arrival) {
+                for _ in 0..self.stretch.add(source.publisher, arrival) {
                     self.out_of_order(back_s, source.topic);
                 }
                 if self.stretch.is_long() {
@@ -259,30 +303,29 @@ impl<'a> Intake<'a> {
     }
 
     /// One publisher on one topic at a time: two sensors of the same needle would make it jump.
-    fn owns(&mut self, source: Source, now: Instant, timeout_s: f64) -> bool {
-        match self.source {
-            Some((other, seen)) if other != source && (now - seen).as_secs_f64() < timeout_s => {
-                self.reject(Reject::SecondSource, || {
-                    let (topic, other) = (source.topic, other.topic);
-                    if topic == other {
-                        return format!(
-                            "another publisher's come on {topic} already; stop one of the two, or remap it"
-                        );
-                    }
-                    format!("poses come on {other} already; remap {topic} away if it is not meant for this twin")
-                });
-                false
-            }
-            _ => {
-                self.source = Some((source, now));
-                true
-            }
+    fn owns(&mut self, source: Source) -> bool {
+        let before = self.poses.source();
+        if self.poses.takes(source, Instant::now(), self.timeout()) {
+            return true;
         }
+        let Some(followed) = before else { return true };
+        self.doubt_two(source.topic, Some(followed.publisher), source.publisher);
+        self.reject(Reject::SecondSource, || {
+            let (topic, other) = (source.topic, followed.topic);
+            if topic == other {
+                return format!("another publisher's come on {topic} already; stop one of the two, or remap it");
+            }
+            format!("poses come on {other} already; remap {topic} away if it is not meant for this twin")
+        });
+        false
     }
 
     fn stamp(&mut self, source: &'static str, stamp: Time) -> i64 {
         if stamp.is_zero() && self.unstamped.pass().is_some() {
             tracing::warn!("{source} has no stamps: the time of arrival is taken, and predicted_cf carries that");
+        }
+        if stamp.is_zero() {
+            self.doubt(Doubt::Unstamped(source), || UNSTAMPED.to_owned());
         }
         stamp_or_now(self.shared, stamp)
     }
@@ -298,8 +341,12 @@ impl<'a> Intake<'a> {
     #[allow(clippy::cast_precision_loss)] // a time, shown to people
     fn clock(&mut self, time: Time) {
         let clock = &self.shared.clock;
+        let before = clock.now_nanos();
         let tick = clock.tick(time);
-        self.shared.lock().last_clock = Some(Instant::now());
+        // one that stands still is as good as none
+        if clock.now_nanos() != before {
+            self.shared.lock().last_clock = Some(Instant::now());
+        }
         match tick {
             Tick::Back(nanos) if clock.is_simulated() => {
                 // It arrived before the present node time.

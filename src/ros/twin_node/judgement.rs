@@ -2,17 +2,19 @@
 
 use super::declared::Settings;
 use super::rivals::REMEDY;
-use super::shared::{Live, Shared};
+use super::shared::{Doubt, Live, Shared};
 use crate::ros::clock::NodeClock;
 use crate::ros::lifecycle::State;
 use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
 use crate::twin::Health;
 
 /// Health and the reasons for it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Judgement {
     pub health: u8,
     pub reasons: Vec<String>,
+    /// Those of them for which the prediction is not valid.
+    pub denials: Vec<String>,
     /// Another twin publishes on the same topics: readers can't tell the forces apart.
     pub contested: bool,
 }
@@ -20,6 +22,9 @@ pub(super) struct Judgement {
 impl Judgement {
     fn add(&mut self, health: u8, reason: String) {
         self.health = worse(self.health, health);
+        if health > TwinStatus::HEALTH_WARN {
+            self.denials.push(reason.clone());
+        }
         self.reasons.push(reason);
     }
 
@@ -53,7 +58,7 @@ fn worse(a: u8, b: u8) -> u8 {
 #[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
 pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &Around) -> Judgement {
     let mut judgement =
-        Judgement { health: TwinStatus::HEALTH_OK, reasons: Vec::new(), contested: !live.rivals.is_empty() };
+        Judgement { contested: !live.rivals.is_empty(), ..Judgement::default() };
     let clock = &shared.clock;
     if let Some(reason) = not_active(shared.state()) {
         judgement.add(TwinStatus::HEALTH_STALE, reason);
@@ -76,7 +81,9 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
     }
     if judgement.contested {
         let who = live.rivals.join(", ");
-        judgement.add(TwinStatus::HEALTH_WARN, format!("another twin ({who}) speaks here: {REMEDY}"));
+        let reason = format!("another twin ({who}) speaks here: {REMEDY}");
+        judgement.denials.push(reason.clone());
+        judgement.add(TwinStatus::HEALTH_WARN, reason);
     }
     if let Some(depth_m) = live.first_seen_m {
         judgement.add(
@@ -120,6 +127,12 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
                  resolves, and the force may be off by as much. Retract the instrument, or choose a finer discretisation"
             ),
         );
+    }
+    for (doubt, words) in live.doubts(settings.input_timeout_s) {
+        // what has no stamps is as good as the network for a prediction, and was reported once
+        if matches!(doubt, Doubt::Two(_)) {
+            judgement.add(TwinStatus::HEALTH_WARN, format!("{} {words}", doubt.topic()));
+        }
     }
     if let Some(reason) = load_cell_problem(live) {
         judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());

@@ -180,7 +180,7 @@ impl Node {
         let clock = NodeClock::new(parameters.get(start::USE_SIM_TIME));
         let shared = Arc::new(Shared::new(Settings::of(parameters), clock));
         let inputs = Inputs::new(&mut participant)?;
-        let force = ForceOutputs::new(&mut participant)?;
+        let force = ForceOutputs::new(&mut participant, parameters)?;
         let page = Page::open(parameters, &shared, participant.bell())?;
         let mut tissue = TissueOutputs::new(&mut participant)?;
         tissue.viewers.page = page.as_ref().map(|page| Arc::clone(&page.board));
@@ -205,6 +205,7 @@ impl Node {
         set_threads(parameters.get(declared::THREADS))?;
         let identification = Identification::new(&scene, &parameters.get(declared::IDENTIFY))?;
         let seen = force::Seen::new(scene.instrument.and_then(|i| i.needle_diameter_m()));
+        let lever_m = assurance::lever_m(&scene);
         let drawn = draw(&scene, parameters.get(declared::MEMBERS))?;
         let Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page } =
             self;
@@ -270,7 +271,7 @@ impl Node {
         let force = {
             let asked = members.is_some().then(|| Arc::clone(&newest));
             spawn("force", move || {
-                force::run(&force, &frame_id, &shared, &events, identification, asked.as_deref(), seen)
+                force::run(&force, &frame_id, &shared, &events, identification, asked.as_deref(), seen, lever_m)
             })?
         };
         let housekeeping = spawn("housekeeping", move || housekeeping.run(&context, &housekeeping_stopped))?;

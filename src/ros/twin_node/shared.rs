@@ -58,6 +58,23 @@ impl Reject {
     }
 }
 
+/// Why what a topic says proves nothing, though it is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Doubt {
+    /// Two publish it.
+    Two(&'static str),
+    /// Its messages have no stamps.
+    Unstamped(&'static str),
+}
+
+impl Doubt {
+    pub const fn topic(self) -> &'static str {
+        match self {
+            Self::Two(topic) | Self::Unstamped(topic) => topic,
+        }
+    }
+}
+
 /// Latencies in ns with two significant digits.
 #[derive(Clone, Debug)]
 pub(super) struct Latency(Histogram<u64>);
@@ -171,7 +188,10 @@ pub(super) struct Live {
     pub gaps: Gaps,
     pub refused: Option<String>,
     pub last_pose: Option<LastPose>,
+    /// When simulated time last went on.
     pub last_clock: Option<Instant>,
+    /// Why a measurement is no evidence, and when that was last seen.
+    pub doubts: BTreeMap<Doubt, (String, Instant)>,
     pub input_age: Latency,
     pub queue: Latency,
     pub stepping: Latency,
@@ -249,6 +269,18 @@ impl Live {
         }
     }
 
+    /// Notes that a measurement is no evidence now.
+    pub fn doubt(&mut self, doubt: Doubt, words: impl FnOnce() -> String) {
+        let seen = self.doubts.entry(doubt).or_insert_with(|| (words(), Instant::now()));
+        seen.1 = Instant::now();
+    }
+
+    /// The doubts of the last `timeout_s`, s.
+    pub fn doubts(&self, timeout_s: f64) -> impl Iterator<Item = (Doubt, &str)> {
+        let fresh = move |seen: &Instant| seen.elapsed().as_secs_f64() < timeout_s;
+        self.doubts.iter().filter(move |(_, (_, seen))| fresh(seen)).map(|(doubt, (words, _))| (*doubt, words.as_str()))
+    }
+
     pub fn reject(&mut self, why: Reject) {
         self.rejected += 1;
         self.window.rejected += 1;
@@ -311,6 +343,7 @@ impl Live {
             missed,
             last_pose: self.last_pose,
             last_clock: self.last_clock,
+            doubts: std::mem::take(&mut self.doubts),
             load_cell: self.load_cell,
             stuck_s: self.stuck_s,
             dying: self.dying.take(),

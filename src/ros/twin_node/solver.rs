@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use crossbeam_channel::Sender;
 
+use super::comparison::Reading;
 use super::inbox::{Inbox, PoseInput, Where, Work};
 use super::look_ahead::{Departure, Double};
 use super::tissue::{Model, Snapshot};
@@ -65,11 +66,11 @@ pub(super) enum Event {
     /// The twin is undeformed again.
     Reset(&'static str),
     /// The load cell spoke.
-    Measured { stamp_nanos: i64, force_n: [f64; 3] },
+    Measured(Reading),
     /// Tracked points were seen.
     Tracked(Seen),
-    /// Take the present reading as zero; answers with it, or with the reason why not.
-    Tare(Sender<Result<[f64; 3], String>>),
+    /// Take the present reading as zero, whatever speaks against it if it is forced; answers with it, or with the reason why not.
+    Tare { forced: bool, reply: Sender<Result<[f64; 3], String>> },
     /// Nothing more will come.
     Stop,
 }

@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use super::inbox::PoseInput;
+use crate::ros::origin::Guid;
 
 /// A stretch is long after so many poses ...
 const POSES: usize = 5;
@@ -26,26 +27,26 @@ pub(super) struct Arrival {
 /// See the module.
 #[derive(Default)]
 pub(super) struct Stretch {
-    origin: u64,
+    publisher: Guid,
     held: Vec<Arrival>,
     since: Option<Instant>,
 }
 
 impl Stretch {
     /// Takes a pose, and gives the number of those that are none of the stretch.
-    pub fn add(&mut self, origin: u64, arrival: Arrival) -> usize {
+    pub fn add(&mut self, publisher: Guid, arrival: Arrival) -> usize {
         let stamp = |a: &Arrival| a.pose.stamp.nanos();
         let last = self.held.last().map(stamp);
-        if last == Some(stamp(&arrival)) && origin == self.origin {
+        if last == Some(stamp(&arrival)) && publisher == self.publisher {
             return 1;
         }
-        let goes_on = origin == self.origin && last.is_some_and(|last| last < stamp(&arrival));
+        let goes_on = publisher == self.publisher && last.is_some_and(|last| last < stamp(&arrival));
         let mut dropped = if goes_on { 0 } else { self.end().len() };
         if self.held.len() == HELD {
             self.held.remove(0);
             dropped += 1;
         }
-        self.origin = origin;
+        self.publisher = publisher;
         self.since.get_or_insert(arrival.pose.received);
         self.held.push(arrival);
         dropped

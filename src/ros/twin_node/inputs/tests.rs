@@ -17,6 +17,10 @@ fn shared() -> Shared {
     shared
 }
 
+fn from(publisher: u8) -> Origin {
+    Origin { publisher: Guid([publisher; 16]), received: Instant::now() }
+}
+
 fn joint(sec: i32, nanosec: u32, names: &[&str], positions: &[f64]) -> JointState {
     JointState {
         header: Header { stamp: Time { sec, nanosec }, frame_id: String::new() },
@@ -30,11 +34,11 @@ fn joint(sec: i32, nanosec: u32, names: &[&str], positions: &[f64]) -> JointStat
 fn what_is_no_pose_is_refused_and_counted() {
     let (shared, inbox) = (shared(), Inbox::default());
     let mut intake = Intake::new("sample", &shared, &inbox);
-    intake.joint_state(&joint(10, 0, &["insertion"], &[f64::NAN]), 1);
-    intake.joint_state(&joint(10, 0, &["elbow"], &[0.1]), 1);
-    intake.joint_state(&joint(10, 0, &["insertion"], &[]), 1);
-    intake.pose_stamped(&PoseStamped::default(), 1);
-    intake.joint_state(&joint(i32::MAX, 0, &["insertion"], &[0.001]), 1);
+    intake.joint_state(&joint(10, 0, &["insertion"], &[f64::NAN]), from(1));
+    intake.joint_state(&joint(10, 0, &["elbow"], &[0.1]), from(1));
+    intake.joint_state(&joint(10, 0, &["insertion"], &[]), from(1));
+    intake.pose_stamped(&PoseStamped::default(), from(1));
+    intake.joint_state(&joint(i32::MAX, 0, &["insertion"], &[0.001]), from(1));
     let live = shared.lock();
     assert_eq!((live.rejected, live.received), (5, 0));
     assert_eq!(live.rejects[&Reject::NoSuchJoint], 2);
@@ -46,26 +50,26 @@ fn what_is_no_pose_is_refused_and_counted() {
 fn order_is_kept_and_a_jump_back_resets() {
     let (shared, inbox) = (shared(), Inbox::default());
     let mut intake = Intake::new("sample", &shared, &inbox);
-    intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]), 1);
-    intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]), 1);
-    intake.joint_state(&joint(99, 900_000_000, &["insertion"], &[0.001]), 1);
+    intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]), from(1));
+    intake.joint_state(&joint(100, 0, &["insertion"], &[0.001]), from(1));
+    intake.joint_state(&joint(99, 900_000_000, &["insertion"], &[0.001]), from(1));
     assert_eq!(shared.lock().rejects[&Reject::OutOfOrder], 2);
     // a straggler, and the stream goes on
-    intake.joint_state(&joint(40, 0, &["insertion"], &[0.0]), 1);
-    intake.joint_state(&joint(100, 10, &["insertion"], &[0.001]), 1);
+    intake.joint_state(&joint(40, 0, &["insertion"], &[0.0]), from(1));
+    intake.joint_state(&joint(100, 10, &["insertion"], &[0.001]), from(1));
     let counts = |live: &crate::ros::twin_node::shared::Live| (live.received, live.rejects[&Reject::OutOfOrder]);
     assert_eq!(counts(&shared.lock()), (2, 3));
     // two that agree are no new time, nor are many from many publishers
-    intake.joint_state(&joint(49, 0, &["insertion"], &[0.0]), 1);
-    intake.joint_state(&joint(49, 1, &["insertion"], &[0.0]), 1);
-    intake.joint_state(&joint(100, 20, &["insertion"], &[0.001]), 1);
+    intake.joint_state(&joint(49, 0, &["insertion"], &[0.0]), from(1));
+    intake.joint_state(&joint(49, 1, &["insertion"], &[0.0]), from(1));
+    intake.joint_state(&joint(100, 20, &["insertion"], &[0.001]), from(1));
     assert_eq!(counts(&shared.lock()), (3, 5));
     // another publisher has to wait until this one is silent
-    intake.joint_state(&joint(100, 30, &["insertion"], &[0.009]), 2);
+    intake.joint_state(&joint(100, 30, &["insertion"], &[0.009]), from(2));
     assert_eq!(shared.lock().rejects[&Reject::SecondSource], 1);
     // time starts again
     for i in 0..7 {
-        intake.joint_state(&joint(50, i, &["x", "insertion"], &[0.0, 0.002]), 1);
+        intake.joint_state(&joint(50, i, &["x", "insertion"], &[0.0, 0.002]), from(1));
         std::thread::sleep(Duration::from_millis(100));
     }
     assert_eq!(counts(&shared.lock()), (10, 5), "the first poses of the new time are not lost");
@@ -80,8 +84,8 @@ fn live(message: &Message) -> Result<Where, String> {
     tracing::subscriber::with_default(tracing_subscriber::registry().with(words.clone()), || {
         let mut intake = Intake::new("sample", &shared, &inbox);
         match message {
-            Message::Joint(m) => intake.joint_state(m, 1),
-            Message::Pose(m) => intake.pose_stamped(m, 1),
+            Message::Joint(m) => intake.joint_state(m, from(1)),
+            Message::Pose(m) => intake.pose_stamped(m, from(1)),
         }
     });
     if shared.lock().rejected == 0 {

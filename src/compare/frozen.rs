@@ -1,0 +1,142 @@
+//! A load cell whose reading stands still: a broken cable, a driver that repeats its last value.
+//!
+//! A reading that repeats to the last bit is no fault by itself, since a coarse or noiseless cell does it too. Two things tell:
+//!
+//! - **Noise.** A cell that scatters repeats a value n times in a row with a probability that falls like p^n, so that the longest run of
+//!   equal readings so far bounds the next one. [`RUN`] times that bound, and [`SPARE`] readings more, does not come from noise. It is
+//!   used once the cell has shown that it scatters, which is a change of sign between successive differences: the force of a needle that
+//!   moves steadily changes without them.
+//! - **Motion.** The prediction has moved by more than the cell resolves, and the reading has not.
+//!
+//! What was found stands until a reading differs: a prediction that passes the value by chance proves nothing.
+
+use std::time::Duration;
+
+/// Runs of equal readings this many times longer than any before are no noise.
+const RUN: u32 = 4;
+/// And so many readings more: with noise that repeats no value the longest run is 1.
+const SPARE: u32 = 4;
+/// Shortest time that counts as standing still: five readings of a cell at 100 Hz, with which a fault is found well within 0.2 s.
+const SHORTEST: Duration = Duration::from_millis(50);
+/// Changes of direction, and their share of all changes, from which on a cell scatters: white noise has two in three.
+const SCATTERS: u32 = 10;
+const SHARE: u32 = 5;
+/// A prediction moves if it changes by more than this, N ...
+const MOVES_N: f64 = 2e-3;
+/// ... this share of its peak ...
+const MOVES_OF_PEAK: f64 = 0.05;
+/// ... and so many of the cell's smallest changes.
+const MOVES_OF_STEP: f64 = 3.0;
+
+/// See the module.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Frozen {
+    last: Option<[f64; 3]>,
+    /// Time of the first reading of the present run, and the prediction then.
+    since: Duration,
+    predicted_n: f64,
+    run: u32,
+    longest: u32,
+    changes: u32,
+    turns: u32,
+    difference: [f64; 3],
+    /// Smallest change of a reading, N.
+    step_n: f64,
+    found: bool,
+}
+
+impl Frozen {
+    /// Takes a reading in N at a time, with the present prediction and the largest so far, N. `band_n`: disagreement that is tolerated.
+    pub fn take(&mut self, time: Duration, force_n: [f64; 3], predicted_n: f64, peak_n: f64, band_n: f64) {
+        if self.last.is_none_or(|last| last != force_n) {
+            self.differs(time, force_n, predicted_n);
+            return;
+        }
+        self.run += 1;
+        let stands = time.saturating_sub(self.since);
+        let scatters = self.turns >= SCATTERS && self.turns * SHARE >= self.changes;
+        let by_noise = scatters && self.run > RUN * self.longest + SPARE;
+        let least_n = MOVES_N.max(MOVES_OF_PEAK * peak_n).max(MOVES_OF_STEP * self.step_n).max(0.5 * band_n);
+        let by_motion = (predicted_n - self.predicted_n).abs() > least_n;
+        self.found |= stands >= SHORTEST && (by_noise || by_motion);
+    }
+
+    /// Whether it stands still.
+    #[must_use]
+    pub const fn is_found(&self) -> bool {
+        self.found
+    }
+
+    fn differs(&mut self, time: Duration, force_n: [f64; 3], predicted_n: f64) {
+        if let Some(last) = self.last {
+            let difference: [f64; 3] = std::array::from_fn(|k| force_n[k] - last[k]);
+            let product: f64 = (0..3).map(|k| difference[k] * self.difference[k]).sum();
+            let step_n = difference.iter().map(|d| d.abs()).fold(0.0, f64::max);
+            self.step_n = if self.changes == 0 { step_n } else { self.step_n.min(step_n) };
+            self.changes = self.changes.saturating_add(1);
+            self.turns = self.turns.saturating_add(u32::from(product < 0.0));
+            self.difference = difference;
+            if !self.found {
+                self.longest = self.longest.max(self.run);
+            }
+        }
+        (self.last, self.since, self.predicted_n, self.run, self.found) = (Some(force_n), time, predicted_n, 1, false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Readings at a rate; the time at which it is found, s.
+    fn found_s(hz: f64, readings: impl Fn(usize) -> (f64, f64), n: usize) -> Option<f64> {
+        let (mut frozen, mut peak) = (Frozen::default(), 0.0_f64);
+        (0..n).find_map(|i| {
+            let (force, predicted) = readings(i);
+            peak = peak.max(predicted.abs());
+            let time_s = i as f64 / hz;
+            frozen.take(Duration::from_secs_f64(time_s), [0.0, 0.0, force], predicted, peak, 0.02);
+            frozen.is_found().then_some(time_s)
+        })
+    }
+
+    /// Noise of a cell, in steps of its resolution.
+    fn noise(i: usize) -> f64 {
+        let x = (i as u64).wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let mixed = (x ^ (x >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        ((mixed >> 40) % 5) as f64 * 1e-3
+    }
+
+    #[test]
+    fn a_cell_that_scatters_is_found_within_a_fifth_of_a_second_with_the_needle_at_rest() {
+        for hz in [100.0, 500.0, 1000.0] {
+            let stands = 1000;
+            let at = found_s(hz, |i| (0.05 + noise(i.min(stands)), 0.05), 3000);
+            let after_s = at.map(|at| at - stands as f64 / hz);
+            assert!(after_s.is_some_and(|s| s > 0.0 && s <= 0.2), "{hz} Hz: {after_s:?}");
+        }
+    }
+
+    #[test]
+    fn neither_noise_nor_a_noiseless_cell_at_rest_is_a_fault() {
+        assert_eq!(found_s(500.0, |i| (noise(i), 0.0), 100_000), None);
+        // in air, in motion, at rest, and on: every value is exact
+        let depth = |i: usize| if i % 4000 < 1000 { (i % 1000) as f64 * 1e-4 } else { 0.1 };
+        assert_eq!(found_s(1000.0, |i| (depth(i), depth(i)), 20_000), None);
+        // one that resolves 10 mN where the force is 15 mN
+        let coarse = |i: usize| (i as f64 * 3e-5, (i as f64 * 3e-5 / 0.01).round() * 0.01);
+        assert_eq!(found_s(100.0, |i| (coarse(i).1, coarse(i).0), 500), None);
+    }
+
+    #[test]
+    fn what_was_found_stands_until_a_reading_differs() {
+        let mut frozen = Frozen::default();
+        let mut take = |ms: u64, force: f64, predicted: f64| {
+            frozen.take(Duration::from_millis(ms), [0.0, 0.0, force], predicted, 0.2, 0.0);
+            frozen.is_found()
+        };
+        assert!(!take(0, 0.10, 0.10) && !take(40, 0.10, 0.15) && take(60, 0.10, 0.15));
+        assert!(take(100, 0.10, 0.10), "the prediction passes the value");
+        assert!(!take(110, 0.11, 0.10));
+    }
+}
