@@ -118,6 +118,9 @@ pub enum CliError {
     /// The demo can't be played.
     #[error("demo: {0}")]
     Demo(String),
+    /// A node that this program starts does not run.
+    #[error("{0}")]
+    Nodes(String),
     /// stdout can't be written.
     #[error("stdout: {0}")]
     Stdout(io::Error),

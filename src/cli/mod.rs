@@ -12,6 +12,7 @@ mod import;
 mod interrupt;
 mod layers;
 mod members;
+mod nodes;
 mod options;
 mod output;
 mod progress;

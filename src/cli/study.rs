@@ -1,6 +1,7 @@
-//! `needle_twin study`: what a discretisation costs and how near it comes to independent solutions.
+//! `needle_twin study`: what a discretisation costs, how near it comes to independent solutions, and what a closed loop does under faults.
 
 mod accuracy;
+mod hazards;
 mod sensitivity;
 mod speed;
 
@@ -25,7 +26,7 @@ use crate::study::verification::{self, Verification};
 /// Presets that have a reference solution.
 const PRESETS: [&str; 3] = ["compression", "indentation", "needle_insertion"];
 
-/// Study the method: accuracy against cost
+/// Study the method: accuracy against cost, stability, and faults of a closed loop
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -40,6 +41,7 @@ enum Study {
     Stability(Stability),
     Speed(speed::Speed),
     Sensitivity(sensitivity::SensitivityArguments),
+    Hazards(hazards::Hazards),
 }
 
 /// Drive the indentation on until each method ends, and map how deep it came and why it ended
@@ -118,6 +120,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         Study::Stability(stability) => stability.run(),
         Study::Speed(speed) => speed.run(),
         Study::Sensitivity(sensitivity) => sensitivity.run(),
+        Study::Hazards(hazards) => hazards.run(),
     }
 }
 

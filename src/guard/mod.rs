@@ -179,11 +179,17 @@ impl fmt::Display for Trouble {
         match self {
             Self::HeldUp(s) => write!(f, "the guard itself was held up for {s:.3} s"),
             Self::TwoPublish(topic) => {
-                write!(f, "two publish {topic}: stop one of them, or remap it (`ros2 topic info --verbose` has their nodes)")
+                write!(
+                    f,
+                    "two publish {topic}: stop one of them, or remap it (`ros2 topic info --verbose` has their nodes)"
+                )
             }
             Self::PositionStamp(s) => stamp(f, "measured_js", *s),
             Self::PredictionLate(s) => {
-                write!(f, "predicted_cf answers a pose of {s:.3} s before the newest measured_js: poses reach the twin late")
+                write!(
+                    f,
+                    "predicted_cf answers a pose of {s:.3} s before the newest measured_js: poses reach the twin late"
+                )
             }
             Self::SafetyStamp(s) => stamp(f, "safety", *s),
             Self::PositionLost => write!(f, "measured_js is silent: is the sensor's cable connected?"),
@@ -217,7 +223,10 @@ fn stamp(f: &mut fmt::Formatter<'_>, topic: &str, since_s: f64) -> fmt::Result {
         return write!(f, "{topic} has no stamps: how old it is can't be known");
     }
     let (by_s, side) = if since_s < 0.0 { (-since_s, "ahead of") } else { (since_s, "behind") };
-    write!(f, "the stamp of {topic} is {by_s:.3} s {side} the guard's clock: it is late, or the clocks differ (synchronise them, or use_sim_time)")
+    write!(
+        f,
+        "the stamp of {topic} is {by_s:.3} s {side} the guard's clock: it is late, or the clocks differ (synchronise them, or use_sim_time)"
+    )
 }
 
 /// What the guard is doing.

@@ -56,6 +56,18 @@ impl Driver {
         true
     }
 
+    /// What it keeps to.
+    #[must_use]
+    pub const fn limits(&self) -> &DriverLimits {
+        &self.limits
+    }
+
+    /// Comes to rest as soon as its limits allow.
+    pub fn brake(&mut self) {
+        self.commands = Commands::Single { age_s: f64::INFINITY };
+        self.trajectory.stop();
+    }
+
     /// Where it is, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {

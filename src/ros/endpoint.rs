@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use byteorder::{BigEndian, LittleEndian};
 
 use super::messages::RosMessage;
-use super::recorder::Tap;
 use super::origin::Origin;
+use super::recorder::Tap;
 use ros2_guarded::{Delivery, Link, Mailbox, Unsent, cdr, publication, times_of};
 
 /// A publisher that knows how many subscriptions it has.

@@ -45,9 +45,9 @@ impl<S> Default for Followed<S> {
 impl<S: Copy + PartialEq> Followed<S> {
     /// Whether a message of `source` is taken; the first source is, the others once that is silent for `timeout`.
     pub fn takes(&mut self, source: S, now: Instant, timeout: Duration) -> bool {
-        let taken = self.followed.is_none_or(|(followed, heard)| {
-            followed == source || now.saturating_duration_since(heard) >= timeout
-        });
+        let taken = self
+            .followed
+            .is_none_or(|(followed, heard)| followed == source || now.saturating_duration_since(heard) >= timeout);
         *(if taken { &mut self.followed } else { &mut self.other }) = Some((source, now));
         taken
     }

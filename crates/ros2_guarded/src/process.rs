@@ -171,7 +171,13 @@ impl Domain {
                     let record = EndpointRecord::new(number, side, guid, &name, &dds_type, profile);
                     // To readers on this machine messages go in datagrams of 64 kB, which lose nothing.
                     let fast_dds = if localhost { Arc::default() } else { record.fast_dds() };
-                    self.publishers.push(Writer { number, name, publisher, lifespan: endpoint.quality.lifespan(), fast_dds });
+                    self.publishers.push(Writer {
+                        number,
+                        name,
+                        publisher,
+                        lifespan: endpoint.quality.lifespan(),
+                        fast_dds,
+                    });
                     self.graph.add(record);
                 } else {
                     let subscription = node.create_subscription(&topic, None).map_err(|e| say(&e))?;
@@ -283,7 +289,8 @@ async fn hear(number: u16, subscription: &Subscription<RawCdr>, uplink: &Uplink)
     loop {
         match subscription.async_take().await {
             Ok((raw, info)) => {
-                let head = Head::of(Kind::Message, number, times(stamps(&info), Guid(info.publisher_gid().to_bytes16())));
+                let head =
+                    Head::of(Kind::Message, number, times(stamps(&info), Guid(info.publisher_gid().to_bytes16())));
                 uplink.send(Head { flag: u8::from(raw.is_big_endian()), ..head }, raw.as_slice());
             }
             // a representation that is not plain CDR

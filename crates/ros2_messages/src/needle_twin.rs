@@ -354,6 +354,8 @@ pub struct Safety {
     pub torque_margin_nm: f64,
     /// Direction of insertion at that pose; zeros before the first.
     pub axis: Vector3,
+    /// Largest change of the predicted force over depth along the scene's own motion, N/m; 0 until it is known.
+    pub steepest_n_per_m: f64,
 }
 
 impl Safety {

@@ -150,7 +150,11 @@ static DEFINITIONS: &[Definition] = &[
         include_str!("../msg/TwinStatus.msg"),
         "RIHS01_d9e4e62f3741f6f63b6150047b28cffbce1f9bb9fdb8fc605db676c9b88d6079",
     ),
-    definition("needle_twin/Safety", include_str!("../msg/Safety.msg"), "RIHS01_d38ad546097c1c379aba745694045664a04afa9476c814fdbdd91805555eb5bc"),
+    definition(
+        "needle_twin/Safety",
+        include_str!("../msg/Safety.msg"),
+        "RIHS01_add064c15e0bad8a574593535a3e3a4a176b7a2aa1c23fda59ddcf25da3f46be",
+    ),
 ];
 
 /// A type as a bag's channel describes it.

@@ -2,7 +2,6 @@
 
 mod assemble;
 mod live;
-mod nodes;
 mod second_act;
 
 use std::net::{Ipv4Addr, TcpListener};
@@ -13,7 +12,7 @@ use clap::Args;
 use ros2_client::ServiceMapping;
 
 use self::live::Live;
-use self::nodes::Node;
+use super::nodes::Node;
 use super::options::SeriesOptions;
 use super::output::OutputFolder;
 use super::{CliError, Outcome, output, replay, scene_file};

@@ -136,6 +136,9 @@ pub(super) fn run(mut task: Task, endpoints: &Endpoints, shared: &Shared, stop: 
         let setpoint_m = task.guard.tick(&sight);
         endpoints.say(&task.joint, setpoint_m, &ears.clock);
         tell(before, task.guard.phase(), sight.depth_m, &ears.twin_says);
+        if matches!((before, task.guard.phase()), (Phase::Waiting(_), Phase::Moving)) {
+            tell_delay(task.guard.orders(), ears.steepest_n_per_m);
+        }
         let report = Report {
             phase: task.guard.phase(),
             twin_says: Arc::clone(&ears.twin_says),
@@ -183,6 +186,23 @@ fn tell(before: Phase, after: Phase, depth_m: Option<Heard<f64>>, twin_says: &st
         }
         _ => {}
     }
+}
+
+/// Says what it means that a word may be as old as the timeout, and that braking takes time.
+fn tell_delay(orders: &Orders, steepest_n_per_m: f64) {
+    let delay_s = orders.timeout_s + orders.motion.braking_time_s();
+    let distance_m = delay_s * orders.motion.speed_m_per_s;
+    let force = if steepest_n_per_m > 0.0 {
+        format!("at most {:.2} mN, where the twin's force changes most", 1e3 * distance_m * steepest_n_per_m)
+    } else {
+        "a force that the twin has not said yet".to_owned()
+    };
+    tracing::info!(
+        "what it acts on may be {:.0} ms old before it has come to rest: {:.3} mm at {:.1} mm/s, and {force}",
+        1e3 * delay_s,
+        1e3 * distance_m,
+        1e3 * orders.motion.speed_m_per_s
+    );
 }
 
 fn name(trouble: Trouble) -> std::mem::Discriminant<Trouble> {
@@ -240,6 +260,7 @@ struct Ears {
     safe: Option<Word<bool>>,
     /// Direction in which the twin's needle goes.
     axis: Option<[f64; 3]>,
+    steepest_n_per_m: f64,
     warned: bool,
     twin_says: Arc<str>,
     goal_m: Option<(f64, Instant)>,
@@ -287,6 +308,7 @@ impl Ears {
     }
 
     fn hear_safety(&mut self, message: &Safety, received: Instant) {
+        self.steepest_n_per_m = message.steepest_n_per_m;
         self.safe = Some(Word { value: message.safe, stamp: message.header.stamp, received });
         let axis: [f64; 3] = message.axis.into();
         self.axis = Some(axis).filter(|axis| axis.iter().all(|x| x.is_finite()) && *axis != [0.0; 3]).or(self.axis);

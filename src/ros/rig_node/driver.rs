@@ -15,6 +15,7 @@ use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
 use crate::ros::messages::sensor_msgs::JointState;
 use crate::ros::messages::std_msgs::Header;
+use crate::ros::origin::{Followed, Guid};
 use crate::ros::parameters::Parameters;
 use crate::ros::participant::{Input, Output, Participant, ParticipantError};
 use crate::ros::qos;
@@ -73,7 +74,7 @@ pub(super) fn run(
 ) -> u64 {
     let period = rig.period;
     let mut line = Delay::new(rig.latency_s, period.as_secs_f64());
-    let mut wrong_joint = Throttle::new(Duration::from_secs(30));
+    let mut commands = Commands::default();
     let begun = Instant::now();
     let mut due = begun + period;
     let mut published = 0;
@@ -85,9 +86,7 @@ pub(super) fn run(
         // Absolute deadlines. After a long hold-up the motion goes on from where it stands: no burst of positions.
         let now = Instant::now();
         due = if now > due + MADE_UP * period { now + period } else { due + period };
-        while let Some(message) = endpoints.servo.take() {
-            obey(&mut rig.driver, &message, &rig.joint, &mut wrong_joint);
-        }
+        commands.take(&endpoints.servo, &mut rig, clock);
         if rig.driver.step() {
             tracing::warn!("servo_jp has ceased: the driver brakes (command_timeout_s)");
         }
@@ -126,17 +125,76 @@ impl Rig {
     }
 }
 
-fn obey(driver: &mut Driver, message: &JointState, joint: &str, wrong_joint: &mut Throttle) {
-    match goal(message, joint) {
-        Some(goal) if driver.go_to(goal) => {}
-        Some(goal) => tracing::warn!("servo_jp: {goal} is not a position: send a depth in m, a finite number"),
-        None if wrong_joint.pass().is_some() => {
+/// Time between two lines of one kind on commands.
+const SAID_AGAIN: Duration = Duration::from_secs(30);
+/// A command without a stamp, or a driver without `command_timeout_s`: another commander has gone after this.
+const GONE: Duration = Duration::from_millis(500);
+
+/// What is asked of the driver, and by whom.
+struct Commands {
+    commander: Followed<Guid>,
+    wrong_joint: Throttle,
+    stale: Throttle,
+    two: Throttle,
+}
+
+impl Default for Commands {
+    fn default() -> Self {
+        let [wrong_joint, stale, two] = [(); 3].map(|()| Throttle::new(SAID_AGAIN));
+        Self { commander: Followed::default(), wrong_joint, stale, two }
+    }
+}
+
+impl Commands {
+    fn take(&mut self, servo: &Input<JointState>, rig: &mut Rig, clock: &NodeClock) {
+        let timeout_s = rig.driver.limits().command_timeout_s;
+        let now = Instant::now();
+        while let Some((message, origin)) = servo.take_from() {
+            self.commander.takes(origin.publisher, now, GONE);
+            if self.commander.other(now, GONE).is_none() && self.is_of_now(&message, timeout_s, clock) {
+                self.obey(&mut rig.driver, &message, &rig.joint);
+            }
+        }
+        // Two controllers of one needle: nobody knows whose goal is right.
+        if let Some(other) = self.commander.other(now, GONE) {
+            rig.driver.brake();
+            if self.two.pass().is_some() {
+                let followed = self.commander.source().unwrap_or_default();
+                tracing::warn!(
+                    "servo_jp has two publishers ({followed} and {other}): the driver stands until one is silent. Stop one of them"
+                );
+            }
+        }
+    }
+
+    /// One that lay in a queue while its sender or this node was frozen is not obeyed; one without a stamp, as people send it by hand, is.
+    #[allow(clippy::cast_precision_loss)] // a span
+    fn is_of_now(&mut self, message: &JointState, timeout_s: f64, clock: &NodeClock) -> bool {
+        let stamp = message.header.stamp;
+        let (Some(now), false) = (clock.now_nanos(), stamp.is_zero() || timeout_s <= 0.0) else { return true };
+        let age_s = now.saturating_sub(stamp.nanos()) as f64 * 1e-9;
+        let is_of_now = age_s.abs() <= timeout_s;
+        if !is_of_now && self.stale.pass().is_some() {
             tracing::warn!(
-                "servo_jp has the joints {:?}, this driver moves `{joint}`: name that one, or set joint_name",
-                message.name
+                "servo_jp is not obeyed: its stamp is {age_s:.3} s from this node's clock, command_timeout_s is {timeout_s}: it is late, or the \
+                 clocks differ"
             );
         }
-        None => {}
+        is_of_now
+    }
+
+    fn obey(&mut self, driver: &mut Driver, message: &JointState, joint: &str) {
+        match goal(message, joint) {
+            Some(goal) if driver.go_to(goal) => {}
+            Some(goal) => tracing::warn!("servo_jp: {goal} is not a position: send a depth in m, a finite number"),
+            None if self.wrong_joint.pass().is_some() => {
+                tracing::warn!(
+                    "servo_jp has the joints {:?}, this driver moves `{joint}`: name that one, or set joint_name",
+                    message.name
+                );
+            }
+            None => {}
+        }
     }
 }
 

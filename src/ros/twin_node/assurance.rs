@@ -17,7 +17,6 @@ use super::judgement::{Around, judge};
 use super::shared::{Live, Shared};
 use super::solver::Answer;
 use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::Vector3;
 use crate::ros::messages::needle_twin::{ForceComparison, Safety};
 use crate::ros::messages::std_msgs::{Bool, Header};
 use crate::ros::parameters::Parameters;
@@ -269,7 +268,7 @@ impl Assurance {
         self.bare.send(Bool { data: false });
         let header = Header { stamp: shared.clock.stamp(), frame_id: frame_id.to_owned() };
         let reasons = vec!["the node ends".to_owned()];
-        let (never, none) = (Safety::NEVER, Vector3::default());
+        let never = Safety::NEVER;
         self.safety.send(Safety {
             header,
             reasons,
@@ -278,7 +277,6 @@ impl Assurance {
             force_margin_n: never,
             residual_margin_n: never,
             torque_margin_nm: never,
-            axis: none,
             ..Safety::default()
         });
     }
@@ -297,7 +295,10 @@ impl Assurance {
         }
         let settings = shared.settings();
         let now = Now { steady: Instant::now(), node_nanos: shared.clock.now_nanos() };
-        let denials = denials(&shared.lock(), shared, &settings);
+        let (denials, steepest_n_per_m) = {
+            let live = shared.lock();
+            (denials(&live, shared, &settings), live.steepest_n_per_m)
+        };
         let before = assured.safe;
         let verdict = assured.judge(denials, &settings, &now);
         if !is_due && (assured.safe || !before) {
@@ -305,7 +306,8 @@ impl Assurance {
         }
         self.bare.send(Bool { data: assured.safe });
         if self.safety.is_wanted() {
-            self.safety.send(assured.message(verdict, &settings, &now, frame_id));
+            let message = assured.message(verdict, &settings, &now, frame_id);
+            self.safety.send(Safety { steepest_n_per_m, ..message });
         }
     }
 }
@@ -326,6 +328,7 @@ impl Assured {
             residual_margin_n: verdict.residual_margin_n,
             torque_margin_nm: verdict.torque_margin_nm,
             axis: self.pose.map_or([0.0; 3], |(.., axis)| axis).into(),
+            steepest_n_per_m: 0.0,
         }
     }
 }

@@ -57,8 +57,7 @@ fn worse(a: u8, b: u8) -> u8 {
 
 #[allow(clippy::cast_precision_loss)] // counts, shown as a percentage
 pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &Around) -> Judgement {
-    let mut judgement =
-        Judgement { contested: !live.rivals.is_empty(), ..Judgement::default() };
+    let mut judgement = Judgement { contested: !live.rivals.is_empty(), ..Judgement::default() };
     let clock = &shared.clock;
     if let Some(reason) = not_active(shared.state()) {
         judgement.add(TwinStatus::HEALTH_STALE, reason);

@@ -11,6 +11,7 @@ use crossbeam_channel::Receiver;
 
 use super::force::is_finite;
 use super::inbox::Inbox;
+use super::shared::Shared;
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::ros::messages::needle_twin::{LookAheadRequest, LookAheadResponse};
 use crate::ros::messages::std_msgs::Header;
@@ -29,6 +30,11 @@ const BUDGET_S: f64 = 0.035;
 const FEWEST_STEPS: f64 = 200.0;
 /// Farther than any sample is deep, m.
 const FARTHEST_M: f64 = 1.0;
+/// Piece of the scene's own motion that is looked at in one go, m, and the wall time that all of them may take.
+const PIECE_M: f64 = 1e-3;
+const OWN_MOTION: Duration = Duration::from_secs(1);
+/// Time between two looks whether there is a model.
+const NO_MODEL_YET: Duration = Duration::from_millis(200);
 
 /// A double of the twin with the state of one moment.
 #[derive(Debug)]
@@ -50,6 +56,13 @@ pub(super) type Departure = Result<Box<Double>, &'static str>;
 /// The service.
 pub(super) type LookAhead = Service<LookAheadRequest, LookAheadResponse>;
 
+/// The scene's own motion, which tells what a delay means.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OwnMotion {
+    pub depth_m: f64,
+    pub speed_m_per_s: f64,
+}
+
 /// Runs until `stop` is closed.
 pub(super) fn run(
     service: &LookAhead,
@@ -57,6 +70,8 @@ pub(super) fn run(
     inbox: &Inbox,
     departures: &Receiver<Departure>,
     stop: &smol::channel::Receiver<()>,
+    shared: &Shared,
+    mut own: Option<OwnMotion>,
 ) {
     lower_priority();
     let mut thread = LookAheadThread { frame_id, inbox, departures, way: Vec::new(), step_s: 0.0 };
@@ -66,12 +81,49 @@ pub(super) fn run(
             let _ = stop.recv().await;
             None
         };
-        let Some((caller, request)) = smol::block_on(smol::future::or(stopped, async { Some(service.next().await) }))
-        else {
-            return;
+        let asked = async { Some(Some(service.next().await)) };
+        let later = async {
+            match own {
+                Some(_) => drop(smol::Timer::after(NO_MODEL_YET).await),
+                None => std::future::pending().await,
+            }
+            Some(None)
         };
-        service.send(caller, &thread.answer(&request));
+        match smol::block_on(smol::future::or(stopped, smol::future::or(asked, later))) {
+            None => return,
+            Some(Some((caller, request))) => service.send(caller, &thread.answer(&request)),
+            Some(None) => {
+                if let Some(motion) = own
+                    && let Ok(steepest) = thread.steepest(motion)
+                {
+                    own = None;
+                    say_delay(shared, motion, &steepest);
+                }
+            }
+        }
     }
+}
+
+/// Largest change of the force over depth along the scene's own motion, N/m, and down to which depth, m.
+struct Steepest {
+    n_per_m: f64,
+    depth_m: f64,
+}
+
+/// Says what the delay that is tolerated means.
+fn say_delay(shared: &Shared, motion: OwnMotion, steepest: &Steepest) {
+    let timeout_s = shared.settings().guard_timeout_s;
+    let distance_m = timeout_s * motion.speed_m_per_s;
+    shared.lock().steepest_n_per_m = steepest.n_per_m;
+    tracing::info!(
+        "safety is a yes on poses up to {:.0} ms old (guard_timeout_s): at the scene's {:.1} mm/s these are {:.3} mm, and at most {:.2} mN where \
+         the force changes most down to {:.1} mm",
+        1e3 * timeout_s,
+        1e3 * motion.speed_m_per_s,
+        1e3 * distance_m,
+        1e3 * distance_m * steepest.n_per_m,
+        1e3 * steepest.depth_m
+    );
 }
 
 struct LookAheadThread<'a> {
@@ -92,17 +144,44 @@ impl LookAheadThread<'_> {
         }
     }
 
-    fn look(&mut self, request: &LookAheadRequest) -> Result<LookAheadResponse, String> {
-        check(request)?;
+    /// Looks along the scene's own motion, as far as its time allows.
+    fn steepest(&mut self, own: OwnMotion) -> Result<Steepest, String> {
+        let mut double = self.borrow()?;
+        let mut from = double.from.unwrap_or_else(|| StampedPose { time_s: 0.0, pose: double.twin.pose_at_depth(0.0) });
+        let (begun, mut found) = (Instant::now(), Steepest { n_per_m: 0.0, depth_m: double.depth_m });
+        while found.depth_m < own.depth_m && begun.elapsed() < OWN_MOTION {
+            let distance_m = PIECE_M.min(own.depth_m - found.depth_m);
+            let motion = Motion::new(distance_m, own.speed_m_per_s, self.affordable(double.step_s));
+            if double.twin.look_ahead(&from, &motion, &mut self.way).is_err() {
+                break;
+            }
+            let Some(last) = self.way.last().filter(|last| is_finite(last)) else { break };
+            let (time_s, depth_m) = (last.time_s, last.depth_m);
+            for pair in self.way.windows(2) {
+                let change_n = (0..3).map(|k| (pair[1].force_n[k] - pair[0].force_n[k]).powi(2)).sum::<f64>().sqrt();
+                let slope = change_n / (pair[1].depth_m - pair[0].depth_m).abs();
+                found.n_per_m = if slope.is_finite() { found.n_per_m.max(slope) } else { found.n_per_m };
+            }
+            (from, found.depth_m) = (StampedPose { time_s, pose: double.twin.pose_at_depth(depth_m) }, depth_m);
+        }
+        self.inbox.give_back(double);
+        Ok(found)
+    }
+
+    /// The double with the present state, from the solver.
+    fn borrow(&mut self) -> Result<Box<Double>, String> {
         // One that came too late for an earlier request.
         while let Ok(departure) = self.departures.try_recv() {
             self.give_back(departure);
         }
         self.inbox.look_ahead();
-        let mut double = self
-            .departures
-            .recv_timeout(PATIENCE)
-            .map_err(|_| "the solver is busy (is the model being built?): ask again".to_owned())??;
+        let departure = self.departures.recv_timeout(PATIENCE);
+        Ok(departure.map_err(|_| "the solver is busy (is the model being built?): ask again".to_owned())??)
+    }
+
+    fn look(&mut self, request: &LookAheadRequest) -> Result<LookAheadResponse, String> {
+        check(request)?;
+        let mut double = self.borrow()?;
         let outcome = self.go(&mut double, request);
         self.inbox.give_back(double);
         outcome

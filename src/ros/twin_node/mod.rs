@@ -206,6 +206,10 @@ impl Node {
         let identification = Identification::new(&scene, &parameters.get(declared::IDENTIFY))?;
         let seen = force::Seen::new(scene.instrument.and_then(|i| i.needle_diameter_m()));
         let lever_m = assurance::lever_m(&scene);
+        let own = scene
+            .motion
+            .filter(|_| parameters.get(declared::LOOK_AHEAD))
+            .map(|motion| look_ahead::OwnMotion { depth_m: motion.depth.get(), speed_m_per_s: motion.speed.get() });
         let drawn = draw(&scene, parameters.get(declared::MEMBERS))?;
         let Self { recording, participant, inputs, force, tissue, look_ahead, members, housekeeping, shared, page } =
             self;
@@ -255,7 +259,10 @@ impl Node {
         };
         let look_ahead = {
             let (inbox, frame, stopped) = (Arc::clone(&inbox), frame_id.clone(), inputs_stopped.clone());
-            spawn("look-ahead", move || look_ahead::run(&look_ahead, &frame, &inbox, &departures, &stopped))?
+            let shared = Arc::clone(&shared);
+            spawn("look-ahead", move || {
+                look_ahead::run(&look_ahead, &frame, &inbox, &departures, &stopped, &shared, own);
+            })?
         };
         let last_word = event_sender.clone();
         let input = {

@@ -192,6 +192,8 @@ pub(super) struct Live {
     pub last_clock: Option<Instant>,
     /// Why a measurement is no evidence, and when that was last seen.
     pub doubts: BTreeMap<Doubt, (String, Instant)>,
+    /// Largest change of the force over depth along the scene's own motion, N/m; 0 until it is known.
+    pub steepest_n_per_m: f64,
     pub input_age: Latency,
     pub queue: Latency,
     pub stepping: Latency,
@@ -344,6 +346,7 @@ impl Live {
             last_pose: self.last_pose,
             last_clock: self.last_clock,
             doubts: std::mem::take(&mut self.doubts),
+            steepest_n_per_m: self.steepest_n_per_m,
             load_cell: self.load_cell,
             stuck_s: self.stuck_s,
             dying: self.dying.take(),

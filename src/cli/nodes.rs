@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::super::CliError;
+use super::CliError;
 
 /// Lines of a node's log that an error shows.
 const TAIL: usize = 8;
@@ -23,7 +23,7 @@ impl Node {
     /// Starts `needle_twin COMMAND ARGUMENTS...` in a domain of the loopback. Its log goes into a file.
     pub fn start(command: &'static str, arguments: &[&str], domain: u16, logs: &Path) -> Result<Self, CliError> {
         let log = logs.join(format!("{}.log", command.replace('-', "_")));
-        let fail = |reason: String| CliError::Demo(format!("{command} can't be started: {reason}"));
+        let fail = |reason: String| CliError::Nodes(format!("{command} can't be started: {reason}"));
         // The built program itself: an installed twin_node beside it may be of another version.
         let program = std::env::current_exe().map_err(|e| fail(e.to_string()))?;
         let stderr = File::create(&log).map_err(|e| fail(format!("{}: {e}", log.display())))?;
@@ -48,6 +48,23 @@ impl Node {
         Ok(Self { name: command, child, log })
     }
 
+    /// Its process.
+    pub fn process(&self) -> Pid {
+        Pid::from_child(&self.child)
+    }
+
+    /// Its middleware process, a child of its own.
+    pub fn middleware(&self) -> Option<Pid> {
+        let parent = self.child.id();
+        let all = std::fs::read_dir("/proc").ok()?.flatten();
+        let of_parent = |process: &i32| {
+            let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+            let fields = stat.rsplit_once(") ").map(|(_, rest)| rest.split(' ').nth(1).unwrap_or_default().to_owned());
+            fields.is_some_and(|id| id == parent.to_string())
+        };
+        all.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).find(of_parent).and_then(Pid::from_raw)
+    }
+
     /// The exit status, if it has ended.
     pub fn ended(&mut self) -> Option<ExitStatus> {
         self.child.try_wait().ok().flatten()
@@ -58,7 +75,7 @@ impl Node {
         let text = std::fs::read_to_string(&self.log).unwrap_or_default();
         let lines: Vec<&str> = text.lines().collect();
         let tail = lines[lines.len().saturating_sub(TAIL)..].join("\n  ");
-        CliError::Demo(format!("{} {what}; the end of its log ({}):\n  {tail}", self.name, self.log.display()))
+        CliError::Nodes(format!("{} {what}; the end of its log ({}):\n  {tail}", self.name, self.log.display()))
     }
 
     /// Asks it to stop as Ctrl-C does and waits; `None` if it had to be killed.

@@ -1,0 +1,484 @@
+//! `needle_twin study hazards`: every input of a closed loop with every fault, and for how long the twin still says that it is safe.
+//!
+//! Driver, load cell, twin and guard run as they do for a user, each a process of its own. Between them lies a cable that spoils one
+//! stream while the needle goes on into the tissue, at a depth at which the load cell has something to say. For each cell the needle
+//! starts anew.
+
+mod cable;
+mod fault;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use rustix::process::{Pid, Signal, kill_process};
+
+use self::cable::{Cable, Heard, Stream};
+use self::fault::Fault;
+use super::super::nodes::Node;
+use super::super::output::OutputFolder;
+use super::super::progress::Progress;
+use super::super::{CliError, Outcome, print};
+use crate::compare::Watch as _;
+use crate::ros::clock::wall_nanos;
+use crate::ros::environment;
+
+/// The fault begins at this depth, m: the force is twice the band there.
+const FAULT_AT_M: f64 = 0.007;
+/// Longest time that a loop may take to bring the needle there.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// A fault lasts for so long; then all is well again for as long.
+const LASTS: Duration = Duration::from_millis(1500);
+/// How long a yes may be believed after its stamp, and so how long a false one may last, s: `guard_timeout_s`.
+const LONGEST_S: f64 = 0.025;
+
+/// Every input of the closed loop with every fault: time to the no, longest false yes, where the needle comes to stand
+#[derive(Debug, Args)]
+pub(super) struct Hazards {
+    /// One cell of each kind: about a minute
+    #[arg(long)]
+    quick: bool,
+
+    /// Times that each cell is run; the worst counts
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
+    trials: u32,
+
+    /// Busy threads beside it, for a loaded machine
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=256))]
+    load: u32,
+
+    /// Write hazards.csv and hazards.md, and the logs of the nodes, into this folder
+    #[arg(long, value_name = "DIR", default_value = "out/hazards")]
+    out: PathBuf,
+}
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Hazard {
+    Message(Stream, Fault),
+    /// A process gets SIGSTOP, and after [`LASTS`] SIGCONT.
+    Frozen(Process),
+    /// A process gets SIGKILL.
+    Killed(Process),
+    /// `~/tare` inside the tissue, with the load cell jumping.
+    Tare,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Process {
+    Twin,
+    TwinMiddleware,
+    Guard,
+    GuardMiddleware,
+    Driver,
+}
+
+impl Process {
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Twin => "twin",
+            Self::TwinMiddleware => "twin's middleware",
+            Self::Guard => "guard",
+            Self::GuardMiddleware => "guard's middleware",
+            Self::Driver => "driver",
+        }
+    }
+}
+
+impl Hazard {
+    fn words(self) -> [&'static str; 2] {
+        match self {
+            Self::Message(stream, fault) => {
+                let stream = match stream {
+                    Stream::Pose => "pose",
+                    Stream::PoseOfTwin => "pose, twin alone",
+                    Stream::Force => "load cell",
+                    Stream::Prediction => "prediction, to the guard",
+                    Stream::Safety => "safety, to the guard",
+                    Stream::Command => "command, to the driver",
+                    Stream::Clock => "/clock",
+                };
+                [stream, fault.words()]
+            }
+            Self::Frozen(process) => [process.words(), "frozen and thawed"],
+            Self::Killed(process) => [process.words(), "killed"],
+            Self::Tare => ["service", "tare in tissue"],
+        }
+    }
+
+    /// Whether what the twin is asked about is affected: else its yes is a true one, and the guard or the driver has to act.
+    const fn concerns_twin(self) -> bool {
+        !matches!(
+            self,
+            Self::Message(Stream::Prediction | Stream::Safety | Stream::Command, _)
+                | Self::Frozen(Process::Guard | Process::GuardMiddleware)
+                | Self::Killed(Process::Guard | Process::GuardMiddleware)
+        )
+    }
+}
+
+/// All cells; with `quick` one of each kind.
+fn hazards(quick: bool) -> Vec<Hazard> {
+    use Fault as F;
+    use Hazard::{Frozen, Killed, Message, Tare};
+    use Process as P;
+    use Stream as S;
+    if quick {
+        return vec![
+            Message(S::Pose, F::Silent),
+            Message(S::PoseOfTwin, F::Late),
+            Message(S::Force, F::Silent),
+            Message(S::Force, F::NotFinite),
+            Message(S::Force, F::TwoSources),
+            Message(S::Force, F::Across),
+            Message(S::Clock, F::Frozen),
+            Frozen(P::Twin),
+            Frozen(P::Guard),
+            Tare,
+        ];
+    }
+    let pose = [
+        F::Silent,
+        F::Frozen,
+        F::Repeated,
+        F::Late,
+        F::Behind,
+        F::Ahead,
+        F::Jumping,
+        F::WrongSign,
+        F::WrongUnit,
+        F::NotFinite,
+        F::TwoSources,
+        F::WrongFrame,
+    ];
+    let force = [
+        F::Silent,
+        F::Frozen,
+        F::Repeated,
+        F::Late,
+        F::Behind,
+        F::Ahead,
+        F::Jumping,
+        F::WrongSign,
+        F::WrongUnit,
+        F::NotFinite,
+        F::TwoSources,
+        F::WrongFrame,
+        F::Across,
+        F::Twisted,
+    ];
+    let of = |stream, faults: &[Fault]| faults.iter().map(move |fault| Message(stream, *fault)).collect::<Vec<_>>();
+    let processes = [P::Twin, P::TwinMiddleware, P::Guard, P::GuardMiddleware, P::Driver];
+    [
+        of(S::Pose, &pose),
+        of(S::PoseOfTwin, &[F::Silent, F::Frozen, F::Late, F::Behind]),
+        of(S::Force, &force),
+        of(S::Prediction, &[F::Silent, F::Repeated, F::Late, F::NotFinite, F::Jumping, F::TwoSources]),
+        of(S::Safety, &[F::Silent, F::Repeated, F::Behind, F::Ahead, F::TwoSources]),
+        of(S::Command, &[F::Silent, F::Frozen, F::Repeated, F::Behind, F::NotFinite, F::TwoSources]),
+        of(S::Clock, &[F::Silent, F::Frozen, F::Ahead, F::Behind, F::TwoSources]),
+        vec![Tare],
+        processes.map(Frozen).to_vec(),
+        processes.map(Killed).to_vec(),
+    ]
+    .concat()
+}
+
+/// What a cell showed.
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    /// From the fault to the first no, s, if there was one.
+    no_s: Option<f64>,
+    /// From the fault to the stamp of the last yes before the first no, s.
+    false_yes_s: f64,
+    /// Times that it said yes after the first no while the fault lasted.
+    later: usize,
+    /// From the fault to when the needle stood, s.
+    stood_s: f64,
+    /// Way that the needle made after the fault was over, m.
+    went_on_m: f64,
+    /// Why the twin said no.
+    reason: String,
+}
+
+impl Seen {
+    /// Judges what was heard of a fault that began and ended at these times, ns.
+    #[allow(clippy::cast_precision_loss)] // spans
+    fn of(heard: &Heard, begun: i64, ended: i64) -> Self {
+        let since = |nanos: i64| (nanos - begun) as f64 * 1e-9;
+        let during = || heard.safety.iter().filter(move |(at, ..)| (begun..ended).contains(at));
+        let no = during().find(|(_, safe, _)| !safe);
+        let no_at = no.map_or(ended, |(at, ..)| *at);
+        let last_yes = during().filter(|(at, safe, _)| *safe && *at < no_at).map(|(at, ..)| *at).max();
+        let moved = |from: i64, to: i64| {
+            heard.motion.windows(2).filter(move |w| w[1].0 > from && w[1].0 < to && (w[1].1 - w[0].1).abs() > 1e-9)
+        };
+        Self {
+            no_s: no.map(|(at, ..)| since(*at)),
+            false_yes_s: last_yes.map_or(0.0, since),
+            later: during().filter(|(at, safe, _)| *safe && *at > no_at).count(),
+            stood_s: moved(begun, ended).map(|w| since(w[1].0)).fold(0.0, f64::max),
+            went_on_m: moved(ended, i64::MAX).map(|w| (w[1].1 - w[0].1).abs()).sum(),
+            reason: no.map(|(.., reason)| reason.clone()).unwrap_or_default(),
+        }
+    }
+
+    /// The worse of two trials.
+    fn worse(self, other: Self) -> Self {
+        let later = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
+        Self {
+            no_s: later(self.no_s, other.no_s),
+            false_yes_s: self.false_yes_s.max(other.false_yes_s),
+            later: self.later.max(other.later),
+            stood_s: self.stood_s.max(other.stood_s),
+            went_on_m: self.went_on_m.max(other.went_on_m),
+            reason: if self.reason.is_empty() { other.reason } else { self.reason },
+        }
+    }
+
+    /// Whether the loop did what it has to. The stop itself takes the guard's timeout, a cycle, the driver's timeout and braking; a machine
+    /// that is busy makes it longer, and that is told, not judged.
+    fn holds(&self, hazard: Hazard) -> bool {
+        let twin = !hazard.concerns_twin() || (self.false_yes_s <= LONGEST_S && self.later == 0);
+        // a needle without a guard that was killed stands for good, and so do all others until somebody says ~/resume
+        twin && self.stood_s < 1.0 && self.went_on_m < 1e-6
+    }
+
+    fn row(&self, hazard: Hazard) -> String {
+        let [input, fault] = hazard.words();
+        let twin = if hazard.concerns_twin() {
+            let no = self.no_s.map_or("silent".to_owned(), |s| format!("{:.0}", 1e3 * s));
+            format!("{no} | {:.0} | {}", 1e3 * self.false_yes_s.max(0.0), self.later)
+        } else {
+            "- | - | -".to_owned()
+        };
+        let mark = if self.holds(hazard) { "yes" } else { "**no**" };
+        let went_on = if self.went_on_m < 1e-6 { "no".to_owned() } else { format!("{:.3} mm", 1e3 * self.went_on_m) };
+        format!("| {input} | {fault} | {twin} | {:.0} | {went_on} | {mark} |", 1e3 * self.stood_s)
+    }
+
+    fn csv(&self, hazard: Hazard) -> String {
+        let [input, fault] = hazard.words();
+        let no_s = self.no_s.map_or(String::new(), |s| s.to_string());
+        let Self { false_yes_s, later, stood_s, went_on_m, .. } = self;
+        let reason = self.reason.replace('"', "'");
+        format!(
+            "\"{input}\",\"{fault}\",{no_s},{false_yes_s},{later},{stood_s},{went_on_m},{},\"{reason}\"",
+            self.holds(hazard)
+        )
+    }
+}
+
+const HEADING: &str = "| input | fault | first no, ms | longest false yes, ms | later yes | needle stands after, ms | goes on when it is over | holds |\n\
+                       |---|---|---|---|---|---|---|---|";
+const COLUMNS: &str = "input,fault,first_no_s,false_yes_s,later_yes,stood_s,went_on_m,holds,reason";
+
+/// The processes of one cell.
+struct Loop {
+    cable: Cable,
+    twin: Node,
+    guard: Node,
+    driver: Node,
+}
+
+impl Loop {
+    fn start(hazard: Hazard, folder: &Path) -> Result<Self, CliError> {
+        let domain = environment::free_domain()
+            .ok_or_else(|| CliError::Nodes("every ROS domain of this machine is in use".to_owned()))?;
+        let simulated = matches!(hazard, Hazard::Message(Stream::Clock, _));
+        let cable = Cable::start(domain, simulated)?;
+        let driver = [
+            "--ros-args",
+            "-p",
+            "mode:=driver",
+            "-p",
+            "driver_rate_hz:=500.0",
+            "-p",
+            "command_timeout_s:=0.03",
+            "-p",
+            "load_cell:=subminiature",
+            "-r",
+            "servo_jp:=rig_jp",
+        ];
+        let time = format!("use_sim_time:={simulated}");
+        let twin = [
+            "--scene",
+            "needle_insertion",
+            "--ros-args",
+            "-p",
+            "threads:=1",
+            "-p",
+            "residual_band_n:=0.02",
+            "-p",
+            "tissue_rate_hz:=0.0",
+            "-p",
+            &time,
+            "-r",
+            "measured_js:=twin_js",
+            "-r",
+            "measured_cf:=twin_cf",
+        ];
+        let guard = [
+            "--ros-args",
+            "-p",
+            "goal_depth_m:=0.0095",
+            "-p",
+            "speed_m_per_s:=0.002",
+            "-p",
+            "force_limit_n:=10.0",
+            "-r",
+            "measured_js:=guard_js",
+            "-r",
+            "predicted_cf:=guard_cf",
+            "-r",
+            "safety:=guard_safety",
+        ];
+        Ok(Self {
+            cable,
+            driver: Node::start("rig-node", &driver, domain, folder)?,
+            twin: Node::start("twin-node", &twin, domain, folder)?,
+            guard: Node::start("guard", &guard, domain, folder)?,
+        })
+    }
+
+    /// Waits until the needle is at a depth on its way.
+    fn reach(&mut self, depth_m: f64) -> Result<(), CliError> {
+        let begun = Instant::now();
+        while self.cable.depth_m() < depth_m {
+            for node in [&mut self.driver, &mut self.twin, &mut self.guard] {
+                if node.ended().is_some() {
+                    return Err(node.failure("has ended"));
+                }
+            }
+            if begun.elapsed() > PATIENCE {
+                return Err(self.guard.failure("has not brought the needle to the depth at which the fault begins"));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
+    fn process(&self, process: Process) -> Option<Pid> {
+        match process {
+            Process::Twin => Some(self.twin.process()),
+            Process::TwinMiddleware => self.twin.middleware(),
+            Process::Guard => Some(self.guard.process()),
+            Process::GuardMiddleware => self.guard.middleware(),
+            Process::Driver => Some(self.driver.process()),
+        }
+    }
+
+    fn signal(&self, process: Process, signal: Signal) -> i64 {
+        let now = wall_nanos();
+        if let Some(id) = self.process(process) {
+            // Fails only if it has just ended by itself.
+            let _ = kill_process(id, signal);
+        }
+        now
+    }
+
+    /// Lets the fault happen and be over; when it began and ended, ns.
+    fn suffer(&self, hazard: Hazard) -> [i64; 2] {
+        let mut begun = wall_nanos();
+        match hazard {
+            Hazard::Message(stream, fault) => self.cable.spoil(Some((stream, fault))),
+            Hazard::Frozen(process) => begun = self.signal(process, Signal::STOP),
+            Hazard::Killed(process) => begun = self.signal(process, Signal::KILL),
+            Hazard::Tare => {
+                self.cable.spoil(Some((Stream::Force, Fault::Jumping)));
+                std::thread::sleep(Duration::from_millis(200));
+                self.cable.tare();
+            }
+        }
+        std::thread::sleep(LASTS);
+        let ended = wall_nanos();
+        match hazard {
+            Hazard::Message(..) | Hazard::Tare => self.cable.spoil(None),
+            Hazard::Frozen(process) => drop(self.signal(process, Signal::CONT)),
+            Hazard::Killed(_) => {}
+        }
+        std::thread::sleep(LASTS);
+        // the first message that was spoilt, not the wish for it
+        let first = self.cable.heard().begun;
+        [if matches!(hazard, Hazard::Message(..) | Hazard::Tare) { first.unwrap_or(begun) } else { begun }, ended]
+    }
+}
+
+fn run_one(hazard: Hazard, folder: &Path) -> Result<Seen, CliError> {
+    let mut run = Loop::start(hazard, folder)?;
+    run.reach(FAULT_AT_M)?;
+    let [begun, ended] = run.suffer(hazard);
+    let heard = run.cable.heard();
+    let mut seen = Seen::of(&heard, begun, ended);
+    if hazard == Hazard::Tare && heard.answer.as_ref().is_none_or(|answer| answer.success) {
+        seen.later = seen.later.max(1);
+        seen.reason = "the tare was taken, or not answered".to_owned();
+    }
+    drop(heard);
+    for node in [&mut run.guard, &mut run.twin, &mut run.driver] {
+        let _ = node.stop(Duration::from_secs(2));
+    }
+    Ok(seen)
+}
+
+/// Threads that do nothing but use the processor, until dropped.
+struct Load(Arc<AtomicBool>);
+
+impl Load {
+    fn start(threads: u32) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        for _ in 0..threads {
+            let stop = Arc::clone(&stop);
+            std::thread::spawn(move || {
+                while !stop.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        Self(stop)
+    }
+}
+
+impl Drop for Load {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Hazards {
+    pub fn run(&self) -> Result<Outcome, CliError> {
+        let folder = OutputFolder::prepare(&self.out)?;
+        let _load = Load::start(self.load);
+        let all = hazards(self.quick);
+        let bar = super::bar(all.len() as u64, "{pos}/{len} hazards");
+        let progress = Progress::silent();
+        let (mut rows, mut csv, mut hold) = (vec![HEADING.to_owned()], vec![COLUMNS.to_owned()], true);
+        print(&format!("{HEADING}\n"))?;
+        for hazard in all {
+            bar.set_message(hazard.words().join(", "));
+            let mut worst: Option<Seen> = None;
+            for _ in 0..self.trials {
+                let seen = run_one(hazard, &folder.path)?;
+                worst = Some(worst.map_or(seen.clone(), |before| before.worse(seen)));
+            }
+            let Some(seen) = worst else { continue };
+            hold &= seen.holds(hazard);
+            bar.suspend(|| print(&format!("{}\n", seen.row(hazard))))?;
+            rows.push(seen.row(hazard));
+            csv.push(seen.csv(hazard));
+            bar.inc(1);
+            if progress.stop() {
+                break;
+            }
+        }
+        bar.finish_and_clear();
+        for (name, lines) in [("hazards.md", rows), ("hazards.csv", csv)] {
+            let path = folder.path.join(name);
+            std::fs::write(&path, lines.join("\n") + "\n")
+                .map_err(|error| CliError::Nodes(format!("{}: {error}", path.display())))?;
+        }
+        Ok(if hold && !progress.stop() { Outcome::Complete } else { Outcome::Lossy })
+    }
+}
