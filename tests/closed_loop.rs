@@ -1,5 +1,6 @@
 //! Contract: driver, twin and guard, three processes that speak over DDS, reach a target where the tissue has taken it,
-//! and stand still within 50 ms of a cut cable, a frozen twin, a force at the limit and a killed guard.
+//! and stand still within 50 ms of a cut cable, a frozen twin, a force at the limit and a killed guard. No fault leaves a false yes that is
+//! longer than 25 ms, whether the driver is ours or one that knows the topics alone.
 //!
 //! A judge listens beside them. The guard and the twin have their sensors through the judge, who can cut the cable and
 //! add force. Times are those of one machine's clock: that of the fault, and the stamps of the driver's own
@@ -14,6 +15,9 @@ mod ros;
 
 #[path = "closed_loop/judge.rs"]
 mod judge;
+
+#[path = "closed_loop/foreign_driver.rs"]
+mod foreign_driver;
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -283,4 +287,23 @@ fn tissue_that_is_not_as_modelled_slows_it_and_stops_it() {
     assert!(log.contains("does not vouch"), "{log}");
     let (_, log) = run.twin.end();
     assert!(!log.contains("panicked"), "{log}");
+}
+
+/// One cell of each kind of the table in docs/faults.md. A busy machine makes stops longer, and no yes.
+#[test]
+fn no_fault_leaves_a_false_yes() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let output = std::process::Command::new(NEEDLE_TWIN)
+        .args(["study", "hazards", "--quick", "--out"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    println!("{said}{}", String::from_utf8_lossy(&output.stderr));
+    let table = std::fs::read_to_string(folder.path().join("hazards.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|row| row.split(',').collect()).collect();
+    assert_eq!(rows.len(), 10, "{table}");
+    assert!(rows.iter().all(|row| row[row.len().min(8) - 1] == "true"), "{table}");
+    assert_eq!(output.status.code(), Some(0));
 }

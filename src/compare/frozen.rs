@@ -6,7 +6,8 @@
 //!   equal readings so far bounds the next one. [`RUN`] times that bound, and [`SPARE`] readings more, does not come from noise. It is
 //!   used once the cell has shown that it scatters, which is a change of sign between successive differences: the force of a needle that
 //!   moves steadily changes without them.
-//! - **Motion.** The prediction has moved by more than the cell resolves, and the reading has not.
+//! - **Motion.** The prediction has moved by more than the cell resolves, and the reading has not: a suspicion after [`SUSPECTED`], which is
+//!   reason enough not to go on, and a finding after [`FOUND`], from which on readings are left out.
 //!
 //! What was found stands until a reading differs: a prediction that passes the value by chance proves nothing.
 
@@ -18,6 +19,9 @@ const RUN: u32 = 4;
 const SPARE: u32 = 4;
 /// Shortest time that counts as standing still: five readings of a cell at 100 Hz, with which a fault is found well within 0.2 s.
 const SHORTEST: Duration = Duration::from_millis(50);
+/// Times after which a reading that does not follow a prediction that moves is suspected and found.
+const SUSPECTED: Duration = Duration::from_millis(100);
+const FOUND: Duration = Duration::from_secs(1);
 /// Changes of direction, and their share of all changes, from which on a cell scatters: white noise has two in three.
 const SCATTERS: u32 = 10;
 const SHARE: u32 = 5;
@@ -42,6 +46,7 @@ pub struct Frozen {
     difference: [f64; 3],
     /// Smallest change of a reading, N.
     step_n: f64,
+    suspected: bool,
     found: bool,
 }
 
@@ -58,13 +63,20 @@ impl Frozen {
         let by_noise = scatters && self.run > RUN * self.longest + SPARE;
         let least_n = MOVES_N.max(MOVES_OF_PEAK * peak_n).max(MOVES_OF_STEP * self.step_n).max(0.5 * band_n);
         let by_motion = (predicted_n - self.predicted_n).abs() > least_n;
-        self.found |= stands >= SHORTEST && (by_noise || by_motion);
+        self.found |= (by_noise && stands >= SHORTEST) || (by_motion && stands > FOUND);
+        self.suspected |= self.found || (by_motion && stands > SUSPECTED);
     }
 
     /// Whether it stands still.
     #[must_use]
     pub const fn is_found(&self) -> bool {
         self.found
+    }
+
+    /// Whether it seems to stand still.
+    #[must_use]
+    pub const fn is_suspected(&self) -> bool {
+        self.suspected
     }
 
     fn differs(&mut self, time: Duration, force_n: [f64; 3], predicted_n: f64) {
@@ -76,11 +88,12 @@ impl Frozen {
             self.changes = self.changes.saturating_add(1);
             self.turns = self.turns.saturating_add(u32::from(product < 0.0));
             self.difference = difference;
-            if !self.found {
+            if !self.suspected {
                 self.longest = self.longest.max(self.run);
             }
         }
-        (self.last, self.since, self.predicted_n, self.run, self.found) = (Some(force_n), time, predicted_n, 1, false);
+        (self.last, self.since, self.predicted_n, self.run) = (Some(force_n), time, predicted_n, 1);
+        (self.suspected, self.found) = (false, false);
     }
 }
 
@@ -96,7 +109,7 @@ mod tests {
             peak = peak.max(predicted.abs());
             let time_s = i as f64 / hz;
             frozen.take(Duration::from_secs_f64(time_s), [0.0, 0.0, force], predicted, peak, 0.02);
-            frozen.is_found().then_some(time_s)
+            frozen.is_suspected().then_some(time_s)
         })
     }
 
@@ -133,10 +146,15 @@ mod tests {
         let mut frozen = Frozen::default();
         let mut take = |ms: u64, force: f64, predicted: f64| {
             frozen.take(Duration::from_millis(ms), [0.0, 0.0, force], predicted, 0.2, 0.0);
-            frozen.is_found()
+            (frozen.is_suspected(), frozen.is_found())
         };
-        assert!(!take(0, 0.10, 0.10) && !take(40, 0.10, 0.15) && take(60, 0.10, 0.15));
-        assert!(take(100, 0.10, 0.10), "the prediction passes the value");
-        assert!(!take(110, 0.11, 0.10));
+        assert_eq!(
+            [take(0, 0.10, 0.10), take(60, 0.10, 0.15), take(101, 0.10, 0.15)].map(|t| t.0),
+            [false, false, true]
+        );
+        assert_eq!(take(150, 0.10, 0.10), (true, false), "the prediction passes the value");
+        assert_eq!(take(1010, 0.10, 0.16), (true, true));
+        assert_eq!(take(1020, 0.10, 0.10), (true, true));
+        assert_eq!(take(1030, 0.11, 0.10), (false, false));
     }
 }

@@ -307,6 +307,10 @@ impl Guard {
     /// One tick: where the needle shall be, m; `None` while waiting.
     pub fn tick(&mut self, sight: &Sight) -> Option<f64> {
         let trouble = self.trouble(sight);
+        if matches!(trouble, Some(Trouble::HeldUp(_))) {
+            // The driver has come to rest meanwhile: braking from the speed of before would move it.
+            self.trajectory = Trajectory::new(self.orders.motion, self.orders.step_s, self.trajectory.position_m());
+        }
         match (self.phase, trouble, sight.depth_m) {
             (Phase::Waiting(_), None, Some(depth)) => {
                 self.trajectory = Trajectory::new(self.orders.motion, self.orders.step_s, depth.value);

@@ -113,6 +113,15 @@ fn every_trouble_stops_it_within_the_braking_time_for_good() {
 }
 
 #[test]
+fn a_guard_that_was_held_up_does_not_move_a_needle_that_stands() {
+    let (mut guard, mut depth_m) = moving();
+    let before = depth_m;
+    run(&mut guard, &mut depth_m, 1, |s| s.held_up_s = 2.0);
+    run(&mut guard, &mut depth_m, 100, |_| {});
+    assert_eq!((depth_m, guard.phase()), (before, Phase::Stopped(Trouble::HeldUp(2.0))));
+}
+
+#[test]
 fn a_driver_that_does_not_follow_is_noticed() {
     let (mut guard, depth_m) = moving();
     for _ in 0..100 {

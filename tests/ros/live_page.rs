@@ -92,11 +92,11 @@ fn a_viewer_sees_the_twin_and_commands_it_with_the_token() {
     say(&mut viewer, &json!({ "ask": "tare", "token": token }));
     let refused = until(&mut viewer, "reply", |_| true);
     assert!(refused["done"] == false && refused["message"].as_str().unwrap().contains("load-cell"), "{refused}");
-    // with a load cell that reads 0.5 N it is done, and what is measured after that is nothing
+    // outside of the tissue, with a load cell that reads 0.5 N, it is done, and what is measured after that is nothing
     peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": "geometry_msgs/msg/WrenchStamped"}));
     assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cf"]}))["missing"], json!([]));
     let load = |peer: &mut Peer, from: i64| {
-        let poses: Vec<(i64, f64)> = (0..10).map(|k| (from * 1_000_000_000 + k * 20_000_000, 0.001)).collect();
+        let poses: Vec<(i64, f64)> = (0..10).map(|k| (from * 1_000_000_000 + k * 20_000_000, 0.0)).collect();
         // a cell that never changes is taken for stuck
         let wrenches: Vec<[f64; 3]> = (0..10).map(|k| [0.0, 0.0, 0.5 + 1e-6 * f64::from(k)]).collect();
         peer.ask(json!({
@@ -122,7 +122,7 @@ fn a_viewer_sees_the_twin_and_commands_it_with_the_token() {
     until(&mut viewer, "figures", |f| f["point"].is_null());
     let (code, log, _) = node.stop("INT");
     assert_eq!(code, Some(0), "{log}");
-    assert!(log.contains("mark at depth 0.001000 m") && !log.contains("page_address"), "{log}");
+    assert!(log.contains("mark at depth 0.000000 m") && !log.contains("page_address"), "{log}");
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn tared(domain: u16) -> (Program, Peer) {
     assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": topics}))["missing"], json!([]));
     peer.ask(json!({"op": "take", "topic": "/tissue_model", "timeout": 60.0}));
     stream(&mut peer, 1.0);
-    let tare = peer.ask(json!({"op": "call", "service": "/twin/tare", "type": "std_srvs/srv/Trigger"}));
+    let tare = peer.ask(json!({"op": "call", "service": "/twin/force_tare", "type": "std_srvs/srv/Trigger"}));
     assert_eq!(tare["response"]["success"], true, "{tare}");
     (node, peer)
 }

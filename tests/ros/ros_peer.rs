@@ -93,7 +93,10 @@ fn services_reset_and_tare_answer() {
     let residual = number(&before["predicted_n"]) - number(&before["measured_n"]);
     assert!((number(&before["residual_n"]) - residual).abs() < 1e-12);
 
-    let tared = peer.ask(json!({"op": "call", "service": "/twin/tare", "type": "std_srvs/srv/Trigger"}));
+    let inside = peer.ask(json!({"op": "call", "service": "/twin/tare", "type": "std_srvs/srv/Trigger"}));
+    let why = inside["response"]["message"].as_str().unwrap();
+    assert!(inside["response"]["success"] == false && why.contains("inside the sample"), "{inside}");
+    let tared = peer.ask(json!({"op": "call", "service": "/twin/force_tare", "type": "std_srvs/srv/Trigger"}));
     assert_eq!(tared["response"]["success"], true);
     let again = json!({
         "op": "insert", "topic": "/measured_js", "joint": "insertion", "poses": 20, "rate_hz": 20.0, "from_m": 0.0004,

@@ -43,6 +43,7 @@ fn every_endpoint_has_the_name_type_and_qos_of_the_contract() {
         (publisher, "rt/events", "needle_twin::msg::dds_::TissueEvent_ reliable latched"),
         (publisher, "rt/region", "std_msgs::msg::dds_::String_ reliable latched"),
         (publisher, "rt/safe_to_go_on", "std_msgs::msg::dds_::Bool_ reliable"),
+        (publisher, "rt/safety", "needle_twin::msg::dds_::Safety_ reliable"),
         (publisher, "rt/diagnostics", "diagnostic_msgs::msg::dds_::DiagnosticArray_ reliable"),
         (publisher, "rt/twin/transition_event", "lifecycle_msgs::msg::dds_::TransitionEvent_ reliable"),
         (publisher, "rt/parameter_events", "rcl_interfaces::msg::dds_::ParameterEvent_ reliable"),

@@ -52,8 +52,8 @@ pub(super) enum Stream {
 pub(super) struct Heard {
     /// Stamp and position of the driver's own `measured_js`.
     pub motion: Vec<(i64, f64)>,
-    /// Stamp of each `safety`, what it says, and its first reason.
-    pub safety: Vec<(i64, bool, String)>,
+    /// Of each `safety` its stamp and when it came, what it says, and its first reason.
+    pub safety: Vec<([i64; 2], bool, String)>,
     /// When the fault came first.
     pub begun: Option<i64>,
     /// Answer of a service that was asked.
@@ -64,7 +64,8 @@ pub(super) struct Heard {
 struct Shared {
     heard: Mutex<Heard>,
     fault: Mutex<Option<(Stream, Fault)>>,
-    ask: AtomicBool,
+    tare: AtomicBool,
+    resume: AtomicBool,
     stop: AtomicBool,
 }
 
@@ -117,7 +118,12 @@ impl Cable {
 
     /// Calls `/twin/tare`.
     pub fn tare(&self) {
-        self.shared.ask.store(true, Ordering::Relaxed);
+        self.shared.tare.store(true, Ordering::Relaxed);
+    }
+
+    /// Calls `/guard/resume`.
+    pub fn resume(&self) {
+        self.shared.resume.store(true, Ordering::Relaxed);
     }
 
     pub fn depth_m(&self) -> f64 {
@@ -213,6 +219,7 @@ struct Lines {
     clock: Option<[Output<Clock>; 2]>,
     clock_stood: Option<i64>,
     tare: Client<TriggerRequest, TriggerResponse>,
+    resume: Client<TriggerRequest, TriggerResponse>,
 }
 
 impl Lines {
@@ -235,6 +242,7 @@ impl Lines {
             clock: if simulated { Some(clocks(node)?) } else { None },
             clock_stood: None,
             tare: node.client("/twin/tare", "std_srvs", "Trigger")?,
+            resume: node.client("/guard/resume", "std_srvs", "Trigger")?,
         })
     }
 
@@ -261,7 +269,7 @@ impl Lines {
         }
         while let Some(message) = self.safety.take() {
             let reason = message.reasons.first().cloned().unwrap_or_default();
-            locked(&shared.heard).safety.push((message.header.stamp.nanos(), message.safe, reason));
+            locked(&shared.heard).safety.push(([message.header.stamp.nanos(), wall_nanos()], message.safe, reason));
             spoilt |= self.word.pass(message, on(Stream::Safety));
         }
         while let Some(message) = self.servo.take() {
@@ -270,8 +278,10 @@ impl Lines {
         if spoilt {
             locked(&shared.heard).begun.get_or_insert_with(wall_nanos);
         }
-        if shared.ask.swap(false, Ordering::Relaxed) {
-            self.tare.ask(&TriggerRequest::default());
+        for (asked, client) in [(&shared.tare, &self.tare), (&shared.resume, &self.resume)] {
+            if asked.swap(false, Ordering::Relaxed) {
+                client.ask(&TriggerRequest::default());
+            }
         }
         if let Some(answer) = self.tare.answer() {
             locked(&shared.heard).answer = Some(answer);

@@ -29,6 +29,8 @@ use crate::ros::environment;
 const FAULT_AT_M: f64 = 0.007;
 /// Longest time that a loop may take to bring the needle there.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// A needle that has not moved for so long stands.
+const STANDS: Duration = Duration::from_millis(400);
 /// A fault lasts for so long; then all is well again for as long.
 const LASTS: Duration = Duration::from_millis(1500);
 /// How long a yes may be believed after its stamp, and so how long a false one may last, s: `guard_timeout_s`.
@@ -204,24 +206,25 @@ struct Seen {
 }
 
 impl Seen {
-    /// Judges what was heard of a fault that began and ended at these times, ns.
+    /// Judges what was heard of a fault that began and ended at these times, ns. `by_arrival`: the stamps are of the clock that is spoilt.
     #[allow(clippy::cast_precision_loss)] // spans
-    fn of(heard: &Heard, begun: i64, ended: i64) -> Self {
+    fn of(heard: &Heard, begun: i64, ended: i64, by_arrival: bool) -> Self {
         let since = |nanos: i64| (nanos - begun) as f64 * 1e-9;
-        let during = || heard.safety.iter().filter(move |(at, ..)| (begun..ended).contains(at));
-        let no = during().find(|(_, safe, _)| !safe);
+        let said = || heard.safety.iter().map(move |(at, safe, reason)| (&at[usize::from(by_arrival)], safe, reason));
+        let during = || said().filter(move |(at, ..)| (begun..ended).contains(*at));
+        let no = during().find(|(_, safe, _)| !**safe);
         let no_at = no.map_or(ended, |(at, ..)| *at);
-        let last_yes = during().filter(|(at, safe, _)| *safe && *at < no_at).map(|(at, ..)| *at).max();
+        let last_yes = during().filter(|(at, safe, _)| **safe && **at < no_at).map(|(at, ..)| *at).max();
         let moved = |from: i64, to: i64| {
             heard.motion.windows(2).filter(move |w| w[1].0 > from && w[1].0 < to && (w[1].1 - w[0].1).abs() > 1e-9)
         };
         Self {
             no_s: no.map(|(at, ..)| since(*at)),
             false_yes_s: last_yes.map_or(0.0, since),
-            later: during().filter(|(at, safe, _)| *safe && *at > no_at).count(),
+            later: during().filter(|(at, safe, _)| **safe && **at > no_at).count(),
             stood_s: moved(begun, ended).map(|w| since(w[1].0)).fold(0.0, f64::max),
             went_on_m: moved(ended, i64::MAX).map(|w| (w[1].1 - w[0].1).abs()).sum(),
-            reason: no.map(|(.., reason)| reason.clone()).unwrap_or_default(),
+            reason: no.map(|(.., reason)| reason.to_owned()).unwrap_or_default(),
         }
     }
 
@@ -343,10 +346,18 @@ impl Loop {
         })
     }
 
-    /// Waits until the needle is at a depth on its way.
+    /// Waits until the needle is at a depth on its way, and moves. A pause of a busy machine stops it, as it must; then it is told to go on.
     fn reach(&mut self, depth_m: f64) -> Result<(), CliError> {
         let begun = Instant::now();
+        let (mut before_m, mut moved) = (f64::NAN, begun);
         while self.cable.depth_m() < depth_m {
+            let now = Instant::now();
+            if self.cable.depth_m() != before_m {
+                (before_m, moved) = (self.cable.depth_m(), now);
+            } else if now - moved > STANDS {
+                self.cable.resume();
+                moved = now;
+            }
             for node in [&mut self.driver, &mut self.twin, &mut self.guard] {
                 if node.ended().is_some() {
                     return Err(node.failure("has ended"));
@@ -411,7 +422,7 @@ fn run_one(hazard: Hazard, folder: &Path) -> Result<Seen, CliError> {
     run.reach(FAULT_AT_M)?;
     let [begun, ended] = run.suffer(hazard);
     let heard = run.cable.heard();
-    let mut seen = Seen::of(&heard, begun, ended);
+    let mut seen = Seen::of(&heard, begun, ended, matches!(hazard, Hazard::Message(Stream::Clock, _)));
     if hazard == Hazard::Tare && heard.answer.as_ref().is_none_or(|answer| answer.success) {
         seen.later = seen.later.max(1);
         seen.reason = "the tare was taken, or not answered".to_owned();
