@@ -1,12 +1,12 @@
-//! A load cell whose reading stands still: a broken cable, a driver that repeats its last value.
+//! A sensor whose reading stands still: a broken cable, a driver that repeats its last value.
 //!
-//! A reading that repeats to the last bit is no fault by itself, since a coarse or noiseless cell does it too. Two things tell:
+//! A reading that repeats to the last bit is no fault by itself, since a coarse or noiseless sensor does it too. Two things tell:
 //!
-//! - **Noise.** A cell that scatters repeats a value n times in a row with a probability that falls like p^n, so that the longest run of
+//! - **Noise.** A sensor that scatters repeats a value n times in a row with a probability that falls like p^n, so that the longest run of
 //!   equal readings so far bounds the next one. [`RUN`] times that bound, and [`SPARE`] readings more, does not come from noise. It is
-//!   used once the cell has shown that it scatters, which is a change of sign between successive differences: the force of a needle that
+//!   used once the sensor has shown that it scatters, which is a change of sign between successive differences: the force of a needle that
 //!   moves steadily changes without them.
-//! - **Motion.** The prediction has moved by more than the cell resolves, and the reading has not: a suspicion after [`SUSPECTED`], which is
+//! - **Motion.** (Load cells.) The prediction has moved by more than the cell resolves, and the reading has not: a suspicion after [`SUSPECTED`], which is
 //!   reason enough not to go on, and a finding after [`FOUND`], from which on readings are left out.
 //!
 //! What was found stands until a reading differs: a prediction that passes the value by chance proves nothing.
@@ -17,14 +17,15 @@ use std::time::Duration;
 const RUN: u32 = 4;
 /// And so many readings more: with noise that repeats no value the longest run is 1.
 const SPARE: u32 = 4;
-/// Shortest time that counts as standing still: five readings of a cell at 100 Hz, with which a fault is found well within 0.2 s.
-const SHORTEST: Duration = Duration::from_millis(50);
+/// Shortest time that counts as standing still: below it, readings of a kilohertz that come in bursts would count.
+const SHORTEST: Duration = Duration::from_millis(15);
 /// Times after which a reading that does not follow a prediction that moves is suspected and found.
 const SUSPECTED: Duration = Duration::from_millis(100);
 const FOUND: Duration = Duration::from_secs(1);
-/// Changes of direction, and their share of all changes, from which on a cell scatters: white noise has two in three.
+/// Changes of direction, and one in so many of all changes, from which on a sensor scatters. White noise at rest has two in three; the
+/// position of a needle that moves by more than the noise from reading to reading has none.
 const SCATTERS: u32 = 10;
-const SHARE: u32 = 5;
+const SHARE: u32 = 50;
 /// A prediction moves if it changes by more than this, N ...
 const MOVES_N: f64 = 2e-3;
 /// ... this share of its peak ...
@@ -51,6 +52,11 @@ pub struct Frozen {
 }
 
 impl Frozen {
+    /// Takes the position of a sensor at a time, m.
+    pub fn place(&mut self, time: Duration, place_m: [f64; 3]) {
+        self.take(time, place_m, 0.0, 0.0, 0.0);
+    }
+
     /// Takes a reading in N at a time, with the present prediction and the largest so far, N. `band_n`: disagreement that is tolerated.
     pub fn take(&mut self, time: Duration, force_n: [f64; 3], predicted_n: f64, peak_n: f64, band_n: f64) {
         if self.last.is_none_or(|last| last != force_n) {

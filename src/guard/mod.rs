@@ -6,8 +6,11 @@
 //! ```text
 //! waiting ──all is well──► moving ──at the goal, at rest──► arrived (and goes on following the goal)
 //!    ▲                       │  trouble
-//!    └── resume ── stopped ◄─┘  brakes at once, then holds
+//!    └── resume ── stopped ◄─┘  brakes at once, then says nothing
 //! ```
+//! A driver stands when setpoints cease. So nothing that it missed while a process was frozen, or a cable was cut, moves the needle when
+//! they are back.
+//!
 //! It slows down before it stops: from [`SLOWS_AT`] of the force limit on, the speed falls in proportion to the remaining
 //! force, and while the twin warns it is multiplied by `slow_factor`. Where a largest probability is ordered, the members' outlook
 //! ([`Outlook`]) decides in place of the predicted force, by the same rule, and the needle goes no faster than outlooks come.
@@ -287,7 +290,9 @@ impl Guard {
 
     /// After a stop: waits for all to be well, then goes on. False if it is not stopped.
     pub fn resume(&mut self) -> bool {
-        let stopped = matches!(self.phase, Phase::Stopped(_)) && self.trajectory.is_at_rest();
+        // a driver that does not follow is not braked by it
+        let astray = matches!(self.phase, Phase::Stopped(Trouble::NotFollowing(_)));
+        let stopped = astray || (matches!(self.phase, Phase::Stopped(_)) && self.trajectory.is_at_rest());
         if stopped {
             self.phase = Phase::Waiting(None);
         }
@@ -296,7 +301,9 @@ impl Guard {
 
     /// Brakes as if there were trouble: the setpoint until it stands, then `None`.
     pub fn leave(&mut self) -> Option<f64> {
-        if matches!(self.phase, Phase::Waiting(_)) || self.trajectory.is_at_rest() {
+        if matches!(self.phase, Phase::Waiting(_) | Phase::Stopped(Trouble::NotFollowing(_)))
+            || self.trajectory.is_at_rest()
+        {
             return None;
         }
         self.trajectory.stop();
@@ -304,7 +311,7 @@ impl Guard {
         Some(self.trajectory.position_m())
     }
 
-    /// One tick: where the needle shall be, m; `None` while waiting.
+    /// One tick: where the needle shall be, m; `None` while waiting, and after a stop once it stands.
     pub fn tick(&mut self, sight: &Sight) -> Option<f64> {
         let trouble = self.trouble(sight);
         if matches!(trouble, Some(Trouble::HeldUp(_))) {
@@ -328,6 +335,11 @@ impl Guard {
             }
             (Phase::Moving | Phase::Arrived, None, _) => self.go(sight),
             (Phase::Stopped(_), trouble, _) => self.hold(trouble),
+        }
+        let stopped = matches!(self.phase, Phase::Stopped(_));
+        let astray = matches!(self.phase, Phase::Stopped(Trouble::NotFollowing(_)));
+        if astray || (stopped && self.trajectory.is_at_rest()) {
+            return None;
         }
         self.trajectory.step();
         Some(self.trajectory.position_m())

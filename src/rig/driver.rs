@@ -68,6 +68,11 @@ impl Driver {
         self.trajectory.stop();
     }
 
+    /// Stands where it is: its controller was not running, and the motor's amplifier has stopped it meanwhile.
+    pub fn halt(&mut self) {
+        *self = Self::new(self.limits, self.step_s, self.position_m());
+    }
+
     /// Where it is, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {

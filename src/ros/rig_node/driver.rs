@@ -85,6 +85,10 @@ pub(super) fn run(
         }
         // Absolute deadlines. After a long hold-up the motion goes on from where it stands: no burst of positions.
         let now = Instant::now();
+        let timeout_s = rig.driver.limits().command_timeout_s;
+        if timeout_s > 0.0 && (now - due).as_secs_f64() > timeout_s {
+            rig.driver.halt();
+        }
         due = if now > due + MADE_UP * period { now + period } else { due + period };
         commands.take(&endpoints.servo, &mut rig, clock);
         if rig.driver.step() {

@@ -10,6 +10,7 @@ use super::shared::{Doubt, Reject, Shared};
 use super::solver::Event;
 use super::stretch::{Arrival, Stretch};
 use super::tracked::Seen;
+use crate::compare::frozen::Frozen;
 use crate::input::{Adapter, Refusal};
 use crate::ros::clock::Tick;
 use crate::ros::logging::Throttle;
@@ -126,6 +127,9 @@ struct Intake<'a> {
     shared: &'a Shared,
     inbox: &'a Inbox,
     last_stamp: Option<i64>,
+    /// Stamp of the first pose of the present run, and whether the sensor stands still since.
+    first_stamp: Option<i64>,
+    frozen: Frozen,
     /// Poses from long before the last one: stragglers, or the first of a time that starts again.
     stretch: Stretch,
     /// Who poses are taken from; another topic or publisher is ignored until this one is silent.
@@ -144,6 +148,8 @@ impl<'a> Intake<'a> {
             shared,
             inbox,
             last_stamp: None,
+            first_stamp: None,
+            frozen: Frozen::default(),
             stretch: Stretch::default(),
             poses: Followed::default(),
             cells: Followed::default(),
@@ -297,7 +303,19 @@ impl<'a> Intake<'a> {
     }
 
     fn take(&mut self, arrival: Arrival) {
-        self.last_stamp = Some(arrival.pose.stamp.nanos());
+        let nanos = arrival.pose.stamp.nanos();
+        let (place_m, topic) = match arrival.pose.place {
+            Where::Depth(depth_m) => ([depth_m, 0.0, 0.0], "measured_js"),
+            Where::Pose(pose) => (pose.tip, "measured_cp"),
+        };
+        let begun = *self.first_stamp.get_or_insert(nanos);
+        self.frozen.place(Duration::from_nanos(nanos.abs_diff(begun)), place_m);
+        if self.frozen.is_suspected() {
+            self.doubt(Doubt::Frozen(topic), || {
+                "does not change, though its sensor scatters: is the cable connected?".to_owned()
+            });
+        }
+        self.last_stamp = Some(nanos);
         let handoff = self.inbox.put_pose(arrival.pose);
         self.shared.lock().pose(handoff, arrival.age_s, arrival.now);
     }
@@ -333,7 +351,7 @@ impl<'a> Intake<'a> {
     /// A bag was looped or a simulator reset.
     fn jump_back(&mut self, seconds: f64) {
         tracing::info!("time went back by {seconds:.3} s: the twin starts anew from the undeformed state");
-        self.last_stamp = None;
+        (self.last_stamp, self.first_stamp, self.frozen) = (None, None, Frozen::default());
         self.shared.lock().expect_reset();
         self.inbox.reset("time went back");
     }

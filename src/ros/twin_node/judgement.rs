@@ -129,7 +129,7 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
     }
     for (doubt, words) in live.doubts(settings.input_timeout_s) {
         // what has no stamps is as good as the network for a prediction, and was reported once
-        if matches!(doubt, Doubt::Two(_)) {
+        if !matches!(doubt, Doubt::Unstamped(_)) {
             judgement.add(TwinStatus::HEALTH_WARN, format!("{} {words}", doubt.topic()));
         }
     }

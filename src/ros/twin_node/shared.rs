@@ -65,12 +65,14 @@ pub(super) enum Doubt {
     Two(&'static str),
     /// Its messages have no stamps.
     Unstamped(&'static str),
+    /// Its sensor scatters, and has stopped to.
+    Frozen(&'static str),
 }
 
 impl Doubt {
     pub const fn topic(self) -> &'static str {
         match self {
-            Self::Two(topic) | Self::Unstamped(topic) => topic,
+            Self::Two(topic) | Self::Unstamped(topic) | Self::Frozen(topic) => topic,
         }
     }
 }

@@ -36,6 +36,9 @@ const LASTS: Duration = Duration::from_millis(1500);
 /// How long a yes may be believed after its stamp, and so how long a false one may last, s: `guard_timeout_s`.
 const LONGEST_S: f64 = 0.025;
 
+/// A value that stands still can be told from one at rest by the sensor's noise alone, which takes a number of readings, s.
+const LONGEST_FROZEN_S: f64 = 0.2;
+
 /// Every input of the closed loop with every fault: time to the no, longest false yes, where the needle comes to stand
 #[derive(Debug, Args)]
 pub(super) struct Hazards {
@@ -107,6 +110,19 @@ impl Hazard {
             Self::Frozen(process) => [process.words(), "frozen and thawed"],
             Self::Killed(process) => [process.words(), "killed"],
             Self::Tare => ["service", "tare in tissue"],
+        }
+    }
+
+    /// Whether the loop mends it by itself: a middleware process is replaced, and then a yes is a true one.
+    const fn heals(self) -> bool {
+        matches!(self, Self::Frozen(Process::TwinMiddleware) | Self::Killed(Process::TwinMiddleware))
+    }
+
+    const fn longest_s(self) -> f64 {
+        if matches!(self, Self::Message(Stream::Pose | Stream::PoseOfTwin | Stream::Force, Fault::Frozen)) {
+            LONGEST_FROZEN_S
+        } else {
+            LONGEST_S
         }
     }
 
@@ -244,7 +260,8 @@ impl Seen {
     /// Whether the loop did what it has to. The stop itself takes the guard's timeout, a cycle, the driver's timeout and braking; a machine
     /// that is busy makes it longer, and that is told, not judged.
     fn holds(&self, hazard: Hazard) -> bool {
-        let twin = !hazard.concerns_twin() || (self.false_yes_s <= LONGEST_S && self.later == 0);
+        let twin =
+            !hazard.concerns_twin() || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.heals()));
         // a needle without a guard that was killed stands for good, and so do all others until somebody says ~/resume
         twin && self.stood_s < 1.0 && self.went_on_m < 1e-6
     }
@@ -253,7 +270,8 @@ impl Seen {
         let [input, fault] = hazard.words();
         let twin = if hazard.concerns_twin() {
             let no = self.no_s.map_or("silent".to_owned(), |s| format!("{:.0}", 1e3 * s));
-            format!("{no} | {:.0} | {}", 1e3 * self.false_yes_s.max(0.0), self.later)
+            let later = if hazard.heals() { "replaced".to_owned() } else { self.later.to_string() };
+            format!("{no} | {:.0} | {later}", 1e3 * self.false_yes_s.max(0.0))
         } else {
             "- | - | -".to_owned()
         };
@@ -302,6 +320,8 @@ impl Loop {
             "command_timeout_s:=0.03",
             "-p",
             "load_cell:=subminiature",
+            "-p",
+            "displacement_sensor:=magnetostrictive",
             "-r",
             "servo_jp:=rig_jp",
         ];
