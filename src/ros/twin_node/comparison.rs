@@ -461,6 +461,7 @@ mod tests {
     #[test]
     fn missing_not_finite_and_saturated_are_said_and_left_out() {
         let mut c = Comparator::default();
+        hear(&mut c, 900_000_000, [0.0, 0.0, 0.5], 0.0);
         hear(&mut c, 1_000_000_000, [0.0, f64::NAN, 0.5], 0.0);
         hear(&mut c, 1_001_000_000, [0.0, 0.0, 10.0], 0.0);
         c.predicted(answer(1_000_000_000, 0.0));
@@ -490,14 +491,15 @@ mod tests {
     #[test]
     fn what_is_not_measured_is_no_fault_and_what_was_measured_is_missed() {
         let mut c = Comparator::default();
-        for (nanos, x, valid) in [(1, f64::NAN, true), (2, 0.3, true), (3, f64::NAN, false)] {
-            hear(&mut c, nanos * 1_000_000_000, [x, f64::NAN, 0.1], 0.0);
-            c.predicted(answer(nanos * 1_000_000_000, 0.1));
+        for (nanos, x, error_n) in [(1_000_000_000, f64::NAN, 0.0), (2_000_000_000, 0.3, 0.3)] {
+            hear(&mut c, nanos, [x, f64::NAN, 0.1], 0.0);
+            c.predicted(answer(nanos, 0.1));
             let (m, agreement) = c.next("sample", 0.0).unwrap();
-            assert_eq!((m.valid, c.cell().fault.is_none()), (valid, valid), "{nanos}");
-            let error_n = agreement.map(|a| a.error_n);
-            assert_eq!(error_n, valid.then_some(if nanos == 2 { 0.3 } else { 0.0 }), "{nanos}: across the axis");
+            assert!(m.valid && c.cell().fault.is_none(), "{nanos}");
+            assert_eq!(agreement.map(|a| a.error_n), Some(error_n), "{nanos}: across the axis");
         }
+        hear(&mut c, 3_000_000_000, [f64::NAN, f64::NAN, 0.1], 0.0);
+        assert_eq!(c.cell().fault, Some(ForceComparison::LOAD_CELL_NOT_FINITE), "x was there");
     }
 
     #[test]
