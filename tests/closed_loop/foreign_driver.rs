@@ -90,19 +90,19 @@ fn a_driver_that_knows_the_topics_alone_stands_after_every_fault_until_somebody_
         let mut held = Program::start(NEEDLE_TWIN, &guard, domain, &[]);
         let begun = Instant::now();
         let moving = loop {
-            let moves = driver.until(Duration::from_secs(20), |line| line["moves"] == true).expect("the needle moves");
+            let moves = driver.until(Duration::from_secs(60), |line| line["moves"] == true).expect("the needle moves");
             let stopped = driver.until(Duration::from_millis(800), |line| line["moves"] == false);
             if stopped.is_none() {
                 break moves;
             }
-            assert!(begun.elapsed() < Duration::from_secs(60), "{fault}: {stopped:?}");
+            assert!(begun.elapsed() < Duration::from_secs(120), "{fault}: {stopped:?}");
             drop(held);
             held = Program::start(NEEDLE_TWIN, &guard, domain, &[]);
         };
         driver.fault(fault);
         let since = driver.until(Duration::from_secs(2), |line| line["fault"] == fault).unwrap();
         let stands = driver.until(Duration::from_secs(2), |line| line["moves"] == false).expect("it stands");
-        let after_s = number(&stands, "time_s") - number(&since, "time_s");
+        let after_s = number(&stands, "last_s") - number(&since, "time_s");
         println!("{fault}: from {} m on, stands {:.0} ms after it", moving["depth_m"], 1e3 * after_s);
         assert!(after_s < 0.35, "{fault}: {after_s} s");
         driver.fault("none");

@@ -25,6 +25,7 @@ PERIOD_S = 0.002
 SPEED_M_PER_S = 0.003
 TIMEOUT_S = 0.025
 SERVO_TIMEOUT_S = 0.03
+STANDS_S = 0.02
 NOISE_N = 2e-4
 
 
@@ -88,7 +89,7 @@ class Driver:
             self.cf.write(ros_types.from_dict(wrench, {"header": header, "wrench": {"force": {"x": x, "y": y, "z": z}}}))
 
     def run(self):
-        due, said, moved = time.monotonic(), "", False
+        due, said, moved, last = time.monotonic(), "", False, -1.0
         while True:
             due += PERIOD_S
             time.sleep(max(0.0, due - time.monotonic()))
@@ -107,9 +108,11 @@ class Driver:
                 step = PERIOD_S * SPEED_M_PER_S
                 self.depth += max(-step, min(step, self.goal - self.depth))
             self.speak()
-            moves = self.depth != before
+            if self.depth != before:
+                last = time.monotonic()
+            moves = time.monotonic() - last < STANDS_S
             if moves != moved or (why or "")[:20] != said[:20]:
-                self.tell(moves=moves, why=why or "")
+                self.tell(moves=moves, why=why or "", last_s=last)
             moved, said = moves, why or ""
 
     def tell(self, **what):

@@ -33,6 +33,8 @@ const FARTHEST_M: f64 = 1.0;
 /// Piece of the scene's own motion that is looked at in one go, m, and the wall time that all of them may take.
 const PIECE_M: f64 = 1e-3;
 const OWN_MOTION: Duration = Duration::from_secs(1);
+/// Depth over which a change of the force is taken, m: between two poses of a motion that is looked at in few steps the tissue swings.
+const SLOPE_OVER_M: f64 = 2.5e-4;
 /// Time between two looks whether there is a model.
 const NO_MODEL_YET: Duration = Duration::from_millis(200);
 
@@ -110,6 +112,20 @@ struct Steepest {
     depth_m: f64,
 }
 
+/// Largest change of a force (N) over depth (m), N/m.
+fn steepest(curve: &[(f64, [f64; 3])]) -> f64 {
+    let mut most = 0.0_f64;
+    for (i, (depth_m, force_n)) in curve.iter().enumerate() {
+        let Some((from_m, before_n)) = curve[..i].iter().rev().find(|(from_m, _)| depth_m - from_m >= SLOPE_OVER_M)
+        else {
+            continue;
+        };
+        let change_n = (0..3).map(|k| (force_n[k] - before_n[k]).powi(2)).sum::<f64>().sqrt();
+        most = most.max(change_n / (depth_m - from_m));
+    }
+    most
+}
+
 /// Says what the delay that is tolerated means.
 fn say_delay(shared: &Shared, motion: OwnMotion, steepest: &Steepest) {
     let timeout_s = shared.settings().guard_timeout_s;
@@ -149,6 +165,7 @@ impl LookAheadThread<'_> {
         let mut double = self.borrow()?;
         let mut from = double.from.unwrap_or_else(|| StampedPose { time_s: 0.0, pose: double.twin.pose_at_depth(0.0) });
         let (begun, mut found) = (Instant::now(), Steepest { n_per_m: 0.0, depth_m: double.depth_m });
+        let mut curve: Vec<(f64, [f64; 3])> = Vec::new();
         while found.depth_m < own.depth_m && begun.elapsed() < OWN_MOTION {
             let distance_m = PIECE_M.min(own.depth_m - found.depth_m);
             let motion = Motion::new(distance_m, own.speed_m_per_s, self.affordable(double.step_s));
@@ -157,14 +174,11 @@ impl LookAheadThread<'_> {
             }
             let Some(last) = self.way.last().filter(|last| is_finite(last)) else { break };
             let (time_s, depth_m) = (last.time_s, last.depth_m);
-            for pair in self.way.windows(2) {
-                let change_n = (0..3).map(|k| (pair[1].force_n[k] - pair[0].force_n[k]).powi(2)).sum::<f64>().sqrt();
-                let slope = change_n / (pair[1].depth_m - pair[0].depth_m).abs();
-                found.n_per_m = if slope.is_finite() { found.n_per_m.max(slope) } else { found.n_per_m };
-            }
+            curve.extend(self.way.iter().map(|p| (p.depth_m, p.force_n)));
             (from, found.depth_m) = (StampedPose { time_s, pose: double.twin.pose_at_depth(depth_m) }, depth_m);
         }
         self.inbox.give_back(double);
+        found.n_per_m = steepest(&curve);
         Ok(found)
     }
 

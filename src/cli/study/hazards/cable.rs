@@ -50,8 +50,8 @@ pub(super) enum Stream {
 /// What has been heard, wall times in ns.
 #[derive(Debug, Default)]
 pub(super) struct Heard {
-    /// Stamp and position of the driver's own `measured_js`.
-    pub motion: Vec<(i64, f64)>,
+    /// Stamp, position and true velocity of the driver's own `measured_js`.
+    pub motion: Vec<(i64, f64, f64)>,
     /// Of each `safety` its stamp and when it came, what it says, and its first reason.
     pub safety: Vec<([i64; 2], bool, String)>,
     /// When the fault came first.
@@ -126,8 +126,9 @@ impl Cable {
         self.shared.resume.store(true, Ordering::Relaxed);
     }
 
-    pub fn depth_m(&self) -> f64 {
-        self.heard().motion.last().map_or(0.0, |m| m.1)
+    /// Depth and velocity of the needle, m and m/s.
+    pub fn needle(&self) -> (f64, f64) {
+        self.heard().motion.last().map_or((0.0, 0.0), |m| (m.1, m.2))
     }
 }
 
@@ -255,8 +256,8 @@ impl Lines {
             spoilt |= make_time(clock, &mut self.clock_stood, fault);
         }
         while let Some(message) = self.measured.take() {
-            let place = message.position.first().copied().unwrap_or_default();
-            locked(&shared.heard).motion.push((message.header.stamp.nanos(), place));
+            let [place, speed] = [&message.position, &message.velocity].map(|v| v.first().copied().unwrap_or_default());
+            locked(&shared.heard).motion.push((message.header.stamp.nanos(), place, speed));
             let both = on(Stream::Pose);
             spoilt |= self.to_guard.pass(message.clone(), both);
             spoilt |= self.to_twin.pass(message, both.or(on(Stream::PoseOfTwin)));

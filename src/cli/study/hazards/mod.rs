@@ -232,14 +232,15 @@ impl Seen {
         let no_at = no.map_or(ended, |(at, ..)| *at);
         let last_yes = during().filter(|(at, safe, _)| **safe && **at < no_at).map(|(at, ..)| *at).max();
         let moved = |from: i64, to: i64| {
-            heard.motion.windows(2).filter(move |w| w[1].0 > from && w[1].0 < to && (w[1].1 - w[0].1).abs() > 1e-9)
+            // by the driver's own velocity: its position sensor scatters
+            heard.motion.windows(2).filter(move |w| w[1].0 > from && w[1].0 < to && w[1].2 != 0.0)
         };
         Self {
             no_s: no.map(|(at, ..)| since(*at)),
             false_yes_s: last_yes.map_or(0.0, since),
             later: during().filter(|(at, safe, _)| **safe && **at > no_at).count(),
             stood_s: moved(begun, ended).map(|w| since(w[1].0)).fold(0.0, f64::max),
-            went_on_m: moved(ended, i64::MAX).map(|w| (w[1].1 - w[0].1).abs()).sum(),
+            went_on_m: moved(ended, i64::MAX).map(|w| (w[1].2 * (w[1].0 - w[0].0) as f64 * 1e-9).abs()).sum(),
             reason: no.map(|(.., reason)| reason.to_owned()).unwrap_or_default(),
         }
     }
@@ -369,11 +370,14 @@ impl Loop {
     /// Waits until the needle is at a depth on its way, and moves. A pause of a busy machine stops it, as it must; then it is told to go on.
     fn reach(&mut self, depth_m: f64) -> Result<(), CliError> {
         let begun = Instant::now();
-        let (mut before_m, mut moved) = (f64::NAN, begun);
-        while self.cable.depth_m() < depth_m {
-            let now = Instant::now();
-            if self.cable.depth_m() != before_m {
-                (before_m, moved) = (self.cable.depth_m(), now);
+        let mut moved = begun;
+        loop {
+            let ((at_m, speed), now) = (self.cable.needle(), Instant::now());
+            if at_m >= depth_m {
+                return Ok(());
+            }
+            if speed != 0.0 {
+                moved = now;
             } else if now - moved > STANDS {
                 self.cable.resume();
                 moved = now;
@@ -388,7 +392,6 @@ impl Loop {
             }
             std::thread::sleep(Duration::from_millis(1));
         }
-        Ok(())
     }
 
     fn process(&self, process: Process) -> Option<Pid> {
