@@ -4,7 +4,7 @@
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::check::Check;
-use super::section::{Section as _, section};
+use super::section::{Scope, Section as _, section};
 use super::values::Values;
 use super::{Key, Range, Scene, SceneError, Value, keys};
 
@@ -12,10 +12,15 @@ use super::{Key, Range, Scene, SceneError, Value, keys};
 const MOST_DEPTHS: usize = 100;
 /// Most numbers of a list.
 const MOST_NUMBERS: usize = 100_000;
-/// Between which they are: a cloud that is off by more is no model.
+/// Between which they are: scales and turns ([`Correction::SCALES`], [`Correction::LARGEST_TURN`]).
 const NUMBER: Range = Range::closed(-2.0, 2.0);
 /// Sections whose keys make the problem and the cloud.
 const OF_CLOUD: [&str; 5] = ["sample", "regions", "instrument", "discretisation", "targets"];
+/// What may be changed in a correction.
+const APPLY: &str = "correction.apply";
+const CHECKSUM: &str = "correction.checksum";
+/// What to do with one that is none.
+const REMEDY: &str = "learn it again with `needle_twin tune --correct`, or set correction.apply = false";
 /// A mesh may be moved with its scene.
 const MOVABLE: &str = "sample.mesh";
 /// How deep the cloud is made for.
@@ -26,7 +31,7 @@ section! {
     #[derive(Clone, Debug, PartialEq)]
     pub struct Correction when |values| values.has_section("correction") => {
         /// Whether it is applied; without it the answers are the cloud's own.
-        apply: bool = Key::boolean("correction.apply").or("true"),
+        apply: bool = Key::boolean(APPLY).or("true"),
         /// What it was learnt from, in a few words.
         learnt_from: String = Key::text("correction.learnt_from").or("a finer cloud"),
         /// What was left in a run that it was not learnt from, of the force or of a target's motion; 0: not known.
@@ -40,12 +45,32 @@ section! {
         force: Vec<f64> = Key::list("correction.force", NUMBER, MOST_NUMBERS, ""),
         /// The same of the displacement of each target in turn, for each depth.
         targets: Vec<f64> = Key::list("correction.targets", NUMBER, MOST_NUMBERS, "").or("[]"),
+        /// Digest of all of the section but `apply`. `tune --correct` writes it; a section that was changed by hand or `--set` does not match it.
+        checksum: String = Key::text(CHECKSUM).or(""),
     }
 }
 
 impl Correction {
     /// Numbers of a similarity: its scale, and the vector of its rotation.
     pub const NUMBERS: usize = 4;
+    /// Scales that a correction can have: a cloud that is off by more is no model of the finer one, and `tune --correct` refuses to learn from it.
+    pub const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+    /// Largest angle that it can turn a vector by, rad.
+    pub const LARGEST_TURN: f64 = 0.5;
+
+    /// With the checksum of what it says.
+    #[must_use]
+    pub fn sealed(mut self) -> Self {
+        self.checksum = self.digest();
+        self
+    }
+
+    fn digest(&self) -> String {
+        let mut values = Values::new("");
+        self.write(&mut values, Scope::Once);
+        let counts = |path: &str, _: &Value| path != APPLY && path != CHECKSUM;
+        format!("{:016x}", xxh3_64(values.lines(counts).as_bytes()))
+    }
 }
 
 impl Scene {
@@ -54,7 +79,7 @@ impl Scene {
     #[must_use]
     pub fn correction_digest(&self) -> String {
         let mut values = Values::new("");
-        self.write(&mut values, super::section::Scope::Once);
+        self.write(&mut values, Scope::Once);
         // a default says nothing, so that a key that a later version adds changes no digest
         let counts = |path: &str, value: &Value| {
             let of_cloud = path.split_once('.').is_some_and(|(section, _)| OF_CLOUD.contains(&section));
@@ -89,9 +114,38 @@ impl Check<'_> {
         if correction.of != own {
             let reason = format!(
                 "it was learnt for other keys of sample, regions, instrument, discretisation, targets or motion.depth_m (this scene has {own}): \
-                 learn it again with `needle_twin tune --correct`, or set correction.apply = false"
+                 {REMEDY}"
             );
             return self.refuse("correction.of", reason);
+        }
+        self.similarities("correction.force", &correction.force)?;
+        self.similarities("correction.targets", &correction.targets)?;
+        if correction.checksum != correction.digest() {
+            let what = if correction.checksum.is_empty() { "it is not there" } else { "it is not that of the section" };
+            let reason = format!(
+                "{what}, so the section is not as `needle_twin tune --correct` wrote it: {REMEDY}; nothing else of [correction] may be changed, by \
+                 hand or with --set"
+            );
+            return self.refuse(CHECKSUM, reason);
+        }
+        Ok(())
+    }
+
+    /// Scales and turns are those of a cloud that is a model.
+    fn similarities(&self, key: &str, list: &[f64]) -> Result<(), SceneError> {
+        for numbers in list.chunks_exact(Correction::NUMBERS) {
+            let turn = numbers[1..].iter().map(|w| w * w).sum::<f64>().sqrt();
+            if !Correction::SCALES.contains(&numbers[0]) || turn > Correction::LARGEST_TURN {
+                let (from, to, most) = (Correction::SCALES.start(), Correction::SCALES.end(), Correction::LARGEST_TURN);
+                let reason = format!(
+                    "scale {} and a turn by {turn} rad: a correction has scales from {from} to {to} and turns up to {most} rad, since a cloud that \
+                     is off by more is no model of the finer one: {REMEDY}",
+                    numbers[0]
+                );
+                let place = self.values.place(key);
+                let value = format!("[.. {numbers:?} ..]");
+                return Err(SceneError::Inconsistent { place, key: key.to_owned(), value, reason });
+            }
         }
         Ok(())
     }

@@ -169,8 +169,9 @@ fn corrected(scene: &Scene) -> Scene {
         depths: vec![0.001, 0.002],
         force: similarity.repeat(2),
         targets: similarity.repeat(2 * scene.targets.len()),
+        checksum: String::new(),
     };
-    Scene { correction: Some(correction), ..scene.clone() }
+    Scene { correction: Some(correction.sealed()), ..scene.clone() }
 }
 
 /// The scene with its own material as `skin`, and regions of every shape.
