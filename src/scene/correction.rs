@@ -6,14 +6,14 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::check::Check;
 use super::section::{Scope, Section as _, section};
 use super::values::Values;
-use super::{Key, Range, Scene, SceneError, Value, keys};
+use super::{Key, Range, Sample, Scene, SceneError, Value, keys};
 
 /// Most depths.
 const MOST_DEPTHS: usize = 100;
 /// Most numbers of a list.
 const MOST_NUMBERS: usize = 100_000;
-/// Between which they are: scales and turns ([`Correction::SCALES`], [`Correction::LARGEST_TURN`]).
-const NUMBER: Range = Range::closed(-2.0, 2.0);
+/// Between which they can be written; what they can be: scales and turns ([`Correction::SCALES`], [`Correction::LARGEST_TURN`]).
+const NUMBER: Range = Range::closed(-10.0, 10.0);
 /// Sections whose keys make the problem and the cloud.
 const OF_CLOUD: [&str; 5] = ["sample", "regions", "instrument", "discretisation", "targets"];
 /// What may be changed in a correction.
@@ -39,6 +39,8 @@ section! {
         /// Digest of the keys of sample, regions, instrument, discretisation and targets that it was learnt with, less those that change while
         /// running.
         of: String = Key::text("correction.of"),
+        /// Digest of the mesh file that it was learnt with, if there was one.
+        mesh: String = Key::text("correction.mesh").or(""),
         /// Depths for which it is known, rising; between two it is their mean, beyond the last the last.
         depths: Vec<f64> = Key::list("correction.depths_m", Range::above(0.0, 1.0), MOST_DEPTHS, "m"),
         /// Of the force, for each depth its scale and the vector of its rotation (axis times angle, rad): 4 numbers.
@@ -57,6 +59,18 @@ impl Correction {
     pub const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
     /// Largest angle that it can turn a vector by, rad.
     pub const LARGEST_TURN: f64 = 0.5;
+
+    /// Why a sample is not of the mesh file that the correction was learnt with, if it is not.
+    #[must_use]
+    pub fn of_another_mesh(&self, sample: &Sample) -> Option<String> {
+        let reason = || {
+            format!(
+                "it was learnt with another content of {}: {REMEDY}",
+                sample.shape.mesh().map_or("a mesh", |m| &m.path)
+            )
+        };
+        (self.apply && self.mesh != sample.mesh_digest()).then(reason)
+    }
 
     /// With the checksum of what it says.
     #[must_use]
@@ -148,5 +162,43 @@ impl Check<'_> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::scene::{Base, MeshFile, Shape};
+
+    /// No key says what is in a mesh file.
+    #[test]
+    fn another_content_of_the_mesh_file_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("organ.msh");
+        std::fs::write(&path, "one mesh").unwrap();
+        let file = MeshFile {
+            path: path.to_string_lossy().into_owned(),
+            unit_m: 1.0,
+            base_group: "base".to_owned(),
+            contact_group: "contact".to_owned(),
+        };
+        let sample = Sample { shape: Shape::Outline(file), base: Base::Bonded };
+        let correction = Correction {
+            apply: true,
+            learnt_from: String::new(),
+            left: 0.0,
+            of: String::new(),
+            mesh: sample.mesh_digest(),
+            depths: vec![1e-3],
+            force: vec![1.0, 0.0, 0.0, 0.0],
+            targets: Vec::new(),
+            checksum: String::new(),
+        };
+        assert_eq!(correction.of_another_mesh(&sample), None);
+        std::fs::write(&path, "another mesh").unwrap();
+        let said = correction.of_another_mesh(&sample).unwrap();
+        assert!(said.contains("organ.msh") && said.contains("tune --correct"), "{said}");
+        assert_eq!(Correction { apply: false, ..correction }.of_another_mesh(&sample), None);
     }
 }

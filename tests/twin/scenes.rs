@@ -166,6 +166,7 @@ fn corrected(scene: &Scene) -> Scene {
         learnt_from: "a finer cloud".to_owned(),
         left: 0.01,
         of: scene.correction_digest(),
+        mesh: scene.sample.mesh_digest(),
         depths: vec![0.001, 0.002],
         force: similarity.repeat(2),
         targets: similarity.repeat(2 * scene.targets.len()),

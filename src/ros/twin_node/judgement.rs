@@ -176,10 +176,9 @@ fn skipped(live: &Live, share: f64) -> String {
 /// Why no pose has been answered, though poses come.
 fn not_there_yet(live: &Live) -> Option<String> {
     if let Some(under_way) = &live.under_way {
-        let left = under_way.left_s.map_or_else(String::new, |s| format!(", about {} s left", s.ceil().max(1.0)));
-        let (to_mm, percent) = (1e3 * under_way.to_m, 100.0 * under_way.share);
+        let (to_mm, percent, left) = (1e3 * under_way.to_m, 100.0 * under_way.share, under_way.left_s.ceil().max(1.0));
         return Some(format!(
-            "taking the instrument to {to_mm:.1} mm: {percent:.0} % done{left}; predicted_cf is silent until it is there"
+            "taking the instrument to {to_mm:.1} mm: {percent:.0} % done, about {left} s left; predicted_cf is silent until it is there"
         ));
     }
     let waits = !live.spoken && live.last_pose.is_some();

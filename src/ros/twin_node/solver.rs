@@ -85,8 +85,8 @@ pub(super) struct Progress {
     pub to_m: f64,
     /// Share of the way that is made.
     pub share: f64,
-    /// Time that the rest takes, s; `None`: not known yet.
-    pub left_s: Option<f64>,
+    /// Time that the rest takes, s.
+    pub left_s: f64,
     /// When the pose came that it set out for.
     pub since: Instant,
     /// Poses that came since the last part and will not be answered.
@@ -168,6 +168,8 @@ struct Solver {
     step_s: f64,
     /// Wall time of one answer of late, s.
     answer_s: f64,
+    /// Wall time of one stride of a way that takes long of late, s.
+    stride_s: f64,
     /// The last pose that was answered.
     pose: Option<StampedPose>,
     /// The way to a pose that was far away.
@@ -209,6 +211,7 @@ impl Solver {
             halted: false,
             step_s,
             answer_s: BURST_S,
+            stride_s: 0.5 * ANSWER_BUDGET_S,
             pose: None,
             under_way: None,
             double,
@@ -247,7 +250,7 @@ impl Solver {
 
     fn take_pose(&mut self, input: &PoseInput, events: &SyncSender<Event>) {
         let stamped = self.stamped(input);
-        match UnderWay::to(&self.twin, Goal { input: *input, stamped }) {
+        match UnderWay::to(&self.twin, Goal { input: *input, stamped }, self.stride_s) {
             Some(mut under_way) => {
                 send(events, Event::UnderWay(Some(under_way.progress(&self.twin))));
                 self.under_way = Some(under_way);
@@ -269,6 +272,7 @@ impl Solver {
         let goal = under_way.goal();
         let (begun, steps) = (Instant::now(), self.twin.steps());
         let outcome = under_way.go_on(&mut self.twin);
+        self.stride_s = under_way.stride_s();
         self.learn_step(begun, steps);
         match outcome {
             Ok(Part::Left(_)) => {

@@ -9,12 +9,11 @@ use super::inbox::PoseInput;
 use super::solver::Progress;
 use crate::twin::{Halt, Part, StampedPose, Twin};
 
-/// A way that is no longer than this is made at once, m: what a fast driver goes in some poses.
-const LONG_M: f64 = 1e-3;
+/// A way that takes no longer than this is made at once, s: an answer that is older is of little use.
+const AT_ONCE_S: f64 = 0.2;
 /// Wall time of one part, s.
 const PART_S: f64 = 0.05;
-/// Strides of the first part, and most of any.
-const FIRST: u32 = 8;
+/// Most strides of a part.
 const MOST: f64 = 64.0;
 
 /// A pose that the twin goes to.
@@ -29,26 +28,28 @@ pub(super) struct UnderWay {
     deepest: Goal,
     newest: Goal,
     since: Instant,
+    /// Longest that the way asked for so far, m: what is left of it would ask for shorter ones.
     stride_m: f64,
-    /// Strides that were made, and the wall time that they took, s.
+    /// Wall time of a stride of late, s.
+    stride_s: f64,
+    /// Strides that were made.
     made: u32,
-    took_s: f64,
     left: u32,
     skipped: u64,
 }
 
 impl UnderWay {
-    /// The way to a pose, if it is long.
-    pub fn to(twin: &Twin, goal: Goal) -> Option<Self> {
-        let length = twin.way_to(&goal.stamped).ok().filter(|l| l.way_m > LONG_M && l.strides > FIRST)?;
+    /// The way to a pose, if it takes long. `stride_s`: wall time of a stride of late, s.
+    pub fn to(twin: &Twin, goal: Goal, stride_s: f64) -> Option<Self> {
+        let length = twin.way_to(&goal.stamped).ok().filter(|l| f64::from(l.strides) * stride_s > AT_ONCE_S)?;
         // one that no instrument makes is refused as ever
         twin.can_follow(&goal.stamped).then_some(Self {
             deepest: goal,
             newest: goal,
             since: goal.input.received,
             stride_m: length.stride_m,
+            stride_s,
             made: 0,
-            took_s: 0.0,
             left: length.strides,
             skipped: 0,
         })
@@ -88,17 +89,18 @@ impl UnderWay {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
     pub fn go_on(&mut self, twin: &mut Twin) -> Result<Part, Halt> {
         let begun = Instant::now();
-        let part = self.stride_s().map_or(FIRST, |stride_s| (PART_S / stride_s).clamp(1.0, MOST) as u32);
+        let part = (PART_S / self.stride_s).clamp(1.0, MOST) as u32;
+        self.stride_m = twin.way_to(&self.goal().stamped)?.stride_m.max(self.stride_m);
         let outcome = twin.step_in_part(self.goal().stamped, self.stride_m, part)?;
         self.made = self.made.saturating_add(part);
-        self.took_s += begun.elapsed().as_secs_f64();
+        self.stride_s += 0.3 * (begun.elapsed().as_secs_f64() / f64::from(part) - self.stride_s);
         self.left = if let Part::Left(left) = outcome { left } else { 0 };
         Ok(outcome)
     }
 
-    /// Wall time of a stride so far, s.
-    fn stride_s(&self) -> Option<f64> {
-        (self.made > 0).then(|| (self.took_s / f64::from(self.made)).max(1e-9))
+    /// Wall time of a stride of late, s.
+    pub fn stride_s(&self) -> f64 {
+        self.stride_s
     }
 
     /// How far it has come, with what came since this was asked last.
@@ -107,7 +109,7 @@ impl UnderWay {
         Progress {
             to_m: twin.depth_of(&self.deepest.stamped.pose),
             share: f64::from(self.made) / whole,
-            left_s: self.stride_s().map(|stride_s| stride_s * f64::from(self.left)),
+            left_s: self.stride_s * f64::from(self.left),
             since: self.since,
             skipped: std::mem::take(&mut self.skipped),
         }
