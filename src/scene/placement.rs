@@ -85,9 +85,10 @@ impl Scene {
     pub(crate) fn said_of_rigid(region: &str, begins: f64, depth: f64, needle: bool) -> String {
         let what = if needle { "poses beyond are refused" } else { "the tissue before it can't be pressed to nothing" };
         format!(
-            "motion.depth_m = {depth} goes {:.2} mm into region \"{region}\", which is rigid and begins at {begins:.6} m on the instrument's path: \
-             {what}; give a depth above that, or another entry",
-            1e3 * (depth - begins)
+            "motion.depth_m = {depth} goes {:.2} mm into region \"{region}\", which is rigid and begins at {:.2} mm on the instrument's path: {what}; \
+             give a depth above that, or another entry",
+            1e3 * (depth - begins),
+            1e3 * begins
         )
     }
 
@@ -166,7 +167,9 @@ mod tests {
         assert!(!said(0.009).contains("skull"), "the motion ends at 8 mm: {}", said(0.009));
         let into = said(0.006);
         assert!(
-            into.contains("2.00 mm into region \"skull\"") && into.contains("0.006") && into.contains("motion.depth_m"),
+            into.contains("2.00 mm into region \"skull\"")
+                && into.contains("begins at 6.00 mm")
+                && into.contains("motion.depth_m"),
             "{into}"
         );
     }

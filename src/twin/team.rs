@@ -68,7 +68,6 @@ impl Team {
             match admit(twin, &poses[k]) {
                 Ok(tip) if twin.goes_at_once(&tip) => {
                     twin.happened.begin();
-                    twin.time(poses[k].time_s, &tip, 1.0);
                     ways[k] = Some((tip, twin.set_out(poses[k].time_s, &tip)));
                 }
                 Ok(_) => answers[k] = Some(twin.step(poses[k])),
