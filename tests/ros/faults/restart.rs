@@ -114,12 +114,12 @@ fn a_needle_that_is_deep_at_the_start_is_gone_to_in_parts_and_nothing_is_said_be
         let taken = peer.ask(json!({"op": "take", "topic": topic, "timeout": 0.01}))["messages"].clone();
         taken.as_array().unwrap().clone()
     };
-    // the second time after a reset in the middle of the way; meanwhile the needle goes on, and a little back
+    // the second time after a reset in the middle of the way; meanwhile the needle goes on a little
     for reset_at_ms in [Some(400), None] {
         let (begun, mut told, mut reset) = (Instant::now(), 0, false);
         let (mut depth_m, mut first) = (6.0e-3, None);
         while first.is_none() && begun.elapsed() < Duration::from_secs(60) {
-            depth_m += if begun.elapsed() < Duration::from_millis(300) { 1e-6 } else { -0.5e-6 };
+            depth_m += if begun.elapsed() < Duration::from_millis(300) { 1e-6 } else { 0.0 };
             pose(&mut peer, depth_m);
             for status in take(&mut peer, "/status") {
                 told += usize::from(status["reasons"].to_string().contains("taking the instrument to 6.0 mm"));
