@@ -62,7 +62,7 @@ impl Scene {
     }
 
     /// The rigid region that the instrument would meet on its path, and the depth along that, m, where there is one.
-    pub(super) fn into_rigid(&self, depth: f64) -> Option<String> {
+    pub(super) fn meets_rigid(&self, depth: f64) -> Option<String> {
         let (height, _) = self.extents()?;
         let instrument = self.instrument.as_ref()?;
         let axis = Axis { entry: instrument.entry.map(Metres::get), slope: instrument.slope() };

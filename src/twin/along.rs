@@ -96,7 +96,7 @@ fn rigid_of(scene: &Scene, stretches: &[(f64, u8)]) -> Option<(f64, u8)> {
 }
 
 /// What to say of a scene whose own motion goes into what is rigid, seen from the cells of its mesh.
-pub(super) fn into_rigid(scene: &Scene, body: &Body) -> Option<String> {
+pub(super) fn meets_rigid(scene: &Scene, body: &Body) -> Option<String> {
     let (instrument, depth) = (scene.instrument.as_ref()?, scene.motion.as_ref()?.depth.get());
     let stretches = stretches(instrument, (&body.cloud.points, &body.cloud.cells, &body.regions(scene)), body.top);
     let (begins, region) = rigid_of(scene, &stretches).filter(|(begins, _)| *begins < depth)?;

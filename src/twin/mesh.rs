@@ -102,7 +102,7 @@ pub(super) fn read(scene: &Scene, file: &MeshFile) -> Result<(Cloud, Volumes, Ve
 
 /// Is the motion no deeper than the body takes?
 pub(super) fn deep_enough(scene: &Scene, mut body: Body) -> Result<Body, BuildError> {
-    body.warnings.extend(along::into_rigid(scene, &body));
+    body.warnings.extend(along::meets_rigid(scene, &body));
     match &scene.motion {
         Some(motion) if motion.depth.get() >= body.reach => refuse(
             "motion.depth_m",

@@ -250,7 +250,7 @@ impl Solver {
 
     fn take_pose(&mut self, input: &PoseInput, events: &SyncSender<Event>) {
         let stamped = self.stamped(input);
-        match UnderWay::to(&self.twin, Goal { input: *input, stamped }, self.stride_s) {
+        match UnderWay::to(&self.twin, Goal { input: *input, stamped }, self.depth_m, self.stride_s) {
             Some(mut under_way) => {
                 send(events, Event::UnderWay(Some(under_way.progress(&self.twin))));
                 self.under_way = Some(under_way);
@@ -281,7 +281,8 @@ impl Solver {
                 self.say_what_happened(&goal, events);
             }
             // the instrument has come back from there meanwhile
-            Ok(Part::There(_)) if under_way.newest().stamped != goal.stamped => {
+            Ok(Part::There(there)) if under_way.newest().stamped != goal.stamped => {
+                self.depth_m = there.depth_m;
                 self.say_what_happened(&goal, events);
                 send(events, Event::UnderWay(Some(under_way.progress(&self.twin))));
                 self.take_pose(&under_way.newest().input, events);

@@ -1,7 +1,7 @@
 //! A way that is too long for one answer: an instrument that is deep in the tissue when it is first seen, or after a gap.
 //!
 //! The twin goes there in parts, between which the solver looks at its inbox, so that it is seen to be alive and does what it is asked.
-//! It goes to the deepest of the poses that come meanwhile first, since the needle was there, and then to the newest.
+//! It goes to the farthest of the poses that come meanwhile first (the deepest on the way in), since the needle was there, and then to the newest.
 
 use std::time::Instant;
 
@@ -25,8 +25,10 @@ pub(super) struct Goal {
 
 /// See the module.
 pub(super) struct UnderWay {
-    deepest: Goal,
+    farthest: Goal,
     newest: Goal,
+    /// The way goes deeper.
+    inward: bool,
     since: Instant,
     /// Longest that the way asked for so far, m: what is left of it would ask for shorter ones.
     stride_m: f64,
@@ -39,13 +41,14 @@ pub(super) struct UnderWay {
 }
 
 impl UnderWay {
-    /// The way to a pose, if it takes long. `stride_s`: wall time of a stride of late, s.
-    pub fn to(twin: &Twin, goal: Goal, stride_s: f64) -> Option<Self> {
+    /// The way to a pose, if it takes long. `from_m`: depth at which it begins, m; `stride_s`: wall time of a stride of late, s.
+    pub fn to(twin: &Twin, goal: Goal, from_m: f64, stride_s: f64) -> Option<Self> {
         let length = twin.way_to(&goal.stamped).ok().filter(|l| f64::from(l.strides) * stride_s > AT_ONCE_S)?;
         // one that no instrument makes is refused as ever
         twin.can_follow(&goal.stamped).then_some(Self {
-            deepest: goal,
+            farthest: goal,
             newest: goal,
+            inward: twin.depth_of(&goal.stamped.pose) >= from_m,
             since: goal.input.received,
             stride_m: length.stride_m,
             stride_s,
@@ -57,7 +60,7 @@ impl UnderWay {
 
     /// Where it goes now.
     pub fn goal(&self) -> Goal {
-        self.deepest
+        self.farthest
     }
 
     /// The newest pose.
@@ -79,8 +82,9 @@ impl UnderWay {
         self.skipped += 1;
         self.newest = goal;
         let depth = |goal: &Goal| twin.depth_of(&goal.stamped.pose);
-        if depth(&goal) >= depth(&self.deepest) {
-            self.deepest = goal;
+        let farther = depth(&goal) - depth(&self.farthest);
+        if (self.inward && farther >= 0.0) || (!self.inward && farther <= 0.0) {
+            self.farthest = goal;
         }
         Ok(())
     }
@@ -92,8 +96,9 @@ impl UnderWay {
         let part = (PART_S / self.stride_s).clamp(1.0, MOST) as u32;
         self.stride_m = twin.way_to(&self.goal().stamped)?.stride_m.max(self.stride_m);
         let outcome = twin.step_in_part(self.goal().stamped, self.stride_m, part)?;
-        self.made = self.made.saturating_add(part);
-        self.stride_s += 0.3 * (begun.elapsed().as_secs_f64() / f64::from(part) - self.stride_s);
+        let made = part.min(self.left.max(1));
+        self.made = self.made.saturating_add(made);
+        self.stride_s += 0.3 * (begun.elapsed().as_secs_f64() / f64::from(made) - self.stride_s);
         self.left = if let Part::Left(left) = outcome { left } else { 0 };
         Ok(outcome)
     }
@@ -107,7 +112,7 @@ impl UnderWay {
     pub fn progress(&mut self, twin: &Twin) -> Progress {
         let whole = f64::from(self.made.saturating_add(self.left).max(1));
         Progress {
-            to_m: twin.depth_of(&self.deepest.stamped.pose),
+            to_m: twin.depth_of(&self.farthest.stamped.pose),
             share: f64::from(self.made) / whole,
             left_s: self.stride_s * f64::from(self.left),
             since: self.since,
