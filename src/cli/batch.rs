@@ -14,7 +14,9 @@ use super::progress::Bar;
 use super::shard::Shard;
 use super::{CliError, Outcome, print, warn};
 use crate::report;
-use crate::study::batch::{self, Group, Job, Manifest, Merged, Needed, ROWS, Row, SampleJob, SampleRow, Tables};
+use crate::study::batch::{
+    self, Group, Job, Manifest, MergeError, Merged, Needed, ROWS, Row, SampleJob, SampleRow, Tables,
+};
 
 /// Replay or calibrate every recording of a manifest, and say what the samples have in common
 ///
@@ -158,9 +160,20 @@ impl Done {
     }
 }
 
+/// What a file holds; one that is damaged is said, and done again.
+fn still_there<T>(read: fn(&Path) -> Result<T, MergeError>, path: &Path) -> Option<T> {
+    match read(path) {
+        Err(MergeError::Row { path, reason }) if path.exists() => {
+            warn(&format!("{}: {reason}; it is computed again", path.display()));
+            None
+        }
+        outcome => outcome.ok(),
+    }
+}
+
 /// A row that is there already and still holds.
 fn known(job: &Job, out: &Path) -> Option<Row> {
-    let row = batch::read(&out.join(ROWS).join(format!("{}.json", job.name()))).ok()?;
+    let row = still_there(batch::read, &out.join(ROWS).join(format!("{}.json", job.name())))?;
     (row.failed.is_none() && row.fingerprint == job.fingerprint()).then_some(row)
 }
 
@@ -214,7 +227,7 @@ fn samples_left<'a>(all: &[Job<'a>], shard: Shard, out: &Path) -> (Vec<SampleRow
     let samples = SampleJob::all(all).into_iter().enumerate().filter(|(i, _)| shard.has(*i)).map(|(_, sample)| sample);
     let (mut known, mut left) = (Vec::new(), Vec::new());
     for sample in samples {
-        let row = batch::read_sample(&report::sample_path(out, sample.name)).ok();
+        let row = still_there(batch::read_sample, &report::sample_path(out, sample.name));
         match row.filter(|row| row.fingerprint == sample.fingerprint()) {
             Some(row) => known.push(row),
             None => left.push(sample),

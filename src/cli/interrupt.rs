@@ -1,12 +1,14 @@
-//! Ctrl-C and SIGTERM as a flag, so that a run ends between two poses with its files closed. A second one ends at once.
+//! Ctrl-C, SIGTERM and, unless it was ignored from the start as by `nohup`, SIGHUP as a flag, so that a run ends between two poses with its files closed. A second one ends at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
+use ros2_guarded::signals::hangup_is_ignored;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
-/// Exit codes of a program that SIGINT or SIGTERM ended, as shells have them.
+/// Exit codes of a program that SIGHUP, SIGINT or SIGTERM ended, as shells have them.
+const HUNG_UP: i32 = 129;
 const INTERRUPTED: i32 = 130;
 const TERMINATED: i32 = 143;
 
@@ -22,6 +24,8 @@ impl Interrupt {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else {
             return interrupt;
         };
+        // asked before a handler takes its place
+        let outlives = hangup_is_ignored();
         let listen = move || {
             runtime.block_on(async {
                 let (Ok(mut interrupt), Ok(mut terminate)) =
@@ -29,9 +33,10 @@ impl Interrupt {
                 else {
                     return;
                 };
-                next(&mut interrupt, &mut terminate).await;
+                let mut hangup = if outlives { None } else { signal(SignalKind::hangup()).ok() };
+                next(&mut interrupt, &mut terminate, hangup.as_mut()).await;
                 flag.0.store(true, Ordering::Relaxed);
-                std::process::exit(next(&mut interrupt, &mut terminate).await);
+                std::process::exit(next(&mut interrupt, &mut terminate, hangup.as_mut()).await);
             });
         };
         // Without the thread, a signal ends the process as ever.
@@ -50,9 +55,16 @@ impl Interrupt {
     }
 }
 
-/// Waits for the next of both signals and gives its exit code.
-async fn next(interrupt: &mut Signal, terminate: &mut Signal) -> i32 {
+/// Waits for the next of the signals and gives its exit code.
+async fn next(interrupt: &mut Signal, terminate: &mut Signal, hangup: Option<&mut Signal>) -> i32 {
+    let hung_up = async {
+        match hangup {
+            Some(hangup) => drop(hangup.recv().await),
+            None => std::future::pending().await,
+        }
+    };
     tokio::select! {
+        () = hung_up => HUNG_UP,
         _ = interrupt.recv() => INTERRUPTED,
         _ = terminate.recv() => TERMINATED,
     }

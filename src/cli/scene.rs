@@ -163,7 +163,7 @@ fn keys_json() -> String {
 
 fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliError> {
     let sized = |scene: Scene| {
-        scene.advice().iter().for_each(|advice| super::warn(advice));
+        scene.advice().iter().chain(&scene.absent_regions()).for_each(|advice| super::warn(advice));
         size(&scene).map(|size| (scene, size))
     };
     let checked: Vec<_> = scenes.iter().map(|name| set.apply(&scene_file::load(name)?, []).and_then(sized)).collect();

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::files::{self, Rendered};
 use super::{ReportError, batch_page::batch_html};
-use crate::study::batch::{Fit, HeldOut, Merged, ROWS, Row, SAMPLES, SampleRow};
+use crate::study::batch::{Fit, HeldOut, Merged, ROWS, Row, SAMPLES, SampleRow, sealed};
 
 /// Writes the row of one recording; whole, or not at all.
 ///
@@ -14,9 +14,7 @@ use crate::study::batch::{Fit, HeldOut, Merged, ROWS, Row, SAMPLES, SampleRow};
 /// [`ReportError`].
 pub fn write_row(out: &Path, row: &Row) -> Result<PathBuf, ReportError> {
     let name = format!("{ROWS}/{}.json", row.name);
-    let mut text = serde_json::to_string_pretty(row).unwrap_or_default();
-    text.push('\n');
-    files::write(out, &[Rendered::new(name, text)]).map(|mut paths| paths.remove(0))
+    files::write(out, &[Rendered::new(name, sealed(row))]).map(|mut paths| paths.remove(0))
 }
 
 fn sample_name(sample: &str) -> String {
@@ -35,9 +33,7 @@ pub fn sample_path(out: &Path, sample: &str) -> PathBuf {
 /// [`ReportError`].
 pub fn write_sample(out: &Path, row: &SampleRow) -> Result<PathBuf, ReportError> {
     let name = sample_name(&row.name);
-    let mut text = serde_json::to_string_pretty(row).unwrap_or_default();
-    text.push('\n');
-    files::write(out, &[Rendered::new(name, text)]).map(|mut paths| paths.remove(0))
+    files::write(out, &[Rendered::new(name, sealed(row))]).map(|mut paths| paths.remove(0))
 }
 
 /// Writes `batch.json`, `table.csv`, `candidates.csv` and `report.html`.

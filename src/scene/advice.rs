@@ -29,6 +29,7 @@ impl Scene {
         let (Some(instrument), Some(motion)) = (&self.instrument, &self.motion) else { return advice };
         advice.extend(self.inertia(motion.speed.get()));
         advice.extend(self.contact(instrument, motion));
+        advice.extend(self.meets_rigid(motion.depth.get()));
         advice
     }
 

@@ -268,7 +268,7 @@ fn smallest_size(shape: &Shape) -> f64 {
     }
 }
 
-fn is_inside(shape: &Shape, [x, y, z]: [f64; 3]) -> bool {
+pub(super) fn is_inside(shape: &Shape, [x, y, z]: [f64; 3]) -> bool {
     let (within, height) = match shape {
         Shape::Cylinder { diameter, height } => (x.hypot(y) <= 0.5 * diameter.get(), height),
         Shape::Box { size_x, size_y, height } => {

@@ -26,6 +26,7 @@ mod material;
 mod materials;
 mod motion;
 mod parse;
+mod placement;
 mod presets;
 mod range;
 mod region;

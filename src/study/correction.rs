@@ -18,9 +18,6 @@ const FAR: f64 = 20.0;
 /// Share of the largest length, of the force or of any target's motion, below which a vector's direction says nothing; what is next deeper is then
 /// taken.
 const SMALL: f64 = 0.02;
-/// Scales, and angles (rad), beyond which the cloud is no model of the finer one.
-const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
-const LARGEST_TURN: f64 = 0.5;
 /// What the run that it was not learnt from has: the share of the deformation coefficient, or what is taken from Poisson's ratio.
 const OTHER_COEFFICIENT: f64 = 0.75;
 const OTHER_RATIO: f64 = 0.01;
@@ -100,7 +97,8 @@ pub fn learn(
     let correction = Correction {
         learnt_from: format!("{} nodes, {} points", known.nodes, known.integration_points),
         ..correction(&plain, &depths, &found, &known)?
-    };
+    }
+    .sealed();
     let source = format!("a finer cloud of {} nodes at rest", known.nodes);
     let learnt_from = Yardstick::driven(&finer, &depths, known, source)?;
     let mut scene = Scene { correction: Some(correction), ..plain.clone() };
@@ -111,9 +109,10 @@ pub fn learn(
     let names: Vec<&str> =
         std::iter::once("force").chain(plain.targets.iter().map(|target| target.name.as_str())).collect();
     let mut dropped = Vec::new();
-    if let Some(correction) = &mut scene.correction {
-        dropped = keep_what_helps(correction, &names, &before, &found);
-    }
+    scene.correction = scene.correction.take().map(|mut correction| {
+        dropped = keep_what_helps(&mut correction, &names, &before, &found);
+        correction.sealed()
+    });
     let left = scene.correction.as_ref().map_or(0.0, |c| c.left);
     let before = before.into_iter().fold(0.0, f64::max);
     let source = format!("a finer cloud of {} nodes at rest with {} = {:.4}", known.nodes, held_out.0, held_out.1);
@@ -186,9 +185,11 @@ fn correction(scene: &Scene, depths: &[f64], found: &Driven, known: &Driven) -> 
         learnt_from: String::new(),
         left: 0.0,
         of: scene.correction_digest(),
+        mesh: scene.sample.mesh_digest(),
         depths: depths.to_vec(),
         force,
         targets,
+        checksum: String::new(),
     })
 }
 
@@ -205,7 +206,7 @@ fn similarities(
     for (i, depth) in depths.iter().enumerate().rev() {
         let own = Similarity::between(from[i], to[i]).filter(|_| length(from[i]) > least);
         let Some(similarity) = own.or(deeper) else { continue };
-        if !SCALES.contains(&similarity.scale) || length(similarity.turn) > LARGEST_TURN {
+        if !Correction::SCALES.contains(&similarity.scale) || length(similarity.turn) > Correction::LARGEST_TURN {
             return Err(StudyError::Untuned(format!(
                 "at {depth:.6} m the cloud's {what} is {:.2} of the finer cloud's and {:.2} rad beside it: too far off to be corrected; ask for a \
                  smaller --tolerance",
@@ -269,9 +270,11 @@ mod tests {
             learnt_from: String::new(),
             left: 0.0,
             of: String::new(),
+            mesh: String::new(),
             depths: vec![1e-3, 2e-3],
             force: learnt.to_vec(),
             targets: [learnt, learnt].concat(),
+            checksum: String::new(),
         };
         let names = ["force", "on the path", "beside it"];
         let dropped = keep_what_helps(&mut correction, &names, &[0.03, 0.05, 0.04], &[0.01, 0.09, 0.02]);

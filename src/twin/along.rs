@@ -4,7 +4,7 @@ use crate::scene::{Instrument, InstrumentKind, Scene};
 use mtled::cloud::Axis;
 
 use super::tissue::Tissue;
-use super::{Phase, Twin};
+use super::{Body, Phase, Twin};
 use crate::instrument::Contact;
 
 /// What lies in no region: of `[material]`.
@@ -30,15 +30,11 @@ impl Along {
         let Some(instrument) = scene.instrument.as_ref().filter(|_| !tissue.region.is_empty()) else {
             return Self { names, stretches: vec![(0.0, 0)], rigid: None };
         };
-        let mut stretches = stretches(instrument, tissue, top);
+        let mut stretches = stretches(instrument, (&tissue.points, &tissue.cells, &tissue.region), top);
         if !matches!(instrument.kind, InstrumentKind::Needle(_)) {
             stretches.truncate(1);
         }
-        let of_rigid = |region: u8| {
-            let name = usize::from(region).checked_sub(1).map(|r| &scene.regions[r].material);
-            name.is_some_and(|name| scene.materials.iter().any(|m| m.rigid && m.name == *name))
-        };
-        let rigid = stretches.iter().copied().find(|(_, region)| of_rigid(*region));
+        let rigid = rigid_of(scene, &stretches);
         Self { names, stretches, rigid }
     }
 
@@ -90,6 +86,24 @@ impl Along {
     }
 }
 
+/// The first of some stretches that is rigid.
+fn rigid_of(scene: &Scene, stretches: &[(f64, u8)]) -> Option<(f64, u8)> {
+    let of_rigid = |region: u8| {
+        let name = usize::from(region).checked_sub(1).map(|r| &scene.regions[r].material);
+        name.is_some_and(|name| scene.materials.iter().any(|m| m.rigid && m.name == *name))
+    };
+    stretches.iter().copied().find(|(_, region)| of_rigid(*region))
+}
+
+/// What to say of a scene whose own motion goes into what is rigid, seen from the cells of its mesh.
+pub(super) fn meets_rigid(scene: &Scene, body: &Body) -> Option<String> {
+    let (instrument, depth) = (scene.instrument.as_ref()?, scene.motion.as_ref()?.depth.get());
+    let stretches = stretches(instrument, (&body.cloud.points, &body.cloud.cells, &body.regions(scene)), body.top);
+    let (begins, region) = rigid_of(scene, &stretches).filter(|(begins, _)| *begins < depth)?;
+    let needle = matches!(instrument.kind, InstrumentKind::Needle(_));
+    Some(Scene::said_of_rigid(&scene.regions[usize::from(region) - 1].name, begins, depth, needle))
+}
+
 /// Regions whose boundaries are followed.
 pub const FOLLOWED: usize = 8;
 
@@ -114,14 +128,17 @@ impl Twin {
 }
 
 /// Where the path passes from one region to another: lengths along its axis from the top, m.
-fn stretches(instrument: &Instrument, tissue: &Tissue, top: f64) -> Vec<(f64, u8)> {
+fn stretches(
+    instrument: &Instrument,
+    (points, cells, region): (&[[f64; 3]], &[[u32; 4]], &[u8]),
+    top: f64,
+) -> Vec<(f64, u8)> {
     let axis = Axis { entry: instrument.entry.map(|m| m.get()), slope: instrument.slope() };
     let shortest = SHORTEST * top.abs();
-    let mut within: Vec<([f64; 2], u8)> = tissue
-        .cells
+    let mut within: Vec<([f64; 2], u8)> = cells
         .iter()
-        .zip(&tissue.region)
-        .filter_map(|(c, region)| Some((within(&c.map(|n| tissue.points[n as usize]), &axis, top)?, *region)))
+        .zip(region)
+        .filter_map(|(c, region)| Some((within(&c.map(|n| points[n as usize]), &axis, top)?, *region)))
         .filter(|([from, to], _)| to - from > shortest && *to > 0.0)
         .collect();
     within.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));

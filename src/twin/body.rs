@@ -342,8 +342,8 @@ const CELLS_ACROSS: f64 = 2.0;
 ///
 /// In space a sphere's facets, triangles of edge e, lie e^2/(8 R) within it on average, so its nodes stand as far outside.
 fn interfaces(scene: &Scene, domain: &Domain, far: f64, half_plane: bool) -> impl Iterator<Item = Feature> {
-    let solids = scene.regions.iter().filter_map(|r| Some((r, regions::solid(&r.shape, domain.height())?)));
-    solids.map(move |(region, solid)| {
+    let solids = regions::in_order(scene, domain.height());
+    solids.into_iter().map(move |(region, solid)| {
         let across = if half_plane || regions::is_crushed(scene, region) { CELLS_ACROSS } else { 1.0 };
         let spacing = far.min(solid.thickness() / across);
         let solid = match solid {

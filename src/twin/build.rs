@@ -60,6 +60,9 @@ impl Twin {
     }
 
     fn built(scene: &Scene, moved: Option<(Moved, &[Region])>) -> Result<Self, BuildError> {
+        if let Some(reason) = scene.correction.as_ref().and_then(|c| c.of_another_mesh(&scene.sample)) {
+            return Err(BuildError::Mesh { key: "correction.mesh".to_owned(), reason });
+        }
         let mut dimension = scene.dimension();
         dimension.because += &scene.discretisation.left_out();
         dimension.because += &super::correction::told(scene);

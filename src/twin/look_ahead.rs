@@ -16,7 +16,7 @@ use super::{Halt, Pose, Prediction, StampedPose, Twin};
 pub struct Motion {
     /// How far, m; negative: back.
     pub distance_m: f64,
-    /// How fast, m/s. It matters only for a material that relaxes.
+    /// How fast, m/s. It matters only for a material that relaxes, and for a cutting force that grows with the speed.
     pub speed_m_per_s: f64,
     /// Poses that it is cut into, at least 1.
     pub poses: u32,
@@ -98,6 +98,7 @@ impl Twin {
         let (tip, shaft, phase) = (self.progress.tip, self.progress.shaft, self.progress.phase);
         self.keep_place(tip, shaft, self.depth_of(&from.pose), phase);
         self.limit_steps(motion.steps_per_pose);
+        self.progress.speed.begin(from.time_s, self.depth_of(&from.pose));
         for i in 1..=motion.poses {
             out.push(self.step(motion.pose(from, i))?);
         }

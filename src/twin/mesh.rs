@@ -10,7 +10,7 @@ use crate::scene::{Base, Cells, Instrument, InstrumentKind, MeshFile, RegionShap
 use mtled::approximation::table::tetrahedron;
 use mtled::cloud::{Axis, BASE, Cloud, TOP};
 
-use super::{Body, BuildError};
+use super::{Body, BuildError, along};
 
 /// Least number of nodes under a plate or indenter.
 const LEAST_HELD: usize = 6;
@@ -101,7 +101,8 @@ pub(super) fn read(scene: &Scene, file: &MeshFile) -> Result<(Cloud, Volumes, Ve
 }
 
 /// Is the motion no deeper than the body takes?
-pub(super) fn deep_enough(scene: &Scene, body: Body) -> Result<Body, BuildError> {
+pub(super) fn deep_enough(scene: &Scene, mut body: Body) -> Result<Body, BuildError> {
+    body.warnings.extend(along::meets_rigid(scene, &body));
     match &scene.motion {
         Some(motion) if motion.depth.get() >= body.reach => refuse(
             "motion.depth_m",

@@ -15,10 +15,12 @@ mod moved;
 mod observe;
 mod outline;
 mod pace;
+mod part;
 mod pierce;
 mod recover;
 mod regions;
 mod sibling;
+mod speed;
 mod step;
 mod team;
 #[cfg(test)]
@@ -42,6 +44,7 @@ pub use correction::Similarity;
 pub use happened::Happening;
 pub use health::Health;
 pub use look_ahead::Motion;
+pub use part::{Length, Part};
 pub use team::{Places, Team};
 pub use work::Work;
 
@@ -49,6 +52,7 @@ use folds::Folds;
 use happened::Happened;
 use pace::Pace;
 use recover::{Lost, Saved};
+use speed::Speed;
 use tissue::Tissue;
 use work::Counters;
 
@@ -244,6 +248,8 @@ struct Progress {
     phase: Phase,
     /// Time of the last pose that was answered, s.
     seen_s: Option<f64>,
+    /// Of the tip along its axis.
+    speed: Speed,
     /// The loss of the solution that the twin has not come back from.
     lost: Option<Lost>,
 }
@@ -262,6 +268,7 @@ impl Progress {
             shaft: [0.0; 2],
             phase: Phase::Approach,
             seen_s: None,
+            speed: Speed::default(),
             lost: None,
         }
     }

@@ -6,24 +6,24 @@ use mtled::cloud::Solid;
 use mtled::material::Law;
 use mtled::solver::Role;
 
-/// The shape of a region in a sample whose top is at this height; `None` for a group of a mesh.
-pub(super) fn solid(shape: &RegionShape, top: f64) -> Option<Solid> {
-    match *shape {
-        RegionShape::Layer { from_depth, to_depth } => {
-            Some(Solid::Layer { bottom: top - to_depth.get(), top: top - from_depth.get() })
-        }
-        RegionShape::Sphere { centre, radius } => Some(Solid::Sphere { centre, radius: radius.get() }),
-        RegionShape::Cylinder { centre, radius, height } => {
-            Some(Solid::Cylinder { centre, radius: radius.get(), height: height.get() })
-        }
-        RegionShape::Box { centre, size } => Some(Solid::Box { centre, size }),
-        RegionShape::Group { .. } => None,
+/// The regions of a body whose top is at this height, with their solids, in an order that is theirs and not the file's: from the top down, but
+/// after those before them in the file that they have a part in common with, of which the first counts. So the order of regions that are
+/// apart changes no cloud. Groups of a mesh are left out.
+pub(super) fn in_order(scene: &Scene, top: f64) -> Vec<(&Region, Solid)> {
+    let mut left: Vec<_> = scene.regions.iter().filter_map(|r| Some((r, r.shape.solid(top)?))).collect();
+    let mut ordered = Vec::with_capacity(left.len());
+    while !left.is_empty() {
+        let first = |i: &usize| left[..*i].iter().all(|(_, before)| before.is_apart(&left[*i].1));
+        let lower = |a: &usize, b: &usize| left[*a].1.from_the_top(&left[*b].1);
+        let next = (0..left.len()).filter(first).min_by(lower).unwrap_or(0);
+        ordered.push(left.remove(next));
     }
+    ordered
 }
 
 /// Region of a point of a generated body, as [`of_cells`].
 pub(super) fn at(scene: &Scene, top: f64, point: [f64; 3]) -> u8 {
-    let holds = |i: &usize| solid(&scene.regions[*i].shape, top).is_some_and(|solid| solid.signed(point) <= 0.0);
+    let holds = |i: &usize| scene.regions[*i].shape.solid(top).is_some_and(|solid| solid.signed(point) <= 0.0);
     (0..scene.regions.len()).find(holds).map_or(0, |i| i as u8 + 1)
 }
 
@@ -46,7 +46,7 @@ pub(super) fn of_cells<const K: usize>(
     cells: &[[u32; K]],
     volumes: &Volumes,
 ) -> Vec<u8> {
-    let shapes: Vec<Option<Solid>> = scene.regions.iter().map(|r| solid(&r.shape, top)).collect();
+    let shapes: Vec<Option<Solid>> = scene.regions.iter().map(|r| r.shape.solid(top)).collect();
     let holds = |cell: usize, centre: [f64; 3], region: usize| match (&shapes[region], &scene.regions[region].shape) {
         (Some(solid), _) => solid.signed(centre) <= 0.0,
         (None, RegionShape::Group { group }) => {
@@ -80,7 +80,7 @@ const THIN: f64 = 2.0;
 /// Two nodes across and one point in each of its cells do not see it fold, and then an instrument goes through it without a
 /// force (docs/lab/layers.md).
 pub(super) fn is_crushed(scene: &Scene, region: &Region) -> bool {
-    let (Some(solid), Some(grading)) = (solid(&region.shape, 0.0), &scene.discretisation.grading) else { return false };
+    let (Some(solid), Some(grading)) = (region.shape.solid(0.0), &scene.discretisation.grading) else { return false };
     let named = |name: &str| scene.materials.iter().find(|m| m.name == name);
     let others = scene.regions.iter().filter_map(|r| named(&r.material)).filter(|m| !m.rigid).map(|m| &m.material);
     let stiffest = others.chain([&scene.material]).map(Material::shear_modulus).fold(0.0, f64::max);
@@ -122,4 +122,53 @@ pub(super) fn warnings(scene: &Scene, region: &[u8]) -> Vec<String> {
     });
     let unused = scene.materials.iter().filter(|m| scene.regions.iter().all(|r| r.material != m.name));
     absent.chain(unused.map(|m| format!("material \"{}\" is in no region", m.name))).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::twin::Body;
+
+    fn with(sample: &str, regions: &[&str]) -> Scene {
+        let material = "model = \"neo_hookean\"\nshear_modulus_pa = 5000.0\n";
+        let common = "poisson_ratio = 0.49\ndensity_kg_per_m3 = 1000.0\n";
+        let head = format!("{sample}[material]\n{material}{common}[materials.a]\n{material}[materials.b]\n{material}");
+        let instrument = "[instrument]\nkind = \"plate\"\n[discretisation]\nspacing_m = 0.004\n";
+        Scene::from_toml(&format!("{head}{}{instrument}", regions.concat()), "regions.toml").unwrap()
+    }
+
+    /// Regions that are apart make the same cloud in any order, to the last bit; of two that overlap the first counts.
+    #[test]
+    fn the_order_of_regions_that_are_apart_changes_no_cloud() {
+        let region = |name: &str, material: &str, shape: &str| {
+            format!("[[regions]]\nname = \"{name}\"\nmaterial = \"{material}\"\n{shape}\n")
+        };
+        let layer = |from: f64, to: f64| format!("shape = \"layer\"\nfrom_depth_m = {from}\nto_depth_m = {to}");
+        let sphere = |x: f64, z: f64| format!("shape = \"sphere\"\ncentre_m = [{x}, 0, {z}]\nradius_m = 0.003");
+        let cylinder = "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.024\nheight_m = 0.016\n";
+        let full = "[sample]\nshape = \"box\"\nsize_x_m = 0.03\nsize_y_m = 0.02\nheight_m = 0.016\n";
+        let layers =
+            [("skin", "a", layer(0.0, 0.002)), ("fat", "b", layer(0.002, 0.006)), ("deep", "a", layer(0.006, 0.016))];
+        let beside = [
+            ("left", "a", sphere(-0.006, 0.009)),
+            ("right", "b", sphere(0.006, 0.007)),
+            ("skin", "b", layer(0.0, 0.002)),
+        ];
+        for (sample, regions) in [(cylinder, layers), (full, beside)] {
+            let texts = regions.map(|(name, material, shape)| region(name, material, &shape));
+            let [a, b, c] = texts.each_ref().map(String::as_str);
+            let cloud = |order: [&str; 3]| Body::new(&with(sample, &order)).unwrap().cloud;
+            let first = cloud([a, b, c]);
+            for order in [[c, b, a], [b, c, a]] {
+                let other = cloud(order);
+                assert!(first.points == other.points && first.cells == other.cells, "{order:?}");
+            }
+        }
+        let [over, under] = [region("over", "a", &sphere(0.0, 0.008)), region("under", "b", &layer(0.004, 0.012))];
+        for (order, first) in [([&*over, &*under], "over"), ([&*under, &*over], "under")] {
+            let scene = with(full, &order);
+            assert_eq!(in_order(&scene, 0.016)[0].0.name, first);
+        }
+    }
 }

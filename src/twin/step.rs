@@ -86,9 +86,7 @@ impl Twin {
         let mut steps = 0_u32;
         self.happened.begin();
         let way = self.way(&tip);
-        if let Some(Contact::Frictional(needle)) = &mut self.contact {
-            needle.elapse(self.progress.seen_s.map(|seen_s| (pose.time_s - seen_s) / way.moves()));
-        }
+        self.time(pose.time_s, &tip, way.moves());
         for between in way.places() {
             steps = steps.saturating_add(self.go(pose, between)?.steps);
         }
@@ -96,8 +94,16 @@ impl Twin {
         Ok(Prediction { steps: steps.saturating_add(last.steps), event: self.happened.first(), ..last })
     }
 
+    /// Says how long each of so many moves to a place takes.
+    pub(super) fn time(&mut self, time_s: f64, tip: &Tip, moves: f64) {
+        let whole_s = self.progress.speed.time_to(time_s, tip.depth);
+        if let Some(Contact::Frictional(needle)) = &mut self.contact {
+            needle.elapse(whole_s.map(|whole_s| whole_s / moves));
+        }
+    }
+
     /// Takes the tissue to a place at once.
-    fn go(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
+    pub(super) fn go(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
         let Move { travel, moves, phase, steps } = self.set_out(pose.time_s, &tip);
         if steps == 0 {
             return Ok(self.stay(pose.time_s, &tip, phase));

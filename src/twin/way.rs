@@ -7,7 +7,7 @@
 use crate::instrument::reading::SPEED_M_PER_S;
 use crate::instrument::{Contact, Tip};
 
-use super::{Twin, pierce};
+use super::{StampedPose, Twin, pierce};
 
 /// Length of a stride over the height of the body; a jump of less than two strides is made at once (but for a needle with friction).
 const STRIDE: f64 = 0.0125;
@@ -33,6 +33,19 @@ impl Way {
     /// How many moves it is made in.
     pub fn moves(&self) -> f64 {
         f64::from(self.strides.max(1))
+    }
+
+    /// Number of strides; 0: it is made at once.
+    pub const fn strides(&self) -> u32 {
+        self.strides
+    }
+
+    /// The same way in strides of a length, m.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small count
+    pub fn in_strides(self, stride_m: f64) -> Self {
+        // the rest of a way that was cut into these is a whole number of them but for round-off
+        let strides = if stride_m > 0.0 { (self.length / stride_m - 1e-6).ceil().max(0.0) as u32 } else { 0 };
+        Self { strides, ..self }
     }
 
     /// The places on the way, without the one at which the tip is in the end.
@@ -76,16 +89,29 @@ impl Twin {
     /// Why an instrument cannot have moved to a place by then, if it cannot.
     pub(super) fn too_fast(&self, to: &Tip, time_s: f64) -> Option<String> {
         let way = self.way(to);
-        let (seen_s, true) = (self.progress.seen_s?, way.length > 2.0 * STRIDE * self.fixed.height) else {
-            return None;
-        };
+        self.progress.seen_s.and_then(|seen_s| self.jump(way.length, time_s - seen_s))
+    }
+
+    /// Whether a pose of a stream can be used, and an instrument can have come there.
+    #[must_use]
+    pub fn can_follow(&self, pose: &StampedPose) -> bool {
+        self.admit_next(pose).is_ok()
+    }
+
+    /// Why an instrument can't have moved between two poses, one after the other, if it can't.
+    #[must_use]
+    pub fn jumps(&self, from: &StampedPose, to: &StampedPose) -> Option<String> {
+        let way = (0..3).map(|k| (to.pose.tip[k] - from.pose.tip[k]).powi(2)).sum::<f64>().sqrt();
+        self.jump(way, to.time_s - from.time_s)
+    }
+
+    fn jump(&self, way: f64, elapsed: f64) -> Option<String> {
         let own = self.fixed.scene.motion.map_or(0.0, |m| OWN_SPEED * m.speed.get());
-        let (limit, elapsed) = (SPEED_M_PER_S.max(own), (time_s - seen_s).abs());
-        (way.length > limit * elapsed).then(|| {
+        let (limit, elapsed) = (SPEED_M_PER_S.max(own), elapsed.abs());
+        (way > 2.0 * STRIDE * self.fixed.height && way > limit * elapsed).then(|| {
             format!(
-                "its tip is {:.6} m from where it was {elapsed:.6} s before; an instrument moves by at most {limit} m/s \
-                 (or twice motion.speed_m_per_s)",
-                way.length
+                "its tip is {way:.6} m from where it was {elapsed:.6} s before; an instrument moves by at most {limit} m/s \
+                 (or twice motion.speed_m_per_s)"
             )
         })
     }

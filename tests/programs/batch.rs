@@ -140,6 +140,21 @@ fn shards_in_any_order_and_twice_make_the_result_of_one_machine() {
     fs::remove_file(lab.path("two/recordings/A_2.json")).unwrap();
     let (_, again, _) = lab.batch("two", &["--shard", "2/3"]);
     assert!(again.contains("1 recordings done") && again.contains("1 were done before"), "{again}");
+    // a digit of what is kept is another one: the row is done again, and that is said
+    let row = lab.path("two/recordings/A_2.json");
+    let text = fs::read_to_string(&row).unwrap();
+    let (before, after) = text.split_once("\"peak_n\": ").unwrap();
+    let digit = after.find(|c: char| ('1'..='8').contains(&c)).unwrap();
+    let other = char::from(after.as_bytes()[digit] + 1);
+    fs::write(&row, format!("{before}\"peak_n\": {}{other}{}", &after[..digit], &after[digit + 1..])).unwrap();
+    let mut refused = program();
+    refused.args(["batch", "merge"]).arg(lab.path("two")).arg("--out").arg(lab.path("none"));
+    let said = String::from_utf8(refused.output().unwrap().stderr).unwrap();
+    assert!(said.contains("A_2.json") && said.contains("checksum") && said.contains("run its shard again"), "{said}");
+    let (_, again, said) = lab.batch("two", &["--shard", "2/3"]);
+    assert!(again.contains("1 recordings done") && again.contains("1 were done before"), "{again}");
+    assert!(said.contains("A_2.json") && said.contains("computed again"), "{said}");
+    assert_eq!(fs::read_to_string(&row).unwrap(), text, "bit for bit");
     let mut merge = program();
     merge.args(["batch", "merge"]).args(["two", "three", "one"].map(|out| lab.path(out)));
     merge.arg("--out").arg(lab.path("merged")).assert().code(3);

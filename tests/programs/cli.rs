@@ -258,6 +258,7 @@ fn ctrl_c_keeps_what_is_done() {
 #[test]
 fn so_does_sigterm() {
     a_signal_keeps_what_is_done("-TERM");
+    a_signal_keeps_what_is_done("-HUP");
 }
 
 fn a_signal_keeps_what_is_done(signal: &str) {

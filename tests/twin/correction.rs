@@ -138,4 +138,29 @@ fn it_is_refused_where_it_does_not_belong() {
     assert!(said.contains("correction.depths_m") && said.contains("rise"), "{said}");
     let said = refused("correction.force", "[1.0, 0.0, 0.0, 0.0]");
     assert!(said.contains("correction.force") && said.contains("make 80"), "{said}");
+    // what was learnt, changed
+    let text = LEARNT.scene.to_toml();
+    let edited = |from: &str, to: &str| {
+        assert!(text.contains(from), "{text}");
+        Scene::from_toml(&text.replacen(from, to, 1), "edited.toml").unwrap_err().to_string()
+    };
+    let learnt = LEARNT.scene.correction.as_ref().unwrap();
+    let scale = format!("force = [{}", learnt.force[0]);
+    for other in ["0.0", "-1.0", "0.4", "2.0000001"] {
+        let said = edited(&scale, &format!("force = [{other}"));
+        assert!(said.contains("correction.force") && said.contains("tune --correct"), "{other}: {said}");
+    }
+    let digit = format!("force = [{}", learnt.force[0] + 1e-9);
+    let checksum = format!("checksum = \"{}\"\n", learnt.checksum);
+    let left = format!("left = {}", learnt.left);
+    for (from, to) in [(&*scale, &*digit), (&*checksum, ""), (&*left, "left = 0.001")] {
+        let said = edited(from, to);
+        assert!(
+            said.contains("correction.checksum") && said.contains("tune --correct") && said.contains("--set"),
+            "{from}: {said}"
+        );
+    }
+    let said = refused("correction.left", "0.001");
+    assert!(said.contains("correction.checksum"), "{said}");
+    assert!(LEARNT.scene.with(&[Override::text("correction.apply", "true", "--set")]).is_ok());
 }

@@ -52,12 +52,17 @@ const FINE: &str = "spacing_m = 2.33e-3\nedge_refinement = 0.11\ngrowth = 0.3\n"
 /// tenth of
 /// the way.
 fn cuts(rate: &str, speed: f64, poses: u32) -> Vec<[f64; 2]> {
+    stamped(rate, poses, |k| 3e-3 * f64::from(k) / f64::from(poses) / speed)
+}
+
+/// The same with stamps in s of pose k.
+fn stamped(rate: &str, poses: u32, stamp: impl Fn(u32) -> f64) -> Vec<[f64; 2]> {
     let needle = format!("diameter_m = 0.001\ncapture_radius_m = 0.0005\ncutting_force_n = 0.003\n{rate}");
     let mut twin = built(&needle, FINE, "start_depth_m = 0.006\ndepth_m = 0.0095\n");
     let mut at = |k: u32| {
         let way = 3e-3 * f64::from(k) / f64::from(poses);
         let pose = twin.pose_at_depth(0.006 + way);
-        let answer = twin.step(StampedPose { time_s: way / speed, pose }).unwrap();
+        let answer = twin.step(StampedPose { time_s: stamp(k), pose }).unwrap();
         [answer.force_n[2], twin.cut_depth().unwrap()]
     };
     let answers: Vec<[f64; 2]> = (0..=poses).map(&mut at).collect();
@@ -93,4 +98,19 @@ fn the_cutting_force_at_a_speed_does_not_depend_on_the_pose_rate() {
     let worst = fine.iter().zip(&coarse).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, f64::max);
     println!("{:.4} of the plateau", worst / 0.006);
     assert!(worst < 0.01 * 0.006, "{fine:?} {coarse:?}");
+}
+
+/// A driver that hands over ten poses at once, stamped as it does so.
+#[test]
+fn the_cutting_force_at_a_speed_does_not_depend_on_bursts_of_stamps() {
+    let (poses, each_s) = (200, 3e-3 / 4e-3 / 200.0);
+    let even = stamped(RATE, poses, |k| each_s * f64::from(k));
+    for (size, apart_s) in [(10, 1e-6), (10, 0.0), (4, 2e-4)] {
+        let burst = |k: u32| each_s * f64::from(k - k % size + size) + apart_s * f64::from(k % size);
+        let bursts = stamped(RATE, poses, burst);
+        // the first tenth has the first bursts, before which nothing is known of the speed
+        let worst = even.iter().zip(&bursts).skip(2).map(|(a, b)| (a[0] / b[0] - 1.0).abs()).fold(0.0, f64::max);
+        println!("{size} poses {apart_s} s apart: {worst:.5}");
+        assert!(worst < 0.01, "{size}, {apart_s}: {even:?} {bursts:?}");
+    }
 }

@@ -166,11 +166,13 @@ fn corrected(scene: &Scene) -> Scene {
         learnt_from: "a finer cloud".to_owned(),
         left: 0.01,
         of: scene.correction_digest(),
+        mesh: scene.sample.mesh_digest(),
         depths: vec![0.001, 0.002],
         force: similarity.repeat(2),
         targets: similarity.repeat(2 * scene.targets.len()),
+        checksum: String::new(),
     };
-    Scene { correction: Some(correction), ..scene.clone() }
+    Scene { correction: Some(correction.sealed()), ..scene.clone() }
 }
 
 /// The scene with its own material as `skin`, and regions of every shape.

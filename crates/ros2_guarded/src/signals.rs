@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM as something to wait for, and every other signal kept away from the middleware's threads.
+//! SIGINT, SIGTERM and SIGHUP as something to wait for, and every other signal kept away from the middleware's threads.
 //!
 //! RustDDS ends both its event loops for good when a poll of theirs is interrupted, and then the process neither
 //! receives nor sends while `publish` keeps returning Ok. Blocking all signals before the participant is built (its threads
@@ -8,7 +8,7 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use nix::sys::signal::SigSet;
-use nix::sys::signal::Signal::{SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGINT, SIGSEGV, SIGTERM, SIGTRAP};
+use nix::sys::signal::Signal::{SIGABRT, SIGBUS, SIGFPE, SIGHUP, SIGILL, SIGINT, SIGSEGV, SIGTERM, SIGTRAP};
 use nix::sys::signalfd::{SfdFlags, SignalFd};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -19,12 +19,14 @@ pub enum Signal {
     Interrupt,
     /// SIGTERM.
     Terminate,
+    /// SIGHUP: the terminal is gone.
+    Hangup,
 }
 
 /// The process's signals, blocked in the calling thread and in every thread that it starts afterwards.
 #[derive(Debug)]
 pub struct Signals {
-    /// Readable when SIGINT or SIGTERM is pending.
+    /// Readable when SIGINT, SIGTERM or SIGHUP is pending.
     asked: SignalFd,
 }
 
@@ -38,11 +40,15 @@ impl Signals {
         // Faults of the program itself must end it.
         [SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP].into_iter().for_each(|fault| all.remove(fault));
         all.thread_block()?;
-        let asked: SigSet = [SIGINT, SIGTERM].into_iter().collect();
+        let mut asked: SigSet = [SIGINT, SIGTERM].into_iter().collect();
+        // one that is blocked is pending even if it is ignored
+        if !hangup_is_ignored() {
+            asked.add(SIGHUP);
+        }
         Ok(Self { asked: SignalFd::with_flags(&asked, SfdFlags::SFD_NONBLOCK | SfdFlags::SFD_CLOEXEC)? })
     }
 
-    /// Waits for SIGINT or SIGTERM, at most so long.
+    /// Waits for SIGINT, SIGTERM or SIGHUP, at most so long.
     #[must_use]
     pub fn wait(&self, timeout: Duration) -> Option<Signal> {
         let fd = self.asked.as_fd();
@@ -50,8 +56,17 @@ impl Signals {
         let _ = poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], Timespec::try_from(timeout).ok().as_ref());
         match self.asked.read_signal() {
             Ok(Some(signal)) if signal.ssi_signo == SIGINT as u32 => Some(Signal::Interrupt),
+            Ok(Some(signal)) if signal.ssi_signo == SIGHUP as u32 => Some(Signal::Hangup),
             Ok(Some(_)) => Some(Signal::Terminate),
             _ => None,
         }
     }
+}
+
+/// Whether the process is to outlive its terminal: `nohup` has it ignore SIGHUP from the start.
+#[must_use]
+pub fn hangup_is_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    ignored.is_some_and(|bits| bits >> (SIGHUP as u32 - 1) & 1 == 1)
 }

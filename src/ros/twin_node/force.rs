@@ -8,7 +8,7 @@ use super::comparison::Comparator;
 use super::identification::Identification;
 use super::members::{Answered, Measured, Newest};
 use super::shared::{Compared, Live, Noted, Reject, Shared};
-use super::solver::{Answer, Event, Sighting};
+use super::solver::{Answer, Event, Progress, Sighting};
 use crate::compare::crossing::{Crossing, Crossings};
 use crate::instrument::reading::COORDINATE_M;
 use crate::ros::logging::Throttle;
@@ -120,6 +120,7 @@ pub(super) fn run(
                 }
                 None => {}
             },
+            Ok(Event::UnderWay(progress)) => under_way(shared, progress),
             Ok(Event::Refused { depth_m, reason }) => refused(shared, depth_m, reason, &mut refusals),
             Ok(Event::Halted(reason)) => halted(shared, reason),
             Ok(Event::Recovered) => {
@@ -208,6 +209,7 @@ fn answered(
     let withheld = {
         let mut live = shared.lock();
         notice_gap(&mut live, answer, timeout);
+        live.under_way = None;
         live.answer(answer);
         // After a divergence nothing goes out until the reset; a node that is not active is silent.
         let withheld = late || live.halted.is_some() || !shared.is_active();
@@ -222,7 +224,11 @@ fn answered(
         header: Header { stamp: answer.stamp, frame_id: frame_id.to_owned() },
         wrench: Wrench { force: answer.prediction.force_n.into(), torque: answer.prediction.torque_nm.into() },
     });
-    shared.lock().total.record(Instant::now() - answer.received);
+    {
+        let mut live = shared.lock();
+        live.total.record(Instant::now() - answer.received);
+        live.spoken = true;
+    }
     comparator.predicted(*answer);
     true
 }
@@ -297,6 +303,24 @@ fn crossed(outputs: &ForceOutputs, shared: &Shared, header: Header, number: u64,
     });
 }
 
+/// Notes how far the twin has come on its way to a pose that was far away.
+fn under_way(shared: &Shared, progress: Option<Progress>) {
+    let mut live = shared.lock();
+    let Some(progress) = progress else {
+        live.under_way = None;
+        return;
+    };
+    if live.under_way.is_none() {
+        tracing::warn!(
+            "the instrument is far from where the twin has it: it is taken to {:.6} m, and predicted_cf is silent until it is there",
+            progress.to_m
+        );
+    }
+    live.coalesced += progress.skipped;
+    live.window.coalesced += progress.skipped;
+    live.under_way = Some(progress);
+}
+
 /// Says what was not seen of the instrument's way: before the first pose, and while no poses came.
 fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
     let depth_m = answer.prediction.depth_m;
@@ -304,8 +328,8 @@ fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
         if depth_m > SEEN_FROM_M {
             live.first_seen_m = Some(depth_m);
             tracing::warn!(
-                "the first pose is {depth_m:.6} m deep: the way there and the puncture were not seen. The tissue is taken \
-                 there at once, and its force is right when it rests"
+                "the first pose is {depth_m:.6} m deep: the way there and the puncture were not seen. The tissue was taken \
+                 there straight, and its force is right when it rests"
             );
         }
         return;
@@ -313,7 +337,9 @@ fn notice_gap(live: &mut Live, answer: &Answer, timeout_s: f64) {
     if depth_m <= 0.0 {
         live.first_seen_m = None;
     }
-    let gap_s = answer.received.saturating_duration_since(last.received).as_secs_f64();
+    // what it took to get there is no gap
+    let came = live.under_way.map_or(answer.received, |progress| progress.since);
+    let gap_s = came.saturating_duration_since(last.received).as_secs_f64();
     if gap_s > timeout_s {
         let from_m = last.prediction.depth_m;
         live.gaps.count += 1;
@@ -346,7 +372,8 @@ fn refused(shared: &Shared, depth_m: f64, reason: String, refusals: &mut Throttl
 
 fn halted(shared: &Shared, reason: String) {
     tracing::error!("predicted_cf stops: {reason}. It goes on by itself once the instrument is back, or after ~/reset");
-    shared.lock().halted = Some(reason);
+    let mut live = shared.lock();
+    (live.halted, live.under_way) = (Some(reason), None);
 }
 
 fn compare(

@@ -161,6 +161,18 @@ impl Inbox {
         (state.at_work || (!state.poses.is_empty() && !state.building)).then_some(state.given)
     }
 
+    /// What there is to do beside the work that the solver is at; `None`: nothing, and it goes on. Either is a sign of life.
+    pub fn meanwhile(&self, room: usize) -> Option<Work> {
+        let mut state = self.lock();
+        state.room = room;
+        (state.answering, state.missed) = (false, false);
+        state.given += 1;
+        state.at_work = true;
+        let work = take(&mut state);
+        state.building = matches!(work, Some(Work::Build));
+        work
+    }
+
     /// Waits for work. A wish for a snapshot or a look ahead waits for two poses at most. `room`: for so many poses from now on.
     pub fn next(&self, room: usize) -> Work {
         let mut state = self.lock();
@@ -231,6 +243,20 @@ mod tests {
         assert_eq!(inbox.put_pose(pose(4.0)), Handoff { coalesced: true, missed: false });
         let Work::Pose(second) = inbox.next(1) else { panic!("a pose was put") };
         assert_eq!(second.place, Where::Depth(4.0));
+    }
+
+    #[test]
+    fn a_look_between_two_parts_of_a_work_waits_for_nothing_and_shows_that_it_goes_on() {
+        let inbox = Inbox::default();
+        let seen = || inbox.at_work();
+        assert!(inbox.meanwhile(1).is_none());
+        let first = seen();
+        assert!(first.is_some() && inbox.meanwhile(1).is_none() && seen() != first, "it goes on");
+        inbox.put_pose(pose(1.0));
+        inbox.reset("test");
+        inbox.put_pose(pose(2.0));
+        assert!(matches!(inbox.meanwhile(1), Some(Work::Reset("test"))));
+        assert!(matches!(inbox.meanwhile(1), Some(Work::Pose(PoseInput { place: Where::Depth(2.0), .. }))));
     }
 
     #[test]

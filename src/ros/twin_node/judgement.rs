@@ -93,6 +93,9 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
             ),
         );
     }
+    if let Some(reason) = not_there_yet(live) {
+        judgement.add(TwinStatus::HEALTH_STALE, reason);
+    }
     let silent = live.silence_s(clock, around.clock_gone);
     if silent.is_none_or(|s| s > settings.input_timeout_s) {
         judgement.add(TwinStatus::HEALTH_STALE, silence(silent, clock, around));
@@ -180,6 +183,18 @@ fn skipped(live: &Live, share: f64) -> String {
          {gap:.1}% of the peak, and the force may be off by several times that until it rests: choose a coarser \
          discretisation"
     )
+}
+
+/// Why no pose has been answered, though poses come.
+fn not_there_yet(live: &Live) -> Option<String> {
+    if let Some(under_way) = &live.under_way {
+        let (to_mm, percent, left) = (1e3 * under_way.to_m, 100.0 * under_way.share, under_way.left_s.ceil().max(1.0));
+        return Some(format!(
+            "taking the instrument to {to_mm:.1} mm: {percent:.0} % done, about {left} s left; predicted_cf is silent until it is there"
+        ));
+    }
+    let waits = !live.spoken && live.last_pose.is_some();
+    waits.then(|| "no pose has been answered yet".to_owned())
 }
 
 fn not_active(state: State) -> Option<String> {

@@ -35,6 +35,7 @@ mod stretch;
 mod supervisor;
 mod tissue;
 mod tracked;
+mod under_way;
 mod viewers;
 mod warnings;
 

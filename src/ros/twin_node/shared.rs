@@ -9,7 +9,7 @@ use hdrhistogram::Histogram;
 
 use super::declared::Settings;
 use super::inbox::Handoff;
-use super::solver::Answer;
+use super::solver::{Answer, Progress};
 use super::warnings::Samples;
 use crate::compare::Verdict;
 use crate::input::Refusal;
@@ -175,6 +175,10 @@ pub(super) struct Live {
     /// Wall time of stepping, s.
     pub stepping_s: f64,
     pub last: Option<Answer>,
+    /// An answer has been published.
+    pub spoken: bool,
+    /// The twin is on its way to a pose that is far away, in parts.
+    pub under_way: Option<Progress>,
     pub puncture_depth_m: Option<f64>,
     /// Regions that the tip comes through.
     pub along: Arc<Along>,

@@ -12,9 +12,10 @@ use super::inbox::{Inbox, PoseInput, Where, Work};
 use super::look_ahead::{Departure, Double};
 use super::tissue::{Model, Snapshot};
 use super::tracked::Seen;
+use super::under_way::{Goal, UnderWay};
 use crate::ros::messages::builtin_interfaces::Time;
 use crate::scene::Scene;
-use crate::twin::{FOLLOWED, Halt, Happening, Prediction, StampedPose, Twin, Work as WorkDone};
+use crate::twin::{FOLLOWED, Halt, Happening, Part, Prediction, StampedPose, Twin, Work as WorkDone};
 
 /// An answered pose.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +58,9 @@ pub(super) enum Event {
     Answer(Answer),
     /// Something happened to the tissue at the pose that was answered.
     Happened(Sighting),
+    /// The instrument is far from where the twin has it, which goes there in parts, and nothing is answered until it is there; `None`: it does
+    /// not go on.
+    UnderWay(Option<Progress>),
     /// A pose was refused by the twin.
     Refused { depth_m: f64, reason: String },
     /// The solution is lost, until the twin has come back or is reset.
@@ -73,6 +77,21 @@ pub(super) enum Event {
     Tare { forced: bool, reply: Sender<Result<[f64; 3], String>> },
     /// Nothing more will come.
     Stop,
+}
+
+/// How far the twin has come on a way that it makes in parts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Progress {
+    /// Depth that it goes to, m.
+    pub to_m: f64,
+    /// Share of the way that is made.
+    pub share: f64,
+    /// Time that the rest takes, s.
+    pub left_s: f64,
+    /// When the pose came that it set out for.
+    pub since: Instant,
+    /// Poses that came since the last part and will not be answered.
+    pub skipped: u64,
 }
 
 /// Answers that the force thread could not take because it was thousands behind.
@@ -96,7 +115,16 @@ pub(super) fn run(scene: &Scene, look_ahead: bool, inbox: &Inbox, outlets: &Outl
     let mut generation = 0;
     loop {
         let room = solver.as_ref().map_or(1, Solver::room);
-        match (inbox.next(room), &mut solver) {
+        let under_way = solver.as_mut().filter(|solver| solver.under_way.is_some());
+        let work = match under_way.map(|solver| (inbox.meanwhile(room), solver)) {
+            Some((Some(work), _)) => work,
+            Some((None, solver)) => {
+                solver.go_on(events);
+                continue;
+            }
+            None => inbox.next(room),
+        };
+        match (work, &mut solver) {
             (Work::Build, _) => {
                 generation += 1;
                 let outcome = Solver::build(scene, look_ahead.then_some(generation)).map(|(ready, model)| {
@@ -141,8 +169,12 @@ struct Solver {
     step_s: f64,
     /// Wall time of one answer of late, s.
     answer_s: f64,
+    /// Wall time of one stride of a way that takes long of late, s.
+    stride_s: f64,
     /// The last pose that was answered.
     pose: Option<StampedPose>,
+    /// The way to a pose that was far away.
+    under_way: Option<UnderWay>,
     /// At home, unless somebody looks ahead with it.
     double: Option<Box<Double>>,
 }
@@ -180,7 +212,9 @@ impl Solver {
             halted: false,
             step_s,
             answer_s: BURST_S,
+            stride_s: 0.5 * ANSWER_BUDGET_S,
             pose: None,
+            under_way: None,
             double,
         };
         Ok((solver, model))
@@ -188,21 +222,14 @@ impl Solver {
 
     fn take(&mut self, work: Work, events: &SyncSender<Event>, snapshots: &Sender<Box<Snapshot>>) {
         match work {
-            Work::Pose(pose) => {
-                let before = self.pose;
-                let event = self.answer(&pose);
-                if self.halted && matches!(event, Event::Answer(_)) {
-                    self.halted = false;
-                    send(events, Event::Recovered);
-                }
-                let answered = matches!(event, Event::Answer(_));
-                send(events, event);
-                if answered {
-                    self.say_what_happened(before, events);
-                }
+            Work::Pose(pose) if self.under_way.is_some() => {
+                self.head_for(&pose, events);
+                self.go_on(events);
             }
+            Work::Pose(pose) => self.take_pose(&pose, events),
             Work::Snapshot(mut snapshot) => {
                 snapshot.take(&self.twin, self.stamp, self.depth_m);
+                snapshot.under_way = self.under_way.is_some();
                 let pose = self.pose.map_or_else(|| self.twin.pose_at_depth(0.0), |stamped| stamped.pose);
                 (snapshot.tip, snapshot.axis) = (pose.tip, pose.axis);
                 // Fails only when the tissue thread has ended.
@@ -214,6 +241,7 @@ impl Solver {
                 self.halted = false;
                 self.depth_m = 0.0;
                 self.pose = None;
+                self.under_way = None;
                 send(events, Event::Reset(reason));
             }
             // Of the thread, not of a twin.
@@ -221,12 +249,83 @@ impl Solver {
         }
     }
 
+    fn take_pose(&mut self, input: &PoseInput, events: &SyncSender<Event>) {
+        let stamped = self.stamped(input);
+        match UnderWay::to(&self.twin, Goal { input: *input, stamped }, self.depth_m, self.stride_s) {
+            Some(mut under_way) => {
+                send(events, Event::UnderWay(Some(under_way.progress(&self.twin))));
+                self.under_way = Some(under_way);
+                self.go_on(events);
+            }
+            None => {
+                let (begun, steps) = (Instant::now(), self.twin.steps());
+                let outcome = self.twin.follow(stamped);
+                self.answer_s += 0.2 * (begun.elapsed().as_secs_f64() - self.answer_s);
+                self.learn_step(begun, steps);
+                self.answer(&Goal { input: *input, stamped }, begun, outcome, events);
+            }
+        }
+    }
+
+    /// Goes a part of the way.
+    fn go_on(&mut self, events: &SyncSender<Event>) {
+        let Some(mut under_way) = self.under_way.take() else { return };
+        let goal = under_way.goal();
+        let (begun, steps) = (Instant::now(), self.twin.steps());
+        let outcome = under_way.go_on(&mut self.twin);
+        self.stride_s = under_way.stride_s();
+        self.learn_step(begun, steps);
+        match outcome {
+            Ok(Part::Left(_)) => {
+                send(events, Event::UnderWay(Some(under_way.progress(&self.twin))));
+                self.under_way = Some(under_way);
+                self.say_what_happened(&goal, events);
+            }
+            // the instrument has come back from there meanwhile
+            Ok(Part::There(there)) if under_way.newest().stamped != goal.stamped => {
+                self.depth_m = there.depth_m;
+                self.say_what_happened(&goal, events);
+                send(events, Event::UnderWay(Some(under_way.progress(&self.twin))));
+                self.take_pose(&under_way.newest().input, events);
+            }
+            Ok(Part::There(prediction)) => self.answer(&goal, begun, Ok(prediction), events),
+            Err(halt) => {
+                self.answer(&goal, begun, Err(halt), events);
+                send(events, Event::UnderWay(None));
+            }
+        }
+    }
+
+    /// Takes a pose that came while the twin is under way.
+    fn head_for(&mut self, input: &PoseInput, events: &SyncSender<Event>) {
+        let stamped = self.stamped(input);
+        let Some(under_way) = &mut self.under_way else { return };
+        if let Err(reason) = under_way.head_for(&self.twin, Goal { input: *input, stamped }) {
+            send(events, Event::Refused { depth_m: self.depth(input), reason });
+        }
+    }
+
+    /// Says what came of a pose.
+    fn answer(&mut self, goal: &Goal, begun: Instant, outcome: Result<Prediction, Halt>, events: &SyncSender<Event>) {
+        let event = self.event(goal, begun, outcome);
+        if self.halted && matches!(event, Event::Answer(_)) {
+            self.halted = false;
+            send(events, Event::Recovered);
+        }
+        let answered = matches!(event, Event::Answer(_));
+        send(events, event);
+        if answered {
+            self.say_what_happened(goal, events);
+            self.pose = Some(goal.stamped);
+        }
+    }
+
     /// Events are rare, and must not be lost: the solver waits for the force thread if it must.
-    fn say_what_happened(&self, before: Option<StampedPose>, events: &SyncSender<Event>) {
-        let Some(pose) = self.pose else { return };
-        let interval_s = before.map_or(0.0, |b| pose.time_s - b.time_s);
+    fn say_what_happened(&self, goal: &Goal, events: &SyncSender<Event>) {
+        let interval_s = self.pose.map_or(0.0, |before| goal.stamped.time_s - before.time_s);
         for happening in self.twin.happened() {
-            let sighting = Sighting { stamp: self.stamp, interval_s, axis: pose.pose.axis, happening: *happening };
+            let axis = goal.stamped.pose.axis;
+            let sighting = Sighting { stamp: goal.input.stamp, interval_s, axis, happening: *happening };
             send(events, Event::Happened(sighting));
         }
     }
@@ -235,6 +334,11 @@ impl Solver {
     fn depart(&mut self) -> Departure {
         if self.halted {
             return Err("the solution is lost: retract the instrument and call ~/reset");
+        }
+        if self.under_way.is_some() {
+            return Err(
+                "the twin is being taken to the instrument: ask again when it is there (`status` says how long that takes)",
+            );
         }
         let Some(mut double) = self.double.take() else {
             return Err("looking ahead is off: start the node with -p look_ahead:=true");
@@ -259,30 +363,33 @@ impl Solver {
     }
 
     #[allow(clippy::cast_precision_loss)] // seconds of one run
-    fn answer(&mut self, input: &PoseInput) -> Event {
+    fn stamped(&mut self, input: &PoseInput) -> StampedPose {
         let nanos = input.stamp.nanos();
         let origin = *self.origin_nanos.get_or_insert(nanos);
         let pose = match input.place {
             Where::Depth(depth) => self.twin.pose_at_depth(depth),
             Where::Pose(pose) => pose,
         };
-        let begun = Instant::now();
-        let stamped = StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose };
-        let outcome = self.twin.follow(stamped);
-        let done = Instant::now();
-        self.answer_s += 0.2 * ((done - begun).as_secs_f64() - self.answer_s);
-        if let Ok(prediction) = &outcome
-            && prediction.steps > 0
-        {
-            let step_s = (done - begun).as_secs_f64() / f64::from(prediction.steps);
+        StampedPose { time_s: (nanos - origin) as f64 * 1e-9, pose }
+    }
+
+    /// Learns what an explicit step costs, from those since `steps`.
+    #[allow(clippy::cast_precision_loss)] // a count of steps
+    fn learn_step(&mut self, begun: Instant, steps: u64) {
+        let taken = self.twin.steps().saturating_sub(steps);
+        if taken > 0 {
+            let step_s = begun.elapsed().as_secs_f64() / taken as f64;
             self.step_s += 0.2 * (step_s - self.step_s);
             self.twin.limit_steps(affordable(self.step_s));
         }
+    }
+
+    fn event(&mut self, goal: &Goal, begun: Instant, outcome: Result<Prediction, Halt>) -> Event {
+        let (input, stamped, done) = (&goal.input, goal.stamped, Instant::now());
         match outcome {
             Ok(prediction) => {
                 self.stamp = input.stamp;
                 self.depth_m = prediction.depth_m;
-                self.pose = Some(stamped);
                 Event::Answer(Answer {
                     stamp: input.stamp,
                     received: input.received,

@@ -115,6 +115,8 @@ pub(super) struct Snapshot {
     /// It is for subscribers, for viewers, or for both.
     pub for_topics: bool,
     pub for_viewers: bool,
+    /// The twin is on its way to a pose: what it has is of none.
+    pub under_way: bool,
     /// What is wanted of all this.
     pub wants: Wants,
 }
@@ -293,8 +295,8 @@ pub(super) fn run(
         }
         match snapshots.recv_deadline(topics.due.min(viewers.due)) {
             Ok(snapshot) => {
-                if !shared.is_active() {
-                    // It was asked for in another state.
+                if !shared.is_active() || snapshot.under_way {
+                    // It was asked for in another state, or is of no pose.
                 } else if snapshot.is_finite() {
                     outputs.show(model, &snapshot, frame_id);
                 } else {

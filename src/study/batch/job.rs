@@ -86,8 +86,9 @@ impl<'a> Job<'a> {
             add_file(&file, &mut add);
         }
         for candidate in &self.manifest.candidates {
-            let scene = self.scene(candidate, None).map_or_else(|e| e, |scene| scene.to_toml());
-            add(scene.as_bytes());
+            let scene = self.scene(candidate, None);
+            add(scene.as_ref().map_or_else(String::clone, Scene::to_toml).as_bytes());
+            add(scene.map_or_else(|_| String::new(), |scene| scene.sample.mesh_digest()).as_bytes());
         }
         format!("{:032x}", hash.digest128())
     }

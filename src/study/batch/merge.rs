@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use xxhash_rust::xxh3::xxh3_128;
+
 use super::pool::{fit_of, pool};
 use super::{Fit, Group, Row, Sample, SampleRow};
 
@@ -142,8 +144,29 @@ pub fn read_sample(path: &Path) -> Result<SampleRow, MergeError> {
     of_json(path)
 }
 
+/// Between a row's content and the checksum of it, at the end of its file.
+const SEAL: &str = ",\n  \"checksum\": \"";
+
+/// The text of a row's file: the row as JSON, with a checksum of the text before that.
+#[must_use]
+pub fn sealed<T: serde::Serialize>(row: &T) -> String {
+    let text = serde_json::to_string_pretty(row).unwrap_or_default();
+    let content = text.strip_suffix("\n}").unwrap_or(&text);
+    format!("{content}{SEAL}{}\"\n}}\n", checksum(content))
+}
+
+fn checksum(content: &str) -> String {
+    format!("{:032x}", xxh3_128(content.as_bytes()))
+}
+
 fn of_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, MergeError> {
     let error = |reason: String| MergeError::Row { path: path.to_owned(), reason };
-    let text = fs::read(path).map_err(|e| error(e.to_string()))?;
-    serde_json::from_slice(&text).map_err(|e| error(format!("it is no row ({e})")))
+    let text = fs::read_to_string(path).map_err(|e| error(e.to_string()))?;
+    let row = serde_json::from_str(&text).map_err(|e| error(format!("it is no row ({e})")))?;
+    let whole = text.rsplit_once(SEAL).is_some_and(|(content, seal)| seal == format!("{}\"\n}}\n", checksum(content)));
+    if whole {
+        Ok(row)
+    } else {
+        Err(error("its checksum is absent or not that of its content: it was changed or damaged".to_owned()))
+    }
 }

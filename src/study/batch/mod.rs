@@ -19,7 +19,7 @@ mod together;
 pub use curve::Curve;
 pub use job::{Job, Stop};
 pub use manifest::{Candidate, Entry, Manifest, ManifestError};
-pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample};
+pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample, sealed};
 pub use pool::{Group, Pooled, Sample};
 pub use row::{Fit, HeldOut, Key, Row};
 pub use tables::{Needed, Tables};

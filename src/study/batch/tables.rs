@@ -47,7 +47,8 @@ impl Content {
     }
 
     fn name(&self) -> String {
-        format!("{} {:?} {} {}", crate::WRITER, self.wanted, self.to_depth_m, self.scene.to_toml())
+        let (scene, mesh) = (self.scene.to_toml(), self.scene.sample.mesh_digest());
+        format!("{} {:?} {} {scene} {mesh}", crate::WRITER, self.wanted, self.to_depth_m)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::ros::{Peer, Program, coarse_twin, connected_twin, free_domain, signal};
+use crate::ros::{Peer, Program, TWIN, coarse_twin, connected_twin, free_domain, joint_state, signal};
 use serde_json::json;
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
@@ -94,4 +94,58 @@ fn a_rig_that_was_killed_is_followed_again_from_the_start() {
     drop(second);
     let (_, log, _) = node.stop("INT");
     assert!(log.contains("time went back") && log.contains("undeformed state"), "the bag starts again: {log}");
+}
+
+/// A needle that rubs is walked to in hundreds of strides, which takes longer than a node may be silent.
+#[test]
+fn a_needle_that_is_deep_at_the_start_is_gone_to_in_parts_and_nothing_is_said_before() {
+    let domain = free_domain();
+    let arguments =
+        ["--scene", "layered_tissue", "--ros-args", "-p", "solver_timeout_s:=1.0", "-p", "status_rate_hz:=20.0"];
+    let node = Program::start(TWIN, &arguments, domain, &[]);
+    let mut peer = Peer::start(domain);
+    peer.connect();
+    let pose = |peer: &mut Peer, depth_m: f64| {
+        let nanos = now();
+        let value = joint_state(nanos / 1_000_000_000, nanos % 1_000_000_000, depth_m);
+        peer.ask(json!({"op": "publish", "topic": "/measured_js", "value": value}));
+    };
+    let take = |peer: &mut Peer, topic: &str| {
+        let taken = peer.ask(json!({"op": "take", "topic": topic, "timeout": 0.01}))["messages"].clone();
+        taken.as_array().unwrap().clone()
+    };
+    // the second time after a reset in the middle of the way; meanwhile the needle goes on a little
+    for reset_at_ms in [Some(400), None] {
+        let (begun, mut told, mut reset) = (Instant::now(), 0, false);
+        let (mut depth_m, mut first) = (6.0e-3, None);
+        while first.is_none() && begun.elapsed() < Duration::from_secs(60) {
+            depth_m += if begun.elapsed() < Duration::from_millis(300) { 1e-6 } else { 0.0 };
+            pose(&mut peer, depth_m);
+            for status in take(&mut peer, "/status") {
+                told += usize::from(status["reasons"].to_string().contains("taking the instrument to 6.0 mm"));
+                let answered = status["poses_answered"].as_u64().unwrap() > 0;
+                assert!(answered || status["prediction_valid"] == false, "{status}");
+            }
+            if let Some(at_ms) = reset_at_ms.filter(|ms| !reset && begun.elapsed() > Duration::from_millis(*ms)) {
+                reset = true;
+                let call = json!({"op": "call", "service": "/twin/reset", "type": "std_srvs/srv/Trigger"});
+                assert_eq!(peer.ask(call)["response"]["success"], true, "{at_ms}");
+                break;
+            }
+            first = take(&mut peer, "/predicted_cf").first().cloned();
+        }
+        if reset {
+            continue;
+        }
+        let first = first.unwrap_or_else(|| panic!("no answer"));
+        println!("answered after {:.1} s; {told} times said how long it takes: {first}", begun.elapsed().as_secs_f64());
+        assert!(told > 1, "{told}");
+        // friction and the front's push are there
+        assert!(first["wrench"]["force"]["z"].as_f64().unwrap() > 0.01, "{first}");
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    let (code, log, took) = node.stop("TERM");
+    assert!(code == Some(0) && took < Duration::from_secs(3), "{code:?} {took:?} {log}");
+    assert!(log.contains("is taken to 0.006") && log.contains("the way there and the puncture were not seen"), "{log}");
+    assert!(!log.contains("does not come back"), "{log}");
 }

@@ -1,9 +1,9 @@
-//! SIGINT and SIGTERM at any moment of a node's life.
+//! SIGINT, SIGTERM and SIGHUP at any moment of a node's life.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::time::{Duration, Instant};
 
-use crate::ros::{COARSE, Program, TWIN, free_domain};
+use crate::ros::{COARSE, Program, TWIN, free_domain, middleware_of, signal};
 use rosbag2_mcap::BagReader;
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
@@ -41,9 +41,9 @@ fn a_node_ends_with_0_within_a_second_and_its_files_are_whole() {
             let node = Program::start(program, &[arguments, &["-p", &record]].concat(), free_domain(), &[]);
             wait_for_its_first_act(node.id());
             std::thread::sleep(Duration::from_millis(moment));
-            let signal = if i % 2 == 0 { "INT" } else { "TERM" };
-            let (code, log, time) = node.stop(signal);
-            assert_eq!(code, Some(0), "{name} after {moment} ms, SIG{signal}: {log}");
+            let name_of_signal = ["INT", "TERM", "HUP"][i % 3];
+            let (code, log, time) = node.stop(name_of_signal);
+            assert_eq!(code, Some(0), "{name} after {moment} ms, SIG{name_of_signal}: {log}");
             assert!(time < Duration::from_secs(3), "{name} after {moment} ms: {time:?}");
             took.push(time);
             if bag.exists() {
@@ -58,5 +58,30 @@ fn a_node_ends_with_0_within_a_second_and_its_files_are_whole() {
             took[took.len() / 2]
         );
         assert!(took[took.len() / 2] < Duration::from_secs(1), "{name}: {took:?}");
+    }
+}
+
+/// A terminal that is closed takes the node with it, and its middleware; `nohup` keeps both.
+#[test]
+fn a_node_that_was_started_to_outlive_its_terminal_does() {
+    let domain = free_domain();
+    let node = Program::start("nohup", &[&[TWIN], &COARSE[..]].concat(), domain, &[]);
+    wait_for_its_first_act(node.id());
+    let begun = Instant::now();
+    while middleware_of(node.id()).is_none() {
+        assert!(begun.elapsed() < Duration::from_secs(20), "no middleware");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let middleware = middleware_of(node.id()).unwrap();
+    [node.id(), middleware].iter().for_each(|process| signal(*process, "HUP"));
+    std::thread::sleep(Duration::from_millis(500));
+    assert_eq!(middleware_of(node.id()), Some(middleware), "neither has gone");
+    let (code, log, _) = node.stop("TERM");
+    assert_eq!(code, Some(0), "{log}");
+    let gone = || !std::path::Path::new(&format!("/proc/{middleware}")).exists();
+    let begun = Instant::now();
+    while !gone() {
+        assert!(begun.elapsed() < Duration::from_secs(5), "the middleware stays");
+        std::thread::sleep(Duration::from_millis(20));
     }
 }

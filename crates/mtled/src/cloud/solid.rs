@@ -1,7 +1,12 @@
 //! Shapes of regions inside a body, and which region a point lies in.
 
+use std::cmp::Ordering;
+
 use super::spacing::{Feature, Spacing};
 use super::vector::{Point, distance, length2};
+
+/// How far solids may reach into each other and still do no more than touch, m: rounding.
+const TOUCH: f64 = 1e-12;
 
 /// A part of space. Lengths in m, axes upright.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +87,54 @@ impl Solid {
                 Self::Box { centre: [x, y, z], size: [a, b, c] }
             }
             Self::Sphere { .. } => *self,
+        }
+    }
+
+    /// Whether another one has no part in common with it; they may touch.
+    #[must_use]
+    pub fn is_apart(&self, other: &Self) -> bool {
+        let ([a, b], [c, d]) = (self.bounds(), other.bounds());
+        if (0..3).any(|k| b[k] <= c[k] + TOUCH || d[k] <= a[k] + TOUCH) {
+            return true;
+        }
+        match (*self, *other) {
+            (Self::Sphere { centre, radius }, solid) | (solid, Self::Sphere { centre, radius }) => {
+                solid.signed(centre) >= radius - TOUCH
+            }
+            // both upright, and beside each other
+            (Self::Cylinder { centre: [x, y, _], radius, .. }, solid @ (Self::Cylinder { .. } | Self::Box { .. }))
+            | (solid @ Self::Box { .. }, Self::Cylinder { centre: [x, y, _], radius, .. }) => {
+                let level = match solid {
+                    Self::Cylinder { centre, .. } | Self::Box { centre, .. } => centre[2],
+                    _ => 0.0,
+                };
+                solid.signed([x, y, level]) >= radius - TOUCH
+            }
+            _ => false,
+        }
+    }
+
+    /// Its place in an order from the top down, of which no two that are apart have the same.
+    #[must_use]
+    pub fn from_the_top(&self, other: &Self) -> Ordering {
+        let key = |solid: &Self| {
+            let [low, high] = solid.bounds();
+            [-high[2], -low[2], low[0], low[1], high[0], high[1]]
+        };
+        let all = key(self).into_iter().zip(key(other));
+        all.map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+    }
+
+    /// The lowest and the highest corner of the upright box round it, m.
+    #[must_use]
+    pub fn bounds(&self) -> [Point; 2] {
+        const EVER: f64 = f64::INFINITY;
+        let about = |centre: Point, half: Point| [-1.0, 1.0].map(|s| [0, 1, 2].map(|k| centre[k] + s * half[k]));
+        match *self {
+            Self::Layer { bottom, top } => [[-EVER, -EVER, bottom], [EVER, EVER, top]],
+            Self::Sphere { centre, radius } => about(centre, [radius; 3]),
+            Self::Cylinder { centre, radius, height } => about(centre, [radius, radius, 0.5 * height]),
+            Self::Box { centre, size } => about(centre, size.map(|s| 0.5 * s)),
         }
     }
 
@@ -196,6 +249,32 @@ mod tests {
         let layer = Solid::Layer { bottom: 1.0, top: 3.0 };
         assert_eq!([layer.open(3.0).signed([0.0, 0.0, 3.0]), layer.open(4.0).signed([0.0, 0.0, 3.0])], [-2.0, 0.0]);
         assert_eq!([layer.signed([9.0, 0.0, 2.5]), layer.signed([0.0, 0.0, 4.0])], [-0.5, 1.0]);
+    }
+
+    #[test]
+    fn what_touches_is_apart_and_what_overlaps_is_not() {
+        let layer = |bottom: f64, top: f64| Solid::Layer { bottom, top };
+        let sphere = |centre: Point, radius: f64| Solid::Sphere { centre, radius };
+        let cylinder = |centre: Point| Solid::Cylinder { centre, radius: 1.0, height: 2.0 };
+        let cube = |centre: Point| Solid::Box { centre, size: [2.0; 3] };
+        for (a, b, apart) in [
+            (layer(0.0, 1.0), layer(1.0, 2.0), true),
+            (layer(0.0, 1.1), layer(1.0, 2.0), false),
+            (layer(0.0, 1.0), sphere([0.0, 0.0, 2.0], 1.0), true),
+            (layer(0.0, 1.0), cylinder([0.0, 0.0, 1.5]), false),
+            (sphere([0.0; 3], 1.0), sphere([1.5, 1.5, 0.0], 1.0), true),
+            (sphere([0.0; 3], 1.0), sphere([1.0, 1.0, 0.0], 1.0), false),
+            (sphere([0.0; 3], 1.0), cube([1.8, 1.8, 0.0]), true),
+            (sphere([0.0; 3], 1.0), cube([1.6, 1.6, 0.0]), false),
+            (cylinder([0.0; 3]), cylinder([1.5, 1.5, 0.5]), true),
+            (cylinder([0.0; 3]), cylinder([1.3, 1.3, 0.5]), false),
+            (cylinder([0.0; 3]), cube([1.8, 1.8, 0.5]), true),
+            (cube([1.6, 1.6, 0.5]), cylinder([0.0; 3]), false),
+            (cube([0.0; 3]), cube([2.0, 0.5, 0.5]), true),
+            (cube([0.0; 3]), cube([1.9, 0.5, 0.5]), false),
+        ] {
+            assert_eq!([a.is_apart(&b), b.is_apart(&a)], [apart; 2], "{a:?} {b:?}");
+        }
     }
 
     #[test]
