@@ -289,6 +289,17 @@ fn tissue_that_is_not_as_modelled_slows_it_and_stops_it() {
     assert!(!log.contains("panicked"), "{log}");
 }
 
+/// With the sign turned a force against the insertion is none, and the limit would never be reached.
+#[test]
+fn a_guard_whose_axis_contradicts_the_twins_ends_before_it_moves_anything() {
+    let _alone = alone();
+    let mut run = start(false, &[], &[], &["-p", "axis:=[0.0, 0.0, 1.0]", "-p", "force_limit_n:=0.01"]);
+    let guard = std::mem::replace(&mut run.guard, Program::start("true", &[], 0, &[]));
+    let (code, log) = guard.ended();
+    assert!(code == Some(1) && log.contains("the parameter axis is [0.0, 0.0, 1.0]"), "{code:?} {log}");
+    assert_eq!(run.judge.depth_m(), 0.0);
+}
+
 /// One cell of each kind of the table in docs/faults.md. A busy machine makes stops longer, and no yes.
 #[test]
 fn no_fault_leaves_a_false_yes() {
