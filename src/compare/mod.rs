@@ -12,6 +12,7 @@ pub mod least_squares;
 mod legs;
 mod metrics;
 pub mod path;
+pub mod placement;
 mod regions;
 pub mod rows;
 pub mod scale;
