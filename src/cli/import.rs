@@ -112,6 +112,7 @@ fn text_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
         }
     }
     for Extent { what, samples, from_to_s: [a, b], range: [low, high], unit } in extents(recording) {
+        let [low, high] = [low + 0.0, high + 0.0]; // no -0
         lines.push((what, format!("{samples} readings from {a:.3} to {b:.3} s, from {low:.6} to {high:.6} {unit}")));
     }
     lines.extend(files.first().map(|first| ("bag", written(first, files))));

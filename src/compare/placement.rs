@@ -69,6 +69,33 @@ pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
     ))
 }
 
+/// What to say of a force that lies across an instrument that only goes straight in: the sensor is turned.
+pub(super) fn turned(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<String> {
+    let axis = twin.pose_at_depth(0.0).axis;
+    let of = |r: &Reading| if let At::Depth(depth) = r.at { Some((depth, measured.at(r.time_s)?)) } else { None };
+    let rows: Vec<(f64, [f64; 3])> = readings.iter().filter_map(of).filter(|(d, _)| d.is_finite()).collect();
+    let idle = rows.len() / 50;
+    let zero: [f64; 3] =
+        std::array::from_fn(|k| rows.iter().take(idle.max(5)).map(|r| r.1[k]).sum::<f64>() / idle.max(5) as f64);
+    let deep = rows.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let loaded: Vec<[f64; 3]> =
+        rows.iter().filter(|(d, _)| *d > 0.8 * deep).map(|(_, f)| std::array::from_fn(|k| f[k] - zero[k])).collect();
+    let mean: [f64; 3] = std::array::from_fn(|k| loaded.iter().map(|f| f[k]).sum::<f64>() / loaded.len().max(1) as f64);
+    let along = dot(mean, axis).abs();
+    let scatter = loaded.iter().map(|f| (0..3).map(|k| (f[k] - mean[k]).powi(2)).sum::<f64>()).sum::<f64>()
+        / loaded.len().max(1) as f64;
+    let across = (dot(mean, mean) - along * along).max(0.0).sqrt();
+    let largest = (0..3).max_by(|a, b| mean[*a].abs().total_cmp(&mean[*b].abs()))?;
+    (rows.len() >= 64 && deep > 0.0 && across > along && across > 2.0 * scatter.sqrt()).then(|| {
+        format!(
+            "deep in the sample the force is mainly along {} ({:.4} N, and {along:.4} N along the instrument): the sensor is turned against the \
+             sample; give the rotation from its frame to the sample's with --sensor-rotation W,X,Y,Z",
+            ["x", "y", "z"][largest],
+            mean[largest]
+        )
+    })
+}
+
 /// The recorded depth at which the sample is likely touched, m, where by the recorded depths it never is and the load cell has clearly
 /// felt it.
 #[must_use]

@@ -4,7 +4,7 @@
 //! that of a coarse run of the model through the first millimetres. A modulus may be wrong by ten, a unit is wrong by a thousand:
 //! what is between is left to the fit.
 
-use super::placement::{misplaced, never_touched, unreached};
+use super::placement::{misplaced, never_touched, turned, unreached};
 use super::rows::Rows;
 use super::{At, ForceSeries, Reading};
 use crate::scene::{Dimension, Preset, Scene};
@@ -74,7 +74,9 @@ pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named
         return None;
     }
     let untouched = || unreached(twin, readings, measured).map(|contact_m| never_touched(contact_m, None));
-    let sign = position_sign(&pairs, shallow, deep).or_else(|| force_sign(&pairs));
+    let sign = turned(twin, readings, measured)
+        .or_else(|| position_sign(&pairs, shallow, deep))
+        .or_else(|| force_sign(&pairs));
     sign.or_else(untouched).or_else(|| size(twin, &pairs, deep, named))
 }
 

@@ -261,8 +261,9 @@ fn describe(layout: &Layout, line: usize) -> String {
     };
     let decimal = if layout.decimal_comma { "decimal comma" } else { "decimal point" };
     let headers = if layout.headers.is_some() { "with headers" } else { "without headers" };
+    let step = layout.step_s.map_or_else(String::new, |step| format!(", a row each {step} s"));
     format!(
-        "{} columns between {separator}, {decimal}, {headers}, data from line {}",
+        "{} columns between {separator}, {decimal}, {headers}, data from line {}{step}",
         layout.columns,
         line + layout.first_row + 1
     )
