@@ -9,12 +9,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// How a bag of another kind becomes one that can be read here.
-const CONVERT: &str = "convert it, for instance with `rosbags-convert --src BAG --dst NEW --dst-storage mcap` (pip install rosbags) \
-                       or with `ros2 bag convert`, and open NEW";
-
-/// How a bag that another program has packed is unpacked.
-const UNPACK: &str = "unpack it with the ROS 2 that packed it: `ros2 bag convert -i BAG -o out.yaml`, where out.yaml is `output_bags: \
-                      [{uri: NEW, storage_id: mcap, all: true}]`, and open NEW";
+fn convert(path: &Path) -> String {
+    let bag = path.display();
+    format!("convert it with `rosbags-convert --src {bag} --dst NEW --dst-storage mcap` (pip install rosbags) and open NEW")
+}
 
 /// Largest metadata.yaml that is read: a thousand topics are about a megabyte.
 const METADATA_LIMIT: u64 = 16 << 20;
@@ -50,12 +48,12 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
     if let Some(metadata) = &metadata {
         // `ros2 bag reindex` leaves it empty
         if !["mcap", ""].contains(&metadata.storage_identifier.as_str()) {
-            return Err(not_a_bag(format!("a bag with {} storage, not MCAP", metadata.storage_identifier), CONVERT));
+            return Err(not_a_bag(format!("a bag with {} storage, not MCAP", metadata.storage_identifier), &convert(folder)));
         }
         let (mode, format) = (metadata.compression_mode.to_ascii_uppercase(), metadata.compression_format.as_str());
         // files and messages that zstd has packed are read
         if !matches!(mode.as_str(), "" | "NONE") && !["zstd", ""].contains(&format) {
-            return Err(not_a_bag(format!("a bag with {mode} compression by {format}"), UNPACK));
+            return Err(not_a_bag(format!("a bag with {mode} compression by {format}"), &convert(folder)));
         }
     }
     let listed = metadata.iter().flat_map(|m| &m.relative_file_paths).filter_map(|f| inside(folder, f));
@@ -100,7 +98,7 @@ fn nothing_in(folder: &Path) -> BagError {
         .collect();
     bags.sort();
     let (found, remedy) = if paths.iter().any(|p| p.extension().is_some_and(|x| x == "db3")) {
-        ("a bag with sqlite3 storage, not MCAP", CONVERT.to_owned())
+        ("a bag with sqlite3 storage, not MCAP", convert(folder))
     } else if bags.is_empty() {
         ("no bag: there is no .mcap file in this folder", "name the folder that `ros2 bag record` made".to_owned())
     } else {
@@ -188,14 +186,15 @@ pub(super) fn check_start(path: &Path, source: &Source) -> Result<(), BagError> 
         return Ok(());
     }
     let again = "record it again, or take another copy";
+    let convert = convert(path);
     let (found, remedy) = if start.is_empty() {
         ("an empty file", again)
     } else if MAGIC.starts_with(&start) {
         ("an MCAP file that was cut off within its first 8 bytes", again)
     } else if start.starts_with(b"SQLite format 3") {
-        ("a bag with sqlite3 storage, not MCAP", CONVERT)
+        ("a bag with sqlite3 storage, not MCAP", convert.as_str())
     } else if start.starts_with(b"#ROSBAG") {
-        ("a ROS 1 bag", CONVERT)
+        ("a ROS 1 bag", convert.as_str())
     } else {
         ("not a bag: it does not start like an MCAP file", "name a rosbag2 folder or an .mcap file")
     };
