@@ -5,11 +5,11 @@ use crate::twin::{Pose, StampedPose, Twin};
 
 /// A tip that stays farther away than so many heights or reaches of the sample is in another frame, or in another unit.
 const FAR: f64 = 3.0;
-/// Units that poses come in: name, m, and the option's word.
+/// Units that poses come in, m.
 const UNITS: [(&str, f64); 4] = [("mm", 1e-3), ("um", 1e-6), ("cm", 1e-2), ("in", 0.0254)];
 /// Share of the reach that a needle may be in at the beginning.
 const BEGUN: f64 = 0.3;
-/// Poses of a coarse run, explicit steps of each, and those in which the tissue comes to rest.
+/// Poses of a coarse run.
 const POSES: u32 = 16;
 /// Depths at which a contact is looked for.
 const CONTACTS: u32 = 240;

@@ -122,7 +122,10 @@ const TABLES: &[Case] = &[
     case(8, "import tables/state_column.csv --sample-pose 0,0,0,0,0,0,1", 1, &["--sample-pose", "depths"]),
     case(9, "import @/old.bag", 1, &["a ROS 1 bag", "rosbags-convert"]),
     case(9, "import @/old.db3", 1, &["sqlite3", "rosbags-convert"]),
-    case(9, "import @/old.mat", 1, &["MATLAB", "writetable"]),
+    case(9, "import @/old.mat", 1, &["MATLAB", "writetable", "scipy.io"]),
+    case(9, "import @/new.mat", 1, &["version 7.3", "h5py"]),
+    case(9, "import @/old.npz", 1, &["NumPy", "n.load", "to_csv"]),
+    case(9, "import @/old.xlsx", 1, &["spreadsheet", "read_excel"]),
 ];
 
 const COARSE: &str = " --scene compression --set discretisation.spacing_m=0.003";
@@ -253,6 +256,9 @@ fn make(folder: &Path) {
     write("old.bag", b"#ROSBAG V2.0\n and more");
     write("old.db3", b"SQLite format 3\0 and more");
     write("old.mat", b"MATLAB 5.0 MAT-file");
+    write("new.mat", b"MATLAB 7.3 MAT-file");
+    write("old.npz", b"PK");
+    write("old.xlsx", b"PK");
     let mach1 = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/strangers/tables/mach1_three_blocks.txt");
     let manifest = format!(
         "[defaults]\nscene = \"compression\"\nset = [\"discretisation.spacing_m=0.004\"]\nfit = []\n[[recordings]]\nfile = {mach1:?}\n"

@@ -11,7 +11,9 @@ use std::path::{Path, PathBuf};
 /// How a bag of another kind becomes one that can be read here.
 fn convert(path: &Path) -> String {
     let bag = path.display();
-    format!("convert it with `rosbags-convert --src {bag} --dst NEW --dst-storage mcap` (pip install rosbags) and open NEW")
+    format!(
+        "convert it with `rosbags-convert --src {bag} --dst NEW --dst-storage mcap` (pip install rosbags) and open NEW"
+    )
 }
 
 /// Largest metadata.yaml that is read: a thousand topics are about a megabyte.
@@ -48,7 +50,10 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
     if let Some(metadata) = &metadata {
         // `ros2 bag reindex` leaves it empty
         if !["mcap", ""].contains(&metadata.storage_identifier.as_str()) {
-            return Err(not_a_bag(format!("a bag with {} storage, not MCAP", metadata.storage_identifier), &convert(folder)));
+            return Err(not_a_bag(
+                format!("a bag with {} storage, not MCAP", metadata.storage_identifier),
+                &convert(folder),
+            ));
         }
         let (mode, format) = (metadata.compression_mode.to_ascii_uppercase(), metadata.compression_format.as_str());
         // files and messages that zstd has packed are read

@@ -9,6 +9,7 @@ mod number;
 mod rows;
 
 use std::fs;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use super::{Selection, TableLayout};
@@ -31,7 +32,7 @@ pub enum TableError {
         source: std::io::Error,
     },
     /// A file of another program.
-    #[error("{}: {what} is not read; save it as CSV text ({how})", .path.display())]
+    #[error("{}: {what} is not read; make a CSV of it: {how}", .path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
@@ -122,16 +123,34 @@ pub struct Table {
     pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
 }
 
-/// Files that are no text.
+/// Files that are no text, with the one line of Python that makes a table of them.
 fn refuse_foreign(path: &Path) -> Result<(), TableError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let foreign = match extension.as_str() {
-        "mat" => ("a MATLAB file", "in MATLAB: writetable, writetimetable or writematrix"),
-        "xlsx" | "xls" | "ods" => ("a spreadsheet", "in the spreadsheet program: save as CSV"),
-        "tdms" => ("a TDMS file", "in LabVIEW or DIAdem: export as text"),
+    let file = path.display();
+    let frame = |imports: &str, frame: &str| {
+        format!("python -c \"import {imports}, pandas as p; p.{frame}.to_csv('{file}.csv', index=False)\"")
+    };
+    let variables = "DataFrame({k: v.ravel() for k, v in s.loadmat('FILE').items() if k[0] != '_'})";
+    let datasets = "DataFrame({k: v[:].ravel() for k, v in h.File('FILE').items() if isinstance(v, h.Dataset)})";
+    let (what, imports, code) = match extension.as_str() {
+        "mat" if starts_with(path, b"MATLAB 7.3") => ("a MATLAB file of version 7.3", "h5py as h", datasets),
+        "mat" => ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s", variables),
+        "xlsx" | "xls" | "ods" => ("a spreadsheet", "openpyxl", "read_excel('FILE')"),
+        "npy" => ("an array of NumPy", "numpy as n", "DataFrame(n.load('FILE'))"),
+        "npz" => ("an archive of NumPy", "numpy as n", "DataFrame(dict(n.load('FILE')))"),
+        "h5" | "hdf5" => ("an HDF5 file", "h5py as h", datasets),
+        "tdms" => ("a TDMS file", "nptdms as t", "DataFrame(t.TdmsFile.read('FILE').as_dataframe())"),
+        "parquet" => ("a Parquet file", "pyarrow", "read_parquet('FILE')"),
         _ => return Ok(()),
     };
-    Err(TableError::Foreign { path: path.to_owned(), what: foreign.0, how: foreign.1.to_owned() })
+    let how = frame(imports, &code.replace("FILE", &file.to_string()));
+    Err(TableError::Foreign { path: path.to_owned(), what, how })
+}
+
+/// Whether a file can be read and begins so.
+fn starts_with(path: &Path, bytes: &[u8]) -> bool {
+    let mut start = vec![0; bytes.len()];
+    fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok() && start == bytes)
 }
 
 impl Table {

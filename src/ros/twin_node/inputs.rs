@@ -164,7 +164,9 @@ impl<'a> Intake<'a> {
         let adapter = Adapter { joint: &settings.joint_name, frame_id: &self.frame_id };
         let taken = adapter.depth(message).map(Where::Depth);
         // other robots may say theirs on the same topic
-        if matches!(taken, Err(Refusal::NoSuchJoint { .. })) && self.source.is_some_and(|(s, _)| s.topic == "measured_js") {
+        if matches!(taken, Err(Refusal::NoSuchJoint { .. }))
+            && self.source.is_some_and(|(s, _)| s.topic == "measured_js")
+        {
             return;
         }
         self.offer(Source { topic: "measured_js", origin }, message.header.stamp, taken);
