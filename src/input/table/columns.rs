@@ -245,7 +245,7 @@ impl Finder<'_> {
         let own = cells(index);
         if self.layout.kind(index) != Kind::Time {
             // 20260304 beside a time of day is a date
-            let day = clock::format_of(&own, |cell, format| clock::date(cell, format)).filter(|_| own.len() > 1);
+            let day = clock::format_of(&own, clock::date).filter(|_| own.len() > 1);
             return Ok(match day.filter(|_| self.layout.kind(index + 1) == Kind::Time) {
                 Some(format) => Clock::Date(format, [index, index + 1]),
                 None if self.has_nanoseconds(index) => Clock::Nanoseconds(index + 1),

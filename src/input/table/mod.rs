@@ -136,7 +136,7 @@ fn refuse_foreign(path: &Path) -> Result<(), TableError> {
         "mat" if starts_with(path, b"MATLAB 7.3") => ("a MATLAB file of version 7.3", "h5py as h", datasets),
         "mat" => ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s", variables),
         "xlsx" | "xls" | "ods" => ("a spreadsheet", "openpyxl", "read_excel('FILE')"),
-        "npy" => ("an array of NumPy", "numpy as n", "DataFrame(n.load('FILE'))"),
+        "npy" => ("an array of NumPy", "numpy as n", "DataFrame(n.load('FILE')).add_prefix('c')"),
         "npz" => ("an archive of NumPy", "numpy as n", "DataFrame(dict(n.load('FILE')))"),
         "h5" | "hdf5" => ("an HDF5 file", "h5py as h", datasets),
         "tdms" => ("a TDMS file", "nptdms as t", "DataFrame(t.TdmsFile.read('FILE').as_dataframe())"),

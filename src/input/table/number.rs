@@ -7,10 +7,10 @@ const GROUPS: [char; 5] = ['\'', '’', ' ', '\u{a0}', '\u{202f}'];
 pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     let cell = cell.trim();
     let (point, other) = if decimal_comma { (',', '.') } else { ('.', ',') };
-    if cell.contains(other) || cell.contains(GROUPS) {
-        if let Some(plain) = ungrouped(cell, point, other) {
-            return plain.parse().ok();
-        }
+    if (cell.contains(other) || cell.contains(GROUPS))
+        && let Some(plain) = ungrouped(cell, point, other)
+    {
+        return plain.parse().ok();
     }
     if decimal_comma && cell.contains(',') { cell.replace(',', ".").parse().ok() } else { cell.parse().ok() }
 }
