@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::recorded::SourceOptions;
 use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
-use crate::input::{Column, Recording, RecordingError, Table, TopicNames, tables};
+use crate::input::{self, Column, Recording, RecordingError, Table, TopicNames, tables};
 
 /// Make a bag of tables as text (CSV, TSV), or of a bag with other topics and units
 ///
@@ -52,11 +52,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let mut sources = arguments.sources.clone();
     sources.force_topic = sources.force_topic.or_else(|| arguments.force_column.clone());
     let said = sources.selection(TopicNames::default());
-    let is_bag = matches!(&arguments.files[..], [bag] if bag.is_dir() || bag.extension().is_some_and(|e| e == "mcap"));
+    let is_bag = matches!(&arguments.files[..], [bag] if input::is_bag(bag));
     let read = if is_bag { Vec::new() } else { tables(&arguments.files, &said).map_err(RecordingError::from)? };
     let recording = match is_bag {
         true => Recording::open(&arguments.files, &said)?,
-        false => Recording::of_tables(&read, &said).map_err(RecordingError::from)?,
+        false => Recording::of_tables(&read, &said)?,
     };
     recording.warnings.iter().for_each(|text| warn(text));
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
@@ -70,9 +70,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
 /// Each column with what it is taken for.
 fn columns(table: &Table) -> Vec<(&'static str, &Column)> {
     let of = &table.columns;
-    let one = [("time", &of.time), ("position", &of.position), ("force", &of.force)];
-    let mut all: Vec<_> = one.into_iter().filter_map(|(what, column)| column.as_ref().map(|c| (what, c))).collect();
+    let time = of.time.as_ref().map(|(column, _)| column);
+    let one = [("time", time), ("position", of.position.as_ref()), ("force", of.force.as_ref())];
+    let mut all: Vec<_> = one.into_iter().filter_map(|(what, column)| column.map(|c| (what, c))).collect();
     all.extend(of.pose.iter().flat_map(|pose| ["x", "y", "z"].into_iter().zip(pose)));
+    all.extend(of.orientation.iter().flat_map(|axis| ["qx", "qy", "qz", "qw"].into_iter().zip(axis)));
+    all.extend(of.forces.iter().flat_map(|force| ["force x", "force y", "force z"].into_iter().zip(force)));
     all
 }
 
@@ -102,12 +105,14 @@ fn text_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
     for table in read {
         lines.push(("table", format!("{}: {}, {} rows", table.file, table.layout, table.rows)));
         for (what, column) in columns(table) {
-            let Column { index, name, unit, scale } = column;
+            let Column { index, name, unit, scale, zero } = column;
             let sign = if *scale < 0.0 { ", sign turned" } else { "" };
-            lines.push((what, format!("column {} `{name}`, in {unit}{sign}", index + 1)));
+            let zero = if *zero == 0.0 { String::new() } else { format!(", counted from {zero}") };
+            lines.push((what, format!("column {} `{name}`, in {unit}{zero}{sign}", index + 1)));
         }
     }
     for Extent { what, samples, from_to_s: [a, b], range: [low, high], unit } in extents(recording) {
+        let [low, high] = [low + 0.0, high + 0.0]; // no -0
         lines.push((what, format!("{samples} readings from {a:.3} to {b:.3} s, from {low:.6} to {high:.6} {unit}")));
     }
     lines.extend(files.first().map(|first| ("bag", written(first, files))));
@@ -119,7 +124,7 @@ fn text_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
 }
 
 fn json_of(read: &[Table], recording: &Recording, files: &[PathBuf]) -> String {
-    let column = |(what, c): (&str, &Column)| json!({ "what": what, "column": c.index + 1, "header": c.name, "unit": c.unit, "si_per_unit": c.scale });
+    let column = |(what, c): (&str, &Column)| json!({ "what": what, "column": c.index + 1, "header": c.name, "unit": c.unit, "si_per_unit": c.scale, "zero": c.zero });
     let table = |t: &Table| {
         let taken: Vec<Value> = columns(t).into_iter().map(column).collect();
         json!({ "file": t.file, "layout": t.layout, "rows": t.rows, "rows_without_numbers": t.bad, "columns": taken })

@@ -104,8 +104,8 @@ impl TopicOptions {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Recording")]
 pub(super) struct SourceOptions {
-    /// What the depth is: a topic (JointState, Range, Float64, Float32; /daq[0] of a Float64MultiArray), or a column by its header
-    /// or its number from 1
+    /// What the position is: a topic (JointState, Range, Float64, Float32; /daq[0] of a Float64MultiArray; PoseStamped,
+    /// TransformStamped, PointStamped), or a column by its header or its number from 1
     #[arg(long, value_name = "TOPIC|COLUMN", visible_alias = "position")]
     pub position_topic: Option<String>,
 
@@ -117,7 +117,15 @@ pub(super) struct SourceOptions {
     #[arg(long, value_name = "SIGN", value_parser = reversed, allow_negative_numbers = true)]
     pub position_sign: Option<bool>,
 
-    /// What the force is: a topic (WrenchStamped, Float64, Float32; /daq[1] of a Float64MultiArray), or a column
+    /// Recorded number of the position at first contact: depth 0 is there
+    #[arg(long, value_name = "V", value_parser = finite, default_value_t = 0.0, allow_negative_numbers = true)]
+    pub position_zero: f64,
+
+    /// What one of the recorded numbers of the position is, in its unit: 0.001 for an encoder with 1000 counts per mm
+    #[arg(long, value_name = "V", value_parser = positive)]
+    pub position_scale: Option<f64>,
+
+    /// What the force is: a topic (WrenchStamped, Wrench, Float64, Float32; /daq[1] of a Float64MultiArray), or a column
     #[arg(long, value_name = "TOPIC|COLUMN", visible_alias = "force-column")]
     pub force_topic: Option<String>,
 
@@ -128,6 +136,15 @@ pub(super) struct SourceOptions {
     /// -1 where the load cell counts the force on the tissue
     #[arg(long, value_name = "SIGN", value_parser = reversed, allow_negative_numbers = true)]
     pub force_sign: Option<bool>,
+
+    /// Turns the force from the frame of the sensor into that of the sample: a quaternion
+    #[arg(long, value_name = "W,X,Y,Z", value_parser = quaternion, allow_hyphen_values = true)]
+    pub sensor_rotation: Option<[f64; 4]>,
+
+    /// Pose of the sample in the frame of the recorded poses: the centre of its bottom face in m and its orientation (z up, out of the
+    /// surface)
+    #[arg(long, value_name = "X,Y,Z,QX,QY,QZ,QW", value_parser = pose, allow_hyphen_values = true)]
+    pub sample_pose: Option<[f64; 7]>,
 
     /// How late the force's stamps are against the position's: taken off them
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
@@ -145,17 +162,26 @@ pub(super) struct TableOptions {
     #[arg(long, value_name = "COLUMN")]
     pub time: Vec<String>,
 
-    /// Unit of the time: s, ms, us, ns, min, h [default: as the column's header says]
+    /// Unit of the time: s, ms, us, ns, min, h; once for each file where they differ [default: as the column's header says]
     #[arg(long, value_name = "UNIT")]
-    pub time_unit: Option<String>,
+    pub time_unit: Vec<String>,
 
     /// Rows per second, of a table without time
     #[arg(long, value_name = "R", value_parser = positive, conflicts_with = "time")]
     pub rate_hz: Option<f64>,
 
-    /// Columns of the tip in the sample's frame, in place of a depth; the instrument points down
-    #[arg(long, value_name = "X,Y,Z", value_parser = three_columns)]
-    pub pose_columns: Option<[String; 3]>,
+    /// Columns of the tip in the sample's frame, in place of a depth; the instrument points down, or as the quaternion of four more
+    /// columns says
+    #[arg(long, value_name = "X,Y,Z[,QX,QY,QZ,QW]", value_parser = pose_columns)]
+    pub pose_columns: Option<PoseColumns>,
+
+    /// Columns of the force's three components, in place of one force; an empty column: not measured
+    #[arg(long, value_name = "X,Y,Z", value_parser = columns::<3>, conflicts_with = "force_topic")]
+    pub force_columns: Option<[String; 3]>,
+
+    /// Which of several recordings that stand one after the other in the file, from 1
+    #[arg(long, value_name = "N")]
+    pub block: Option<usize>,
 
     /// Columns of tracked points in the sample's frame, x, y and z of each, in the position's unit; an empty cell: not seen
     #[arg(long, value_name = "X,Y,Z,...", value_delimiter = ',')]
@@ -194,10 +220,40 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0).ok_or_else(|| "a positive number".to_owned())
 }
 
-fn three_columns(text: &str) -> Result<[String; 3], String> {
+/// Columns of a tip and, where there are such, of its orientation.
+type PoseColumns = ([String; 3], Option<[String; 4]>);
+
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "a finite number".to_owned())
+}
+
+fn columns<const N: usize>(text: &str) -> Result<[String; N], String> {
     let names: Vec<String> = text.split(',').map(str::to_owned).collect();
     let named = names.iter().all(|name| !name.is_empty());
-    <[String; 3]>::try_from(names).ok().filter(|_| named).ok_or_else(|| "three columns, `X,Y,Z`".to_owned())
+    let word = if N == 3 { "three columns, `X,Y,Z`" } else { "four columns" };
+    <[String; N]>::try_from(names).ok().filter(|_| named).ok_or_else(|| word.to_owned())
+}
+
+fn pose_columns(text: &str) -> Result<PoseColumns, String> {
+    match text.match_indices(',').nth(2) {
+        Some((end, _)) if text.matches(',').count() == 6 => {
+            Ok((columns(&text[..end])?, Some(columns(&text[end + 1..])?)))
+        }
+        _ => Ok((columns(text).map_err(|e| format!("{e}, or seven with a quaternion"))?, None)),
+    }
+}
+
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let numbers = text.split(',').map(|part| finite(part.trim())).collect::<Result<Vec<f64>, _>>().ok()?;
+    numbers.try_into().ok()
+}
+
+fn quaternion(text: &str) -> Result<[f64; 4], String> {
+    numbers(text).ok_or_else(|| "four numbers, `W,X,Y,Z`".to_owned())
+}
+
+fn pose(text: &str) -> Result<[f64; 7], String> {
+    numbers(text).ok_or_else(|| "seven numbers, `X,Y,Z,QX,QY,QZ,QW`".to_owned())
 }
 
 fn separator(text: &str) -> Result<char, String> {
@@ -218,17 +274,23 @@ impl SourceOptions {
             place: place.clone(),
             unit: unit.clone(),
             reversed: reversed.unwrap_or(false),
+            ..Quantity::default()
         };
+        let position = quantity(&self.position_topic, &self.position_unit, self.position_sign);
         let table = &self.table;
         Selection {
             names,
-            position: quantity(&self.position_topic, &self.position_unit, self.position_sign),
+            position: Quantity { zero: self.position_zero, factor: self.position_scale, ..position },
             force: quantity(&self.force_topic, &self.force_unit, self.force_sign),
             time_offset_s: self.time_offset_s,
             time: table.time.clone(),
             time_unit: table.time_unit.clone(),
             rate_hz: table.rate_hz,
-            pose: table.pose_columns.clone(),
+            pose: table.pose_columns.as_ref().map(|(tip, _)| tip.clone()),
+            orientation: table.pose_columns.as_ref().and_then(|(_, orientation)| orientation.clone()),
+            forces: table.force_columns.clone(),
+            sensor_rotation: self.sensor_rotation,
+            sample_pose: self.sample_pose,
             markers: table.marker_columns.clone(),
             gauge_length_m: table.gauge_length_m,
             layout: TableLayout {
@@ -236,6 +298,7 @@ impl SourceOptions {
                 decimal_comma: table.decimal_comma,
                 header_line: table.header_line,
                 comment: table.comment.clone(),
+                block: table.block,
             },
         }
     }

@@ -8,6 +8,7 @@ use super::progress::Progress;
 use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
 use crate::compare::ensemble::{Answered, Driven};
+use crate::compare::placement::{never_touched, unreached};
 use crate::compare::scale::mistaken;
 use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run, Watch as _};
 use crate::input::Recording;
@@ -111,7 +112,15 @@ pub(super) fn refuse_mistaken(
     forced: bool,
     progress: &Progress,
 ) -> Result<(), CliError> {
-    match mistaken(twin, readings, measured, recording.scene.as_deref()) {
+    let found = mistaken(twin, readings, measured, recording.scene.as_deref());
+    let [m_per_number, zero] = recording.position_scale;
+    let reading = |contact_m: f64| never_touched(contact_m, Some(contact_m / m_per_number + zero));
+    // the same with the number that the user's sensor shows
+    let found = found.map(|what| match unreached(twin, readings, measured) {
+        Some(contact_m) if what == never_touched(contact_m, None) => reading(contact_m),
+        _ => what,
+    });
+    match found {
         Some(what) if forced => progress.warn(&what),
         Some(what) => return Err(CliError::Mistaken(what)),
         None => {}

@@ -22,7 +22,7 @@ use super::path::ForcePath;
 use super::rows::Rows;
 use super::uncertainty::{FORCE_ERROR, Uncertainty};
 use super::{Answer, Run};
-use problem::{LINEAR, Problem, most_m};
+use problem::{LINEAR, Problem, reach_m};
 
 pub use problem::Beside;
 
@@ -95,7 +95,7 @@ impl Alignment {
             let Found { value, error } = self.contact_depth_m;
             reasons.push(format!(
                 "the sample is touched at a recorded depth of {:.3} mm (standard error {:.3} mm): zero the displacement sensor at first \
-                 contact; `calibrate` takes it out",
+                 contact, or give its reading there with --position-zero; `calibrate` takes it out",
                 1e3 * value,
                 1e3 * error.unwrap_or(0.0)
             ));
@@ -143,7 +143,8 @@ fn beginning(rows: &Rows, zero_n: f64) -> Option<Rows> {
 fn steady(path: &ForcePath, rows: &Rows, found: Alignment) -> Alignment {
     let Found { value: whole, error: Some(_) } = found.contact_depth_m else { return found };
     let with = |contact: Found| Alignment { contact_depth_m: contact, ..found };
-    if whole.abs() >= most_m(rows.deepest_m()) {
+    let [least, most] = reach_m(rows.deepest_m());
+    if whole <= least || whole >= most {
         return with(Found { value: whole, error: None });
     }
     let clock = found.time_offset_s.value;
@@ -179,8 +180,8 @@ fn search(problem: &Problem, rows: &Rows, start: [f64; 2], timed: bool) -> Optio
         let mut share = 1.0;
         let next = loop {
             let tau = if timed { at[1] + share * step[1] } else { start[1] };
-            let most = most_m(rows.deepest_m());
-            let to = [(at[0] + share * step[0]).clamp(-most, most), tau];
+            let [least, most] = reach_m(rows.deepest_m());
+            let to = [(at[0] + share * step[0]).clamp(least, most), tau];
             match problem.linear(to) {
                 Some((x, l)) if l < left => break Some((to, x, l)),
                 _ if share < 0.01 => break None,

@@ -135,6 +135,11 @@ impl Collector {
         self.run.one_clock = one_clock;
     }
 
+    /// Says of which times nothing was recorded, from and to, s.
+    pub(super) fn over_holes(&mut self, holes: &[[f64; 2]]) {
+        self.run.holes = holes.to_vec();
+    }
+
     fn note_health(&mut self, prediction: &Prediction) {
         let health = &prediction.health;
         self.energy_ratio.push(health.kinetic_to_strain_energy);

@@ -82,6 +82,7 @@ pub fn drive(
     watch: &mut dyn Watch,
 ) -> Run {
     collector.on_one_clock(measured.is_some_and(ForceSeries::one_clock));
+    collector.over_holes(measured.map_or(&[], ForceSeries::holes));
     if let Some(flag) = watch.stop_flag() {
         twin.stop_on(flag);
     }
@@ -123,6 +124,10 @@ pub fn drive(
                 watch.progress(done, None);
             }
         }
+    }
+    let compared = collector.run().answers.iter().any(|answer| answer.measured_n.is_some());
+    if measured.is_some_and(|series| !series.is_empty()) && !compared {
+        collector.lost("nothing was compared: no force was measured at the time of an answered pose".to_owned());
     }
     collector.finish(twin)
 }

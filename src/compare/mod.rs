@@ -13,6 +13,7 @@ pub mod least_squares;
 mod legs;
 mod metrics;
 pub mod path;
+pub mod placement;
 mod regions;
 pub mod rows;
 pub mod scale;
@@ -212,6 +213,8 @@ pub struct Run {
     pub scene_toml: String,
     /// Whether force and position were stamped by one clock.
     pub one_clock: bool,
+    /// Times of which nothing was recorded though the instrument may have moved, from and to, s of the recording.
+    pub holes: Vec<[f64; 2]>,
     /// Word for what ran: `replay`, `solve`, `demo`.
     pub command: String,
     /// What members with other values of uncertain keys say, where there are some.

@@ -4,6 +4,7 @@
 //! that of a coarse run of the model through the first millimetres. A modulus may be wrong by ten, a unit is wrong by a thousand:
 //! what is between is left to the fit.
 
+use super::placement::{misplaced, never_touched, turned, unreached};
 use super::rows::Rows;
 use super::{At, ForceSeries, Reading};
 use crate::scene::{Dimension, Preset, Scene};
@@ -41,7 +42,7 @@ const LEAST: usize = 64;
 const NONSENSE: f64 = 0.01;
 
 /// Depth and axial force of the readings that have one, in the order of time.
-fn pairs(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Vec<(f64, f64)> {
+pub(super) fn pairs(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Vec<(f64, f64)> {
     let axial = |reading: &Reading| {
         let (depth, axis) = match reading.at {
             At::Depth(depth) => (depth, twin.pose_at_depth(0.0).axis),
@@ -61,6 +62,9 @@ pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named
     if all.len() < LEAST {
         return None;
     }
+    if let Some(fault) = misplaced(twin, readings) {
+        return Some(fault);
+    }
     let [shallow, deep] = ends(&all);
     if let Some(fault) = position_unit(twin, shallow, deep) {
         return Some(fault);
@@ -69,7 +73,11 @@ pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named
     if pairs.len() < LEAST {
         return None;
     }
-    position_sign(&pairs, shallow, deep).or_else(|| force_sign(&pairs)).or_else(|| size(twin, &pairs, deep, named))
+    let untouched = || unreached(twin, readings, measured).map(|contact_m| never_touched(contact_m, None));
+    let sign = turned(twin, readings, measured)
+        .or_else(|| position_sign(&pairs, shallow, deep))
+        .or_else(|| force_sign(&pairs));
+    sign.or_else(untouched).or_else(|| size(twin, &pairs, deep, named))
 }
 
 fn depth(twin: &Twin, reading: &Reading) -> f64 {
@@ -98,10 +106,13 @@ fn position_unit(twin: &Twin, shallow: f64, deep: f64) -> Option<String> {
     let likely = likely.min_by(|a, b| score(a).total_cmp(&score(b)));
     let unit = likely.map_or_else(
         || "no unit of length makes it fit".to_owned(),
-        |(name, m, _)| format!("the position is likely in {name} (then {:.4} m): it must be in m", largest * m),
+        |(name, m, _)| {
+            let word = if *name == "inches" { "in" } else { name };
+            format!("the position is likely in {name} (then {:.4} m): give --position-unit {word}", largest * m)
+        },
     );
     Some(format!(
-        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}. Convert it, or give the right scene",
+        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}, or the right scene",
         twin.height_m()
     ))
 }
@@ -137,7 +148,7 @@ fn position_sign(pairs: &[(f64, f64)], shallow: f64, deep: f64) -> Option<String
 }
 
 /// The way in, up to the deepest reading.
-fn way_in(pairs: &[(f64, f64)]) -> &[(f64, f64)] {
+pub(super) fn way_in(pairs: &[(f64, f64)]) -> &[(f64, f64)] {
     let deepest = pairs.iter().enumerate().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).map_or(0, |d| d.0);
     &pairs[..=deepest]
 }
@@ -153,10 +164,15 @@ fn force_sign(pairs: &[(f64, f64)]) -> Option<String> {
     })
 }
 
+/// Makes a run a coarse one.
+pub(super) fn limit_steps(double: &mut Twin, of: &Twin) {
+    double.limit_steps(STEPS[usize::from(of.dimension() != Dimension::Axisymmetric)]);
+}
+
 /// Predicted force at the end of a coarse run to a depth, N, from the undeformed state.
 fn probe(twin: &Twin, depth_m: f64) -> Option<f64> {
     let mut double = twin.double();
-    double.limit_steps(STEPS[usize::from(twin.dimension() != Dimension::Axisymmetric)]);
+    limit_steps(&mut double, twin);
     let mut force = None;
     for k in 1..=POSES + RESTING {
         let depth = depth_m * f64::from(k.min(POSES)) / f64::from(POSES);
@@ -177,7 +193,7 @@ fn measured_at(pairs: &[(f64, f64)], depth_m: f64) -> Option<f64> {
 }
 
 /// Standard deviation of a reading, by second differences, N.
-fn noise(pairs: &[(f64, f64)]) -> f64 {
+pub(super) fn noise(pairs: &[(f64, f64)]) -> f64 {
     let mut seconds: Vec<f64> = pairs.windows(3).map(|w| (w[0].1 - 2.0 * w[1].1 + w[2].1).abs()).collect();
     seconds.sort_unstable_by(f64::total_cmp);
     seconds[seconds.len() / 2] / (0.6745 * 6f64.sqrt())

@@ -14,6 +14,7 @@ pub struct ForceSeries {
     longest_gap_s: f64,
     left_out: usize,
     one_clock: bool,
+    holes: Vec<[f64; 2]>,
 }
 
 impl ForceSeries {
@@ -35,7 +36,8 @@ impl ForceSeries {
         let mut intervals: Vec<f64> = samples.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         intervals.sort_unstable_by(f64::total_cmp);
         let median = intervals.get(intervals.len() / 2).copied().unwrap_or(0.0);
-        Self { samples, longest_gap_s: (GAP_INTERVALS * median).max(LEAST_GAP_S), left_out, one_clock: false }
+        let longest_gap_s = (GAP_INTERVALS * median).max(LEAST_GAP_S);
+        Self { samples, longest_gap_s, left_out, one_clock: false, holes: Vec::new() }
     }
 
     /// Says that force and position were stamped by one clock, so that no offset between them is looked for.
@@ -48,6 +50,18 @@ impl ForceSeries {
     #[must_use]
     pub const fn one_clock(&self) -> bool {
         self.one_clock
+    }
+
+    /// Says when nothing was recorded though the instrument may have moved, from and to, s.
+    #[must_use]
+    pub fn with_holes(self, holes: Vec<[f64; 2]>) -> Self {
+        Self { holes, ..self }
+    }
+
+    /// Times of which nothing was recorded, from and to, s.
+    #[must_use]
+    pub fn holes(&self) -> &[[f64; 2]] {
+        &self.holes
     }
 
     /// What was left out, in one sentence, if anything was.

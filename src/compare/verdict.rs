@@ -120,6 +120,17 @@ impl Verdict {
         Self { reasons: other.reasons.into_iter().map(named).collect(), ..other }
     }
 
+    /// No model explains what was not recorded.
+    pub fn over_holes(&mut self, holes: &[[f64; 2]]) {
+        let Some([from, to]) = holes.first() else { return };
+        if self.explains == Explains::Yes {
+            self.explains = Explains::InPart;
+        }
+        self.reasons.push(format!(
+            "the recording has a hole from {from:.3} to {to:.3} s: what is on its other side was reached by a motion that is not known"
+        ));
+    }
+
     /// The first line of a summary: the verdict and its chi-square.
     #[must_use]
     pub fn line(&self) -> String {
@@ -352,6 +363,7 @@ impl Run {
         if verdict.explains != Explains::Yes && verdict.explains != Explains::NoMeasurement {
             verdict.reasons.extend(self.alignment().map(|a| a.reasons()).unwrap_or_default());
         }
+        verdict.over_holes(&self.holes);
         verdict.reasons.extend(self.unstable());
         if let Some(reason) = &self.diverged {
             verdict.reasons.push(format!("the model diverged: {reason}"));

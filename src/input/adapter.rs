@@ -49,7 +49,8 @@ pub enum Refusal {
     /// The pose is in another frame.
     #[error(
         "it is in frame `{found}`, the twin needs `{wanted}` (origin at the centre of the sample's bottom face, z up): \
-         transform it, or name the frame (frame_id of the node, --frame-id of a replay)"
+         transform it (--sample-pose of a replay: the sample's pose in `{found}`), or name the frame if it is the sample's (frame_id of \
+         the node, --frame-id of a replay)"
     )]
     WrongFrame {
         /// What the twin needs.
@@ -106,7 +107,7 @@ impl Adapter<'_> {
 }
 
 /// The instrument points along +z of its own frame (CRTK's tool frame): third column of the rotation matrix.
-fn forward(q: Quaternion) -> Result<[f64; 3], Refusal> {
+pub(super) fn forward(q: Quaternion) -> Result<[f64; 3], Refusal> {
     let norm = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
     if !ROTATION.contains(&norm) {
         return Err(Refusal::NoRotation { norm });

@@ -5,7 +5,10 @@
 
 use ros2_messages::RosMessage;
 use ros2_messages::builtin_interfaces::Time;
-use ros2_messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};
+use ros2_messages::geometry_msgs::{
+    PointStamped, Pose, PoseStamped, PoseWithCovarianceStamped, Quaternion, TransformStamped, Vector3, Wrench,
+    WrenchStamped,
+};
 use ros2_messages::sensor_msgs::{JointState, Range};
 use ros2_messages::std_msgs::{Float32, Float64, Float64MultiArray, Header};
 use rosbag2_mcap::{BagReader, Message};
@@ -129,6 +132,42 @@ fn find(
     })
 }
 
+/// Types of a topic that is the tip's pose.
+pub(super) const POSES: [&str; 4] =
+    [PoseStamped::TYPE, TransformStamped::TYPE, PoseWithCovarianceStamped::TYPE, PointStamped::TYPE];
+/// Types of a topic that is a force with three components.
+pub(super) const WRENCHES: [&str; 2] = [WrenchStamped::TYPE, Wrench::TYPE];
+/// Orientation of an instrument that points straight down: half a turn about x.
+const DOWN: Quaternion = Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 };
+
+/// The tip's pose of a message of one of [`POSES`]; of a point the instrument points straight down.
+pub(super) fn pose_of(bag: &BagReader, message: &Message) -> Result<PoseStamped, String> {
+    let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
+    if kind == TransformStamped::TYPE {
+        let TransformStamped { header, transform, .. } = bag.decode(message)?;
+        let position = <[f64; 3]>::from(transform.translation).into();
+        return Ok(PoseStamped { header, pose: Pose { position, orientation: transform.rotation } });
+    }
+    if kind == PointStamped::TYPE {
+        let PointStamped { header, point } = bag.decode(message)?;
+        return Ok(PoseStamped { header, pose: Pose { position: point, orientation: DOWN } });
+    }
+    if kind == PoseWithCovarianceStamped::TYPE {
+        let PoseWithCovarianceStamped { header, pose } = bag.decode(message)?;
+        return Ok(PoseStamped { header, pose: pose.pose });
+    }
+    bag.decode(message)
+}
+
+/// The wrench of a message of one of [`WRENCHES`].
+pub(super) fn wrench_of(bag: &BagReader, message: &Message) -> Result<WrenchStamped, String> {
+    let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
+    if kind == Wrench::TYPE {
+        return Ok(WrenchStamped { header: unstamped(message, ""), wrench: bag.decode(message)? });
+    }
+    bag.decode(message)
+}
+
 /// A message's own stamp, or the time of its recording.
 fn stamped(header: Header, message: &Message) -> Header {
     if header.stamp.is_zero() { Header { stamp: recorded(message), ..header } } else { header }
@@ -205,8 +244,8 @@ impl ForceSource {
     /// # Errors
     /// [`ForeignError`].
     pub fn check(&self, bag: &BagReader) -> Result<usize, ForeignError> {
-        let types = [WrenchStamped::TYPE, Float64::TYPE, Float32::TYPE, Float64MultiArray::TYPE];
-        let wanted = "geometry_msgs/msg/WrenchStamped, std_msgs/msg/Float64, std_msgs/msg/Float32 or an element of \
+        let types = [WrenchStamped::TYPE, Wrench::TYPE, Float64::TYPE, Float32::TYPE, Float64MultiArray::TYPE];
+        let wanted = "geometry_msgs/msg/WrenchStamped, geometry_msgs/msg/Wrench, std_msgs/msg/Float64, std_msgs/msg/Float32 or an element of \
                       std_msgs/msg/Float64MultiArray";
         find(bag, &self.topic, "force_topic", &types, wanted)
     }
@@ -217,8 +256,8 @@ impl ForceSource {
     /// Why it says none.
     pub fn convert(&self, bag: &BagReader, message: &Message) -> Result<WrenchStamped, String> {
         let kind = bag.topics().get(message.topic).map_or("", |t| t.type_name.as_str());
-        if kind == WrenchStamped::TYPE {
-            let from: WrenchStamped = bag.decode(message)?;
+        if [WrenchStamped::TYPE, Wrench::TYPE].contains(&kind) {
+            let from = wrench_of(bag, message)?;
             let mut header = stamped(from.header, message);
             if header.frame_id.is_empty() {
                 header.frame_id.clone_from(&self.frame_id);

@@ -1,7 +1,10 @@
 //! What comes in: depths, poses and forces, from messages live or recorded, and from tables.
 
 mod adapter;
+mod clocks;
 mod foreign;
+mod frame;
+mod holes;
 mod order;
 mod readings;
 mod recording;
@@ -14,9 +17,10 @@ mod write;
 
 pub use adapter::{Adapter, Refusal};
 pub use foreign::{ForceSource, ForeignError, PositionSource};
+pub use frame::FrameError;
 pub use recording::{
-    DepthSample, ForceSample, MarkerSample, PoseSample, Recording, RecordingError, TopicNames, tables,
+    DepthSample, ForceSample, MarkerSample, PoseSample, Recording, RecordingError, TopicNames, is_bag, tables,
 };
 pub use selection::{Quantity, Selection, TableLayout, UnknownUnit};
-pub use table::{Column, Columns, Table, TableError};
+pub use table::{Clock, Column, Columns, Table, TableError, blocks};
 pub use unit::Dimension;

@@ -17,17 +17,21 @@ type Samples<V> = Vec<(i64, V)>;
 pub(super) struct Ordered<V> {
     /// In order, no stamp twice.
     pub samples: Samples<V>,
+    /// Samples with the stamp of another and a value of their own: spread over the time to the next stamp.
+    pub spread: usize,
+    /// Samples that could not be spread since there is one stamp only.
+    pub one_time: usize,
     /// Samples that were left out since their stamps are of another time.
     pub strays: usize,
     /// Samples of a second recording, which were left out.
     pub second: usize,
     /// Whether the order was not that of the stamps.
     pub sorted: bool,
-    /// Samples that repeated a stamp.
+    /// Samples that repeated another, stamp and value.
     pub repeated: usize,
 }
 
-impl<V> Ordered<V> {
+impl<V: PartialEq> Ordered<V> {
     /// Orders samples that come as they were recorded.
     pub fn new(samples: Samples<V>) -> Self {
         let all = samples.len();
@@ -36,9 +40,48 @@ impl<V> Ordered<V> {
         let sorted = !samples.is_sorted_by_key(|(time, _)| *time);
         samples.sort_by_key(|(time, _)| *time);
         let before = samples.len();
-        samples.dedup_by_key(|(time, _)| *time);
-        Self { strays, second, sorted, repeated: before - samples.len(), samples }
+        let coarse = samples.windows(2).any(|pair| pair[0].0 == pair[1].0 && pair[0].1 != pair[1].1);
+        let (mut spread, mut one_time) = (0, 0);
+        if coarse {
+            spread = spread_out(&mut samples);
+            samples.dedup_by_key(|(time, _)| *time);
+            one_time = before - samples.len();
+        } else {
+            samples.dedup_by_key(|(time, _)| *time);
+        }
+        Self { strays, second, sorted, repeated: before - samples.len() - one_time, spread, one_time, samples }
     }
+}
+
+/// Spreads samples of one stamp evenly up to the next, and gives their number. The first and the last group of a recording may be parts
+/// of one: they get the others' distance.
+fn spread_out<V>(samples: &mut Samples<V>) -> usize {
+    let groups: Vec<(i64, usize)> =
+        samples.chunk_by(|a, b| a.0 == b.0).map(|group| (group[0].0, group.len())).collect();
+    let median = |mut of: Vec<i64>| {
+        of.sort_unstable();
+        of.get(of.len() / 2).copied()
+    };
+    let steps = groups.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+    let (Some(step), Some(usual)) = (median(steps), median(groups.iter().map(|g| g.1 as i64).collect())) else {
+        return 0;
+    };
+    let (mut at, mut spread) = (0, 0);
+    for (number, &(time, count)) in groups.iter().enumerate() {
+        let next = groups.get(number + 1).map_or(time + step, |next| next.0);
+        let span = (next - time).min(step);
+        let at_end = [0, groups.len() - 1].contains(&number);
+        let every = if at_end { span / usual.max(count as i64) } else { span / count as i64 };
+        let late = if number == 0 && next - time == step { span - every * count as i64 } else { 0 };
+        if count > 1 {
+            spread += count - 1;
+            for (k, sample) in samples[at..at + count].iter_mut().enumerate() {
+                sample.0 = time + late + every * k as i64;
+            }
+        }
+        at += count;
+    }
+    spread
 }
 
 /// The largest group of samples with no pause of a day in it.
@@ -135,6 +178,21 @@ mod tests {
         let many = spent(320_000);
         // the system counts in steps of some milliseconds
         assert!(many < 24.0 * (few + 1e7), "{many} ns for eight times what took {few} ns");
+    }
+
+    #[test]
+    fn readings_of_one_stamp_are_spread_up_to_the_next() {
+        // a reading each quarter of a second from 0.5 s on, stamped in whole seconds
+        let stamped: Vec<(i64, i64)> = (2..15).map(|i| (i / 4 * S, i)).collect();
+        let ordered = Ordered::new(stamped);
+        assert_eq!((ordered.samples.len(), ordered.spread, ordered.repeated), (13, 9, 0));
+        for (time, i) in &ordered.samples {
+            assert_eq!(*time, i * S / 4, "{i}");
+        }
+        let twice = Ordered::new(vec![(0, 1), (0, 1), (S, 2)]);
+        assert_eq!((twice.samples.len(), twice.spread, twice.repeated), (2, 0, 1), "the same message twice is one");
+        let one = Ordered::new(vec![(S, 1), (S, 2), (S, 3)]);
+        assert_eq!((one.samples.len(), one.one_time), (1, 2));
     }
 
     #[test]

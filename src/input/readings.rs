@@ -18,7 +18,8 @@ impl Recording {
     /// The measured force over time.
     #[must_use]
     pub fn measured(&self) -> ForceSeries {
-        ForceSeries::new(self.forces.iter().map(|s| (s.time_s, s.force_n)).collect()).on_one_clock(self.one_clock)
+        let series = ForceSeries::new(self.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
+        series.on_one_clock(self.one_clock).with_holes(self.holes.clone())
     }
 
     /// Where tracked points were seen.

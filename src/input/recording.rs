@@ -1,15 +1,20 @@
 //! What the twin needs of a recording: depths or poses, and measured forces, each over time.
 
 use super::Adapter;
-use super::foreign::ForeignError;
+use super::Refusal;
+use super::clocks::{self, Census};
+use super::foreign::{ForeignError, pose_of, wrench_of};
+use super::frame::{FrameError, Frames};
+use super::holes::holes;
 use super::selection::{Selection, UnknownUnit};
-use super::series::{Reading, Series, in_order};
+use super::series::{Held, Reading, Series, in_order};
 use super::table::{Table, TableError};
-use super::topics::{describe, find, force, force_source, no_motion, position_source, topic_error};
+use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
+use super::unit::Dimension;
+use crate::instrument::reading::MeasuredAxes;
 use crate::twin::Pose;
 use ros2_messages::RosMessage;
-use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
-use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::geometry_msgs::PoseArray;
 use rosbag2_mcap::{BagError, Loss};
 use rosbag2_mcap::{BagReader, Topic};
 use std::path::{Path, PathBuf};
@@ -111,6 +116,10 @@ pub struct Recording {
     pub topics: TopicNames,
     /// Frame of the forces, "" where it is not said.
     pub force_frame: String,
+    /// Depth in m of one of the recorded numbers of the position, and the number that stands for depth 0.
+    pub position_scale: [f64; 2],
+    /// Times of which nothing was recorded though the instrument may have moved, from and to, s.
+    pub holes: Vec<[f64; 2]>,
     /// What of the bag is lost; not empty: exit code 3.
     pub losses: Vec<Loss>,
     /// What is odd but cost nothing.
@@ -130,6 +139,19 @@ pub enum RecordingError {
     /// A unit is none.
     #[error(transparent)]
     Unit(#[from] UnknownUnit),
+    /// A frame is none.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// An option has no meaning for what is read.
+    #[error("{option} says nothing of {of}: {remedy}")]
+    NotHere {
+        /// The option.
+        option: &'static str,
+        /// What is read.
+        of: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// The table can't be read, or lacks something.
     #[error(transparent)]
     Table(#[from] TableError),
@@ -156,7 +178,7 @@ impl Recording {
             [bag] if is_bag(bag) => Self::of_bag(&BagReader::open(bag)?, said),
             _ => match paths.iter().find(|path| is_bag(path)) {
                 Some(bag) => Err(RecordingError::SeveralBags(bag.clone())),
-                None => Ok(Self::of_tables(&tables(paths, said)?, said)?),
+                None => Self::of_tables(&tables(paths, said)?, said),
             },
         }
     }
@@ -189,52 +211,90 @@ impl Recording {
     /// As [`Recording::open`].
     pub fn of_bag(bag: &BagReader, said: &Selection) -> Result<Self, RecordingError> {
         let names = &said.names;
-        let position = position_source(bag, said)?;
+        let by_pose = said.position.place.as_deref().is_some_and(|name| topics::is_pose(bag, name));
+        let joint_state = if by_pose { None } else { topics::joint_state(bag, said)? };
+        let pose = topics::pose(bag, said, joint_state.is_none() && said.position.place.is_none())?;
+        // poses are taken where they are asked for, and where there is no depth
+        let by_pose = pose.is_some()
+            && (by_pose || said.position.place.is_none() && names.joint_state.is_none())
+            && (joint_state.is_none() || names.pose.is_some());
+        said.fits_a_bag(by_pose)?;
+        let position = if by_pose { None } else { position_source(bag, said)? };
         let force_source = force_source(bag, said)?;
-        let joint_state = match &position {
-            Some(source) => Some(source.check(bag)?),
-            None => find::<JointState>(bag, names.joint_state.as_deref(), "measured_js", &[])?,
-        };
-        let pose = find::<PoseStamped>(bag, names.pose.as_deref(), "measured_cp", &[])?;
+        let joint_state = position.as_ref().map_or(Ok(joint_state), |source| source.check(bag).map(Some))?;
         let wrench = match &force_source {
             Some(source) => Some(source.check(bag)?),
-            None => find::<WrenchStamped>(bag, names.wrench.as_deref(), "measured_cf", &["predicted_cf"])?,
+            None => topics::wrench(bag, said)?,
         };
         let measured = |t: &Topic| t.type_name == PoseArray::TYPE && t.name.ends_with("measured_targets");
         let targets = bag.topics().iter().position(measured);
         if joint_state.is_none() && pose.is_none() {
             return Err(no_motion(bag).into());
         }
+        let frames = Frames::of(said)?;
+        let m_per_unit = if by_pose { said.position.scale(Dimension::Length, "--position-unit")? } else { 1.0 };
         let mut reading = Reading { bag, losses: bag.losses().to_vec(), warnings: bag.warnings().to_vec() };
         let adapter = Adapter { joint: &names.joint, frame_id: &names.frame_id };
-        let depth = |m: JointState| (adapter.depth(&m), m.header);
-        let stamped = Stamped {
-            depths: match &position {
-                Some(source) => reading.series(joint_state, |m| Ok(depth(source.convert(bag, m)?))),
-                None => reading.series(joint_state, |m| Ok(depth(bag.decode(m)?))),
-            },
-            poses: reading.series(pose, |m| {
-                let m: PoseStamped = bag.decode(m)?;
-                Ok((adapter.pose(&m), m.header))
-            }),
-            forces: match &force_source {
-                Some(source) => reading.series(wrench, |m| Ok(force(source.convert(bag, m)?))),
-                None => reading.series(wrench, |m| Ok(force(bag.decode(m)?))),
-            },
-            markers: reading.series(targets, |m| {
-                let m: PoseArray = bag.decode(m)?;
-                Ok((marked(&m, &names.frame_id), m.header))
-            }),
-        };
-        if let Some((last, _)) = stamped.markers.0.split_last() {
-            let odd = stamped.markers.0.iter().filter(|m| m.1.len() != last.1.len()).count();
-            if odd > 0 {
-                reading
-                    .warnings
-                    .push(format!("measured_targets: {odd} messages have another number of markers; left out"));
-            }
+        let depths = reading.gather(joint_state, |message| {
+            let m = position.as_ref().map_or_else(|| bag.decode(message), |source| source.convert(bag, message))?;
+            let held = match adapter.depth(&m) {
+                Err(other @ Refusal::NoSuchJoint { .. }) => Held::Nothing(other),
+                depth => depth.into(),
+            };
+            Ok((held, m.header))
+        });
+        let poses = reading.gather(pose, |message| {
+            let m = pose_of(bag, message)?;
+            // the sample's pose in the frame was said
+            let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { adapter.frame_id };
+            let in_m = |pose: Pose| frames.pose(Pose { tip: pose.tip.map(|x| m_per_unit * x), ..pose });
+            Ok((Adapter { frame_id, ..adapter }.pose(&m).map(in_m).into(), m.header))
+        });
+        if depths.samples.is_empty() && poses.samples.is_empty() {
+            reading.lose(&depths.topic, depths.nothing.clone());
         }
+        let mut forces = reading.gather(wrench, |message| {
+            let m = match &force_source {
+                Some(source) => source.convert(bag, message)?,
+                None => wrench_of(bag, message)?,
+            };
+            Ok((Held::<_, String>::Value(<[f64; 3]>::from(m.wrench.force)), m.header))
+        });
+        let taken = measured_axes(&forces.topic, &mut reading, forces.samples.iter().map(|s| s.1));
+        forces.samples.retain_mut(|(_, force)| {
+            taken.force(*force).is_some_and(|measured| {
+                *force = measured;
+                true
+            })
+        });
+        let markers = reading.gather(targets, |message| {
+            let m: PoseArray = bag.decode(message)?;
+            let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { &names.frame_id };
+            let places =
+                marked(&m, frame_id).map(|places| places.into_iter().map(|p| frames.point(p)).collect::<Vec<_>>());
+            Ok((places.into(), m.header))
+        });
+        let last = |samples: &[(clocks::Arrival, Vec<[f64; 3]>)]| samples.last().map(|m| m.1.len());
+        let odd = markers.samples.iter().filter(|m| Some(m.1.len()) != last(&markers.samples)).count();
+        if odd > 0 {
+            let text = format!("measured_targets: {odd} messages have another number of markers; left out");
+            reading.warnings.push(text);
+        }
+        let (of_depth, of_pose, of_force) = (Census::of(&depths), Census::of(&poses), Census::of(&forces));
+        let of_motion = if depths.samples.is_empty() || by_pose { &of_pose } else { &of_depth };
+        let Reading { losses, warnings, .. } = &mut reading;
+        let base = clocks::choose([of_motion, &of_force], warnings);
+        let clocks_differ = base == clocks::Base::Stamps && said.time_offset_s == 0.0;
+        let ahead_ns = if clocks_differ { clocks::ahead(of_motion, &of_force, warnings) } else { 0 };
+        let with_poses = forces.frame == poses.frame && by_pose;
+        let stamped = Stamped {
+            depths: ordered(depths, base, losses, warnings),
+            poses: ordered(poses, base, losses, warnings),
+            forces: ordered(forces, base, losses, warnings),
+            markers: ordered(markers, base, losses, warnings),
+        };
         let name = |topic: Option<usize>| topic.map(|t| bag.topics()[t].name.clone());
+        let late_ns = ((said.time_offset_s * 1e9).round() as i64).saturating_add(ahead_ns);
         let mut recording = Self {
             source: describe(bag),
             scene: bag.custom_data("scene").map(str::to_owned),
@@ -248,8 +308,10 @@ impl Recording {
             },
             losses: reading.losses,
             warnings: reading.warnings,
-            ..Self::of(stamped, said.time_offset_s)
+            position_scale: position.map_or([m_per_unit, 0.0], |source| [source.m_per_unit, said.position.zero]),
+            ..Self::of(stamped, late_ns)
         };
+        recording.turn(&frames, taken, with_poses);
         recording.check(bag, joint_state.or(pose))?;
         Ok(recording)
     }
@@ -258,30 +320,65 @@ impl Recording {
     ///
     /// # Errors
     /// [`TableError::Missing`] if none of them has the position.
-    pub fn of_tables(read: &[Table], said: &Selection) -> Result<Self, TableError> {
+    pub fn of_tables(read: &[Table], said: &Selection) -> Result<Self, RecordingError> {
         let columns =
             || read.iter().map(|t| format!("{} has {}", t.file, t.all_columns)).collect::<Vec<_>>().join("; ");
+        if let Some((option, name)) = in_no_file(read) {
+            return Err(TableError::NoColumn { option, name, columns: columns() }.into());
+        }
         let missing = |what, option| TableError::Missing { what, option, columns: columns() };
         let moves = |t: &&Table| t.columns.position.is_some() || t.columns.pose.is_some();
         let motion = read.iter().find(moves).ok_or_else(|| missing("position", "--position"))?;
-        let cell = read.iter().find(|t| t.columns.force.is_some());
-        if [Some(motion), cell].iter().flatten().any(|t| t.columns.time.is_none() && said.rate_hz.is_none()) {
-            return Err(missing("time (or give --rate-hz)", "--time"));
+        let cell = read.iter().find(|t| t.columns.force.is_some() || t.columns.forces.is_some());
+        let timed = |t: &Table| t.columns.time.is_some() || t.rate_hz.is_some();
+        if let Some(untimed) = [Some(motion), cell].into_iter().flatten().find(|t| !timed(t)) {
+            return Err(match said.time.last() {
+                Some(name) => {
+                    let columns = format!("{} has {}", untimed.file, untimed.all_columns);
+                    TableError::NoColumn { option: "--time", name: name.clone(), columns }.into()
+                }
+                None => missing("time (or give --rate-hz)", "--time").into(),
+            });
         }
+        let whole = said.pose.is_none() || motion.columns.pose.is_some();
+        if !whole || (said.forces.is_some() && cell.is_none_or(|t| t.columns.forces.is_none())) {
+            return Err(missing("three components in one file", "--pose-columns or --force-columns").into());
+        }
+        said.fits_a_table(motion.columns.pose.is_some())?;
+        let frames = Frames::of(said)?;
         let (mut losses, mut warnings) = (Vec::new(), Vec::new());
+        read.iter().for_each(|t| warnings.extend(t.warnings.iter().cloned()));
         for table in read.iter().filter(|t| t.bad > 0) {
             let first = table.first_bad.as_deref().unwrap_or_default();
             let reason = format!("a cell that is needed is no number, first in {first}");
             losses.push(Loss::Samples { topic: table.file.clone(), count: table.bad, reason });
         }
+        let mut axes = MeasuredAxes::default();
+        let mut forces = cell.map_or_else(Vec::new, |t| t.forces.clone());
+        forces.iter().for_each(|(_, force)| axes.note(force));
+        let all = forces.len();
+        forces.retain_mut(|(_, force)| {
+            axes.force(*force).is_some_and(|measured| {
+                *force = measured;
+                true
+            })
+        });
+        if let Some(cell) = cell {
+            warnings.extend(axes.missing());
+            lose_unmeasured(&cell.file, all - forces.len(), cell.forces.is_empty(), &mut losses);
+        }
+        let poses = motion.poses.iter().map(|&(t, pose)| (t, frames.pose(pose))).collect();
+        let places = |p: &Vec<[f64; 3]>| p.iter().map(|p| frames.point(*p)).collect();
+        let markers = motion.markers.iter().map(|(t, p)| (*t, places(p))).collect();
         let stamped = Stamped {
             depths: (in_order(&motion.file, motion.depths.clone(), &mut losses, &mut warnings), String::new()),
-            poses: (in_order(&motion.file, motion.poses.clone(), &mut losses, &mut warnings), String::new()),
-            markers: (in_order(&motion.file, motion.markers.clone(), &mut losses, &mut warnings), String::new()),
+            poses: (in_order(&motion.file, poses, &mut losses, &mut warnings), String::new()),
+            markers: (in_order(&motion.file, markers, &mut losses, &mut warnings), String::new()),
             forces: cell.map_or_else(Default::default, |t| {
-                (in_order(&t.file, t.forces.clone(), &mut losses, &mut warnings), String::new())
+                (in_order(&t.file, forces, &mut losses, &mut warnings), String::new())
             }),
         };
+        warnings.dedup();
         let files: Vec<&str> = read.iter().map(|t| t.file.rsplit(['/', '\\']).next().unwrap_or(&t.file)).collect();
         let mut recording = Self {
             source: format!("table {}", files.join(" and ")),
@@ -289,21 +386,22 @@ impl Recording {
             topics: said.names.clone(),
             losses,
             warnings,
-            ..Self::of(stamped, said.time_offset_s)
+            position_scale: motion.columns.position.as_ref().map_or([1.0, 0.0], |c| [c.scale, c.zero]),
+            ..Self::of(stamped, (said.time_offset_s * 1e9).round() as i64)
         };
+        recording.turn(&frames, axes, false);
         recording.check_times();
         Ok(recording)
     }
 
     /// Series with a common origin; the force's stamps are late by so much.
-    fn of(stamped: Stamped, late_s: f64) -> Self {
+    fn of(stamped: Stamped, late_ns: i64) -> Self {
         let Stamped {
             depths: (depths, _),
             poses: (poses, _),
             forces: (mut forces, force_frame),
             markers: (markers, _),
         } = stamped;
-        let late_ns = (late_s * 1e9).round() as i64;
         forces.iter_mut().for_each(|(time, _)| *time = time.saturating_sub(late_ns));
         let firsts = [depths.first().map(|s| s.0), poses.first().map(|s| s.0), forces.first().map(|s| s.0)];
         let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
@@ -324,8 +422,26 @@ impl Recording {
             one_clock: false,
             topics: TopicNames::default(),
             force_frame,
+            position_scale: [1.0, 0.0],
+            holes: Vec::new(),
             losses: Vec::new(),
             warnings: Vec::new(),
+        }
+    }
+
+    /// Turns forces into the frame of the sample. A cell with one axis measures along the instrument, whichever axis its driver names.
+    fn turn(&mut self, frames: &Frames, axes: MeasuredAxes, with_poses: bool) {
+        let along = axes.only().filter(|axis| *axis < 2 && !frames.knows_sensor());
+        if let Some(axis) = along {
+            self.forces.iter_mut().for_each(|s| s.force_n.swap(axis, 2));
+            let name = ["x", "y"][axis];
+            self.warnings
+                .push(format!("the force along {name} is taken as that along z; --sensor-rotation says otherwise"));
+            return;
+        }
+        self.forces.iter_mut().for_each(|s| s.force_n = frames.force(s.force_n, with_poses));
+        if frames.knows_sensor() {
+            self.force_frame = self.topics.frame_id.clone();
         }
     }
 
@@ -340,20 +456,78 @@ impl Recording {
         Ok(())
     }
 
-    /// A load cell from another time is said.
+    /// A load cell from another time is a loss, and so is a hole.
     fn check_times(&mut self) {
         let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
         let force = span(self.forces.iter().map(|s| s.time_s));
         if let (Some(motion), Some(force)) = (motion, force)
             && (force.0 > motion.1 || motion.0 > force.1)
         {
-            self.warnings.push(format!(
-                "the load cell ({:.3} to {:.3} s) and the motion ({:.3} to {:.3} s) have no time in common: their stamps are \
-                 from different clocks, so there is nothing to compare",
+            let reason = format!(
+                "their times ({:.3} to {:.3} s) and those of the motion ({:.3} to {:.3} s) have nothing in common: their stamps are from \
+                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart",
                 force.0, force.1, motion.0, motion.1
-            ));
+            );
+            let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
+            self.losses.push(Loss::Samples { topic, count: self.forces.len() as u64, reason });
         }
+        let forces: Vec<f64> = self.forces.iter().map(|s| s.time_s).collect();
+        let places = if self.depths.is_empty() {
+            self.poses.iter().map(|s| (s.time_s, s.tip)).collect()
+        } else {
+            self.depths.iter().map(|s| (s.time_s, [s.depth_m, 0.0, 0.0])).collect::<Vec<_>>()
+        };
+        self.holes = holes(&places, &forces);
+        let what =
+            "nothing was recorded of the motion or of the force: what the tissue went through there is not known";
+        let hole = |[from, to]: &[f64; 2]| {
+            let [from, to, length] = [*from, *to, to - from].map(|s| format!("{s:.3}"));
+            Loss::Hole { from, to, length, what }
+        };
+        self.losses.extend(self.holes.iter().map(hole));
     }
+}
+
+/// Which axes are measured, of the readings of a bag; what is missing is said.
+fn measured_axes(topic: &str, reading: &mut Reading, forces: impl Iterator<Item = [f64; 3]> + Clone) -> MeasuredAxes {
+    let mut axes = MeasuredAxes::default();
+    forces.clone().for_each(|force| axes.note(&force));
+    reading.warnings.extend(axes.missing());
+    let lost = forces.filter(|force| axes.force(*force).is_none()).count();
+    lose_unmeasured(topic, lost, false, &mut reading.losses);
+    axes
+}
+
+/// Counts readings without a number, and says where a force has none at all.
+fn lose_unmeasured(topic: &str, count: usize, none: bool, losses: &mut Vec<Loss>) {
+    let mut lose = |count: usize, reason: &str| {
+        losses.push(Loss::Samples { topic: topic.to_owned(), count: count as u64, reason: reason.to_owned() });
+    };
+    if count > 0 {
+        lose(count, "their force is not finite; check the load cell");
+    }
+    if none {
+        lose(0, "the column of the force has no number in any row: there is nothing to compare");
+    }
+}
+
+/// A column that was named and is in none of the files.
+fn in_no_file(read: &[Table]) -> Option<(&'static str, String)> {
+    let (first, rest) = read.split_first()?;
+    let absent = |named: &&(&'static str, String)| rest.iter().all(|table| table.absent().contains(named));
+    first.absent().iter().find(absent).cloned()
+}
+
+/// Values with their times, in order.
+fn ordered<V: PartialEq>(
+    of: super::series::Gathered<V>,
+    base: clocks::Base,
+    losses: &mut Vec<Loss>,
+    warnings: &mut Vec<String>,
+) -> Series<V> {
+    let (topic, frame) = (of.topic.clone(), of.frame.clone());
+    let samples = clocks::timed(of, base, losses);
+    (in_order(&topic, samples, losses, warnings), frame)
 }
 
 fn span(times: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
@@ -371,10 +545,12 @@ fn marked(m: &PoseArray, frame_id: &str) -> Result<Vec<[f64; 3]>, String> {
     Ok(m.poses.iter().map(|pose| pose.position.into()).collect())
 }
 
-/// Whether a path is a bag: a folder, or an MCAP file.
-fn is_bag(path: &Path) -> bool {
-    let ends = |end: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(end));
-    path.is_dir() || ends("mcap") || ends("db3") || !path.exists()
+/// Whether a path is a bag: a folder, or an MCAP file, packed or not; or a file of another kind of bag, which says what to do.
+#[must_use]
+pub fn is_bag(path: &Path) -> bool {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let ends = [".mcap", ".mcap.zstd", ".mcap.zst", ".mcap.lz4", ".db3", ".db3.zstd", ".bag"];
+    path.is_dir() || ends.iter().any(|end| name.ends_with(end)) || name == "metadata.yaml" || !path.exists()
 }
 
 /// Reads the files of a recording.

@@ -1,6 +1,7 @@
 //! What of a recording is the depth, what the force, and what their numbers mean.
 
 use super::TopicNames;
+use super::recording::RecordingError;
 use super::unit::Dimension;
 
 /// A recorded quantity: where it stands, and what its numbers mean.
@@ -13,13 +14,17 @@ pub struct Quantity {
     pub unit: Option<String>,
     /// The number rises as the depth falls, or is the force on the tissue.
     pub reversed: bool,
+    /// The recorded number that stands for zero: the reading at first contact.
+    pub zero: f64,
+    /// What one of the recorded numbers is, in the unit: one over the counts of an encoder per unit. `None`: 1.
+    pub factor: Option<f64>,
 }
 
 impl Quantity {
     /// Whether the recording's own numbers are taken as they are.
     #[must_use]
     pub const fn is_plain(&self) -> bool {
-        self.place.is_none() && self.unit.is_none() && !self.reversed
+        self.place.is_none() && self.unit.is_none() && !self.reversed && self.zero == 0.0 && self.factor.is_none()
     }
 
     /// +1 or -1.
@@ -34,7 +39,7 @@ impl Quantity {
             let unknown = || UnknownUnit { option, text: text.to_owned(), known: dimension.names() };
             dimension.unit(text).ok_or_else(unknown)
         });
-        Ok(self.sign() * unit?)
+        Ok(self.sign() * self.factor.unwrap_or(1.0) * unit?)
     }
 }
 
@@ -61,6 +66,8 @@ pub struct TableLayout {
     pub header_line: Option<usize>,
     /// What a line to be left out begins with.
     pub comment: Option<String>,
+    /// Which of several recordings in one file, from 1.
+    pub block: Option<usize>,
 }
 
 /// Everything that a user can say of a recording: of a bag and of a table alike.
@@ -76,16 +83,63 @@ pub struct Selection {
     pub time_offset_s: f64,
     /// Columns of time, one for all files or one for each.
     pub time: Vec<String>,
-    /// Unit of the time.
-    pub time_unit: Option<String>,
+    /// Units of the time, one for all files or one for each.
+    pub time_unit: Vec<String>,
     /// Rows per second, of a table without time.
     pub rate_hz: Option<f64>,
     /// Columns of the tip's x, y and z in the sample's frame, in the position's unit.
     pub pose: Option<[String; 3]>,
+    /// Columns of the instrument's orientation in the sample's frame, a quaternion x, y, z, w; `None`: it points straight down.
+    pub orientation: Option<[String; 4]>,
+    /// Columns of the force's x, y and z.
+    pub forces: Option<[String; 3]>,
+    /// Turns the force from the sensor's frame into the sample's: w, x, y, z.
+    pub sensor_rotation: Option<[f64; 4]>,
+    /// Pose of the sample in the frame of the recorded poses: x, y, z in m, and the quaternion x, y, z, w.
+    pub sample_pose: Option<[f64; 7]>,
     /// Columns of markers, x, y and z of each, in the position's unit.
     pub markers: Vec<String>,
     /// Length that a strain is a share of, m: the position is given as a strain.
     pub gauge_length_m: Option<f64>,
     /// How the text is laid out.
     pub layout: TableLayout,
+}
+
+impl Selection {
+    fn refused(options: &[(&'static str, bool)], of: &'static str, remedy: &'static str) -> Result<(), RecordingError> {
+        let said = options.iter().find(|(_, said)| *said);
+        said.map_or(Ok(()), |&(option, _)| Err(RecordingError::NotHere { option, of, remedy }))
+    }
+
+    fn of_poses(&self) -> Result<(), RecordingError> {
+        let options = [("--position-sign -1", self.position.reversed), ("--position-zero", self.position.zero != 0.0)];
+        Self::refused(&options, "poses", "their frame is given by --sample-pose")
+    }
+
+    fn of_depths(&self) -> Result<(), RecordingError> {
+        let remedy = "a depth is counted from the sample's surface; --position-zero shifts it";
+        Self::refused(&[("--sample-pose", self.sample_pose.is_some())], "depths", remedy)
+    }
+
+    /// Refuses what has no meaning for a bag.
+    pub(super) fn fits_a_bag(&self, by_pose: bool) -> Result<(), RecordingError> {
+        let options = [
+            ("--time", !self.time.is_empty()),
+            ("--time-unit", !self.time_unit.is_empty()),
+            ("--rate-hz", self.rate_hz.is_some()),
+            ("--pose-columns", self.pose.is_some()),
+            ("--force-columns", self.forces.is_some()),
+            ("--gauge-length-m", self.gauge_length_m.is_some()),
+            ("--block", self.layout.block.is_some()),
+        ];
+        Self::refused(&options, "a bag", "leave it out")?;
+        if by_pose { self.of_poses() } else { self.of_depths() }
+    }
+
+    /// Refuses what has no meaning for tables.
+    pub(super) fn fits_a_table(&self, by_pose: bool) -> Result<(), RecordingError> {
+        let options = [("--force-column", self.forces.is_some() && self.force.place.is_some())];
+        Self::refused(&options, "a force of --force-columns", "give one of them")?;
+        if by_pose { self.of_poses() } else { self.of_depths() }
+    }
 }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
+use super::clocks::Arrival;
 use super::order::Ordered;
-use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagReader, Loss, Message};
 
@@ -21,29 +21,56 @@ pub(super) struct Reading<'a> {
 /// Stamped values (ns since 1970) and their frame.
 pub(super) type Series<V> = (Vec<(i64, V)>, String);
 
+/// Values of one topic as they were recorded.
+pub(super) struct Gathered<V> {
+    pub topic: String,
+    pub samples: Vec<(Arrival, V)>,
+    pub frame: String,
+    /// Messages that held nothing for us, by the reason.
+    pub nothing: BTreeMap<String, u64>,
+}
+
+/// What a message holds.
+pub(super) enum Held<V, E> {
+    Value(V),
+    /// Nothing for us, and no fault: it is of another part of the rig.
+    Nothing(E),
+    Refused(E),
+}
+
+impl<V, E> From<Result<V, E>> for Held<V, E> {
+    fn from(result: Result<V, E>) -> Self {
+        result.map_or_else(Self::Refused, Self::Value)
+    }
+}
+
 impl Reading<'_> {
-    /// Values of one topic in the order of their stamps; why a message has none is counted by its reason.
-    pub fn series<V, E: Display>(
+    /// Values of one topic in the order of the bag; why a message has none is counted by its reason.
+    pub fn gather<V, E: Display>(
         &mut self,
         topic: Option<usize>,
-        value: impl Fn(&Message) -> Result<(Result<V, E>, Header), String>,
-    ) -> Series<V> {
-        let Some(number) = topic else { return (Vec::new(), String::new()) };
+        value: impl Fn(&Message) -> Result<(Held<V, E>, Header), String>,
+    ) -> Gathered<V> {
+        let (topic_name, nothing) = (String::new(), BTreeMap::new());
+        let mut gathered = Gathered { topic: topic_name, samples: Vec::new(), frame: String::new(), nothing };
+        let Some(number) = topic else { return gathered };
         let topic = &self.bag.topics()[number];
+        gathered.topic.clone_from(&topic.name);
         let mut messages = self.bag.select(|t| t.name == topic.name && t.type_name == topic.type_name);
-        let (mut samples, mut frame) = (Vec::new(), String::new());
         let mut left_out: BTreeMap<String, u64> = BTreeMap::new();
-        let mut leave_out = |reason: String| {
-            let told_apart = left_out.len() < REASONS || left_out.contains_key(&reason);
-            *left_out.entry(if told_apart { reason } else { "other reasons".to_owned() }).or_default() += 1;
+        let count = |of: &mut BTreeMap<String, u64>, reason: String| {
+            let told_apart = of.len() < REASONS || of.contains_key(&reason);
+            *of.entry(if told_apart { reason } else { "other reasons".to_owned() }).or_default() += 1;
         };
         for message in &mut messages {
             match value(&message) {
-                Err(reason) => leave_out(reason),
-                Ok((Err(refusal), _)) => leave_out(refusal.to_string()),
-                Ok((Ok(value), header)) => {
-                    samples.push((header.stamp, message.publish_ns, value));
-                    frame = header.frame_id;
+                Err(reason) => count(&mut left_out, reason),
+                Ok((Held::Refused(refusal), _)) => count(&mut left_out, refusal.to_string()),
+                Ok((Held::Nothing(why), _)) => count(&mut gathered.nothing, why.to_string()),
+                Ok((Held::Value(value), header)) => {
+                    let Message { publish_ns, log_ns, .. } = message;
+                    gathered.samples.push((Arrival { stamp: header.stamp, publish_ns, log_ns }, value));
+                    gathered.frame = header.frame_id;
                 }
             }
         }
@@ -52,29 +79,19 @@ impl Reading<'_> {
                 self.losses.push(loss.clone());
             }
         }
-        let lost = left_out.into_iter();
-        self.losses.extend(lost.map(|(reason, count)| Loss::Samples { topic: topic.name.clone(), count, reason }));
-        let stamped = self.stamp(&topic.name, samples);
-        (in_order(&topic.name, stamped, &mut self.losses, &mut self.warnings), frame)
+        self.lose(&topic.name, left_out);
+        gathered
     }
 
-    /// Times in ns: the header's stamps, or where some are zero the times of publishing for all.
-    fn stamp<V>(&mut self, topic: &str, samples: Vec<(Time, u64, V)>) -> Vec<(i64, V)> {
-        let unstamped = samples.iter().filter(|(stamp, ..)| stamp.is_zero()).count();
-        if unstamped > 0 {
-            let all = samples.len();
-            self.warnings.push(format!(
-                "{topic}: {unstamped} of {all} messages have no stamp; the times at which they were sent are used for all"
-            ));
-        }
-        let time =
-            |stamp: Time, sent: u64| if unstamped > 0 { sent.min(i64::MAX as u64) as i64 } else { stamp.nanos() };
-        samples.into_iter().map(|(stamp, sent, v)| (time(stamp, sent), v)).collect()
+    /// Counts messages as lost, by the reason.
+    pub fn lose(&mut self, topic: &str, reasons: BTreeMap<String, u64>) {
+        let lost = reasons.into_iter();
+        self.losses.extend(lost.map(|(reason, count)| Loss::Samples { topic: topic.to_owned(), count, reason }));
     }
 }
 
 /// Samples in the order of their stamps, without those that are of another time.
-pub(super) fn in_order<V>(
+pub(super) fn in_order<V: PartialEq>(
     topic: &str,
     samples: Vec<(i64, V)>,
     losses: &mut Vec<Loss>,
@@ -89,12 +106,19 @@ pub(super) fn in_order<V>(
     };
     lose(ordered.strays, "their stamps are of another time than those of the messages round them");
     lose(ordered.second, "their stamps step back by more than a second: only what lies before is used");
+    lose(ordered.one_time, "all have one stamp: give the column of the time, or --rate-hz");
     if ordered.sorted {
         warnings.push(format!("{topic}: messages are not in the order of their stamps; they were sorted"));
     }
+    if ordered.spread > 0 {
+        let count = ordered.spread;
+        warnings.push(format!(
+            "{topic}: {count} readings have the stamp of another: they were spread evenly over the time to the next stamp"
+        ));
+    }
     if ordered.repeated > 0 {
         let count = ordered.repeated;
-        warnings.push(format!("{topic}: {count} messages repeat a stamp; the first of each was taken"));
+        warnings.push(format!("{topic}: {count} messages repeat another, stamp and value; each was taken once"));
     }
     ordered.samples
 }

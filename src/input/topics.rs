@@ -2,14 +2,13 @@
 
 use std::path::Path;
 
-use super::foreign::{ForceSource, PositionSource};
+use super::foreign::{ForceSource, POSES, PositionSource, WRENCHES};
 use super::recording::RecordingError;
 use super::selection::Selection;
 use super::unit::Dimension;
 use ros2_messages::RosMessage;
-use ros2_messages::geometry_msgs::{PoseStamped, WrenchStamped};
+use ros2_messages::geometry_msgs::PoseStamped;
 use ros2_messages::sensor_msgs::JointState;
-use ros2_messages::std_msgs::Header;
 use rosbag2_mcap::{BagError, BagReader, Topic};
 
 /// The bag and what it says of itself.
@@ -52,56 +51,100 @@ pub(super) fn no_motion(bag: &BagReader) -> BagError {
     }
 }
 
-/// The topic of type `T`: the named one, or the one whose name ends in `suffix`, or the only one of the type that is
-/// not in `never`.
-pub(super) fn find<T: RosMessage>(
-    bag: &BagReader,
-    named: Option<&str>,
-    suffix: &str,
-    never: &[&str],
-) -> Result<Option<usize>, BagError> {
-    if let Some(name) = named {
-        let found = bag.topics().iter().position(|t| t.name.trim_start_matches('/') == name.trim_start_matches('/'));
-        let Some(found) = found else {
-            return Err(BagError::NoTopic {
-                bag: bag.name().to_owned(),
-                wanted: name.to_owned(),
-                available: bag.describe_topics(),
-                remedy: "Name one of these".to_owned(),
-            });
-        };
-        let topic = &bag.topics()[found];
-        if topic.type_name != T::TYPE {
-            return Err(topic_error(bag, topic, format!("{} is needed here", T::TYPE)));
-        }
-        return Ok(Some(found));
+/// A topic that is looked for.
+pub(super) struct Sought<'a> {
+    /// Its name, where it was said.
+    pub named: Option<&'a str>,
+    /// The last part of the name that it usually has.
+    pub suffix: &'a str,
+    /// Types that it may have, the usual one first.
+    pub types: &'a [&'a str],
+    /// Last parts of names that it never has.
+    pub never: &'a [&'a str],
+    /// Whether the only topic of a type that is not the usual one will do.
+    pub any_type: bool,
+}
+
+/// The named topic, or the one whose name ends as usual, or the only one of the usual type, or of another one.
+pub(super) fn find(bag: &BagReader, sought: &Sought) -> Result<Option<usize>, BagError> {
+    if let Some(name) = sought.named {
+        return named(bag, name, sought.types).map(Some);
     }
     let last = |t: &Topic| t.name.rsplit('/').next().unwrap_or_default().to_owned();
-    let typed: Vec<usize> = (0..bag.topics().len())
-        .filter(|&t| bag.topics()[t].type_name == T::TYPE && !never.contains(&last(&bag.topics()[t]).as_str()))
-        .collect();
-    let suffixed: Vec<usize> = typed.iter().copied().filter(|&t| last(&bag.topics()[t]) == suffix).collect();
-    match (suffixed.as_slice(), typed.as_slice()) {
-        ([one], _) | ([], [one]) => Ok(Some(*one)),
-        ([], []) => Ok(None),
-        ([], several) | (several, _) => {
+    let of = |types: &[&str]| -> Vec<usize> {
+        let fits = |t: &Topic| types.contains(&t.type_name.as_str()) && !sought.never.contains(&last(t).as_str());
+        (0..bag.topics().len()).filter(|&t| fits(&bag.topics()[t])).collect()
+    };
+    let (usual, others) = sought.types.split_at(sought.types.len().min(1));
+    let suffixed: Vec<usize> =
+        of(sought.types).into_iter().filter(|&t| last(&bag.topics()[t]) == sought.suffix).collect();
+    let rest = if sought.any_type { of(others) } else { Vec::new() };
+    let candidates = [suffixed, of(usual), rest].into_iter().find(|topics| !topics.is_empty());
+    match candidates.as_deref() {
+        None | Some([]) => Ok(None),
+        Some([one]) => Ok(Some(*one)),
+        Some(several) => {
             let names: Vec<&str> = several.iter().map(|&t| bag.topics()[t].name.as_str()).collect();
             Err(BagError::NoTopic {
                 bag: bag.name().to_owned(),
-                wanted: format!("{suffix} that stands out"),
-                available: format!("several of type {}: {}", T::TYPE, names.join(", ")),
+                wanted: format!("{} that stands out", sought.suffix),
+                available: format!("several of type {}: {}", bag.topics()[several[0]].type_name, names.join(", ")),
                 remedy: "Name the one to take".to_owned(),
             })
         }
     }
 }
 
-/// The force of the tissue on the instrument, N, with its stamp and frame.
-pub(super) fn force(m: WrenchStamped) -> (Result<[f64; 3], String>, Header) {
-    let force: [f64; 3] = m.wrench.force.into();
-    let finite = force.iter().all(|f| f.is_finite());
-    let reason = || format!("its force {force:?} is not finite; check the load cell");
-    (if finite { Ok(force) } else { Err(reason()) }, m.header)
+fn named(bag: &BagReader, name: &str, types: &[&str]) -> Result<usize, BagError> {
+    let found = bag.topics().iter().position(|t| t.name.trim_start_matches('/') == name.trim_start_matches('/'));
+    let Some(found) = found else {
+        return Err(BagError::NoTopic {
+            bag: bag.name().to_owned(),
+            wanted: name.to_owned(),
+            available: bag.describe_topics(),
+            remedy: "Name one of these".to_owned(),
+        });
+    };
+    let topic = &bag.topics()[found];
+    if types.contains(&topic.type_name.as_str()) {
+        return Ok(found);
+    }
+    Err(topic_error(bag, topic, format!("{} is needed here", types.join(" or "))))
+}
+
+/// The displacement sensor.
+pub(super) fn joint_state(bag: &BagReader, said: &Selection) -> Result<Option<usize>, BagError> {
+    let named = said.names.joint_state.as_deref();
+    let types = &[JointState::TYPE];
+    find(bag, &Sought { named, suffix: "measured_js", types, never: &[], any_type: false })
+}
+
+/// The tip's pose: a topic of a less usual type only where nothing else says the motion.
+pub(super) fn pose(bag: &BagReader, said: &Selection, any_type: bool) -> Result<Option<usize>, BagError> {
+    let of_position = said.position.place.as_deref().filter(|name| is_pose(bag, name));
+    let named = said.names.pose.as_deref().or(of_position);
+    find(
+        bag,
+        &Sought {
+            named,
+            suffix: "measured_cp",
+            types: &POSES,
+            never: &["targets_with_covariance", "predicted_tip"],
+            any_type,
+        },
+    )
+}
+
+/// Whether a topic is one of poses.
+pub(super) fn is_pose(bag: &BagReader, name: &str) -> bool {
+    let bare = name.trim_start_matches('/');
+    bag.topics().iter().any(|t| t.name.trim_start_matches('/') == bare && POSES.contains(&t.type_name.as_str()))
+}
+
+/// The load cell.
+pub(super) fn wrench(bag: &BagReader, said: &Selection) -> Result<Option<usize>, BagError> {
+    let named = said.names.wrench.as_deref();
+    find(bag, &Sought { named, suffix: "measured_cf", types: &WRENCHES, never: &["predicted_cf"], any_type: true })
 }
 
 /// The displacement sensor as the user describes it; `None` where its own numbers are taken as they are.
@@ -110,7 +153,7 @@ pub(super) fn position_source(bag: &BagReader, said: &Selection) -> Result<Optio
     if said.position.is_plain() {
         return Ok(None);
     }
-    let own = find::<JointState>(bag, said.names.joint_state.as_deref(), "measured_js", &[]);
+    let own = joint_state(bag, said);
     let topic = match &said.position.place {
         Some(topic) => Some(topic.clone()),
         None => own?.map(|t| bag.topics()[t].name.clone()),
@@ -119,7 +162,7 @@ pub(super) fn position_source(bag: &BagReader, said: &Selection) -> Result<Optio
         topic,
         joint: String::new(),
         m_per_unit,
-        offset_m: 0.0,
+        offset_m: -m_per_unit * said.position.zero,
         joint_name: said.names.joint.clone(),
     };
     Ok(topic.map(source))
@@ -131,7 +174,7 @@ pub(super) fn force_source(bag: &BagReader, said: &Selection) -> Result<Option<F
     if said.force.is_plain() {
         return Ok(None);
     }
-    let own = find::<WrenchStamped>(bag, said.names.wrench.as_deref(), "measured_cf", &["predicted_cf"]);
+    let own = wrench(bag, said);
     let topic = match &said.force.place {
         Some(topic) => Some(topic.clone()),
         None => own?.map(|t| bag.topics()[t].name.clone()),

@@ -18,12 +18,26 @@ impl Dimension {
     /// Units of the dimension, each with its size in s, m or N.
     const fn units(self) -> &'static [(&'static str, f64)] {
         match self {
-            Self::Time => {
-                &[("s", 1.0), ("sec", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("h", 3600.0)]
-            }
-            Self::Length => {
-                &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("in", 0.0254), ("inch", 0.0254)]
-            }
+            Self::Time => &[
+                ("s", 1.0),
+                ("sec", 1.0),
+                ("秒", 1.0),
+                ("ms", 1e-3),
+                ("us", 1e-6),
+                ("ns", 1e-9),
+                ("min", 60.0),
+                ("h", 3600.0),
+            ],
+            Self::Length => &[
+                ("m", 1.0),
+                ("cm", 1e-2),
+                ("mm", 1e-3),
+                ("um", 1e-6),
+                ("nm", 1e-9),
+                ("in", 0.0254),
+                ("inch", 0.0254),
+                ("毫米", 1e-3),
+            ],
             Self::Force => &[
                 ("N", 1.0),
                 ("kN", 1e3),
@@ -34,6 +48,7 @@ impl Dimension {
                 ("kgf", GRAVITY),
                 ("kg", GRAVITY),
                 ("lbf", 0.453_592_37 * GRAVITY),
+                ("牛", 1.0),
             ],
         }
     }
@@ -54,7 +69,7 @@ impl Dimension {
     /// The units, for a message.
     #[must_use]
     pub fn names(self) -> String {
-        self.units().iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+        self.units().iter().map(|(name, _)| *name).filter(|name| name.is_ascii()).collect::<Vec<_>>().join(", ")
     }
 
     /// The unit that a header carries: `Load (N)`, `Load [N]`, `Load / N`, `Load, N`, `load_n`; `None` where it carries none.
@@ -65,7 +80,10 @@ impl Dimension {
             rest.split_once(close).map(|(unit, _)| unit)
         };
         let behind = ['/', ',', '_', ' '].map(|c| header.rsplit_once(c).map(|(_, unit)| unit));
-        let found = [within('(', ')'), within('[', ']'), within('<', '>')].into_iter().chain(behind).flatten();
+        let found = [within('(', ')'), within('[', ']'), within('<', '>'), within('（', '）')]
+            .into_iter()
+            .chain(behind)
+            .flatten();
         found.map(str::trim).find_map(|unit| {
             // names in snake case are in small letters: depth_m, force_n
             let own = header.contains('_').then(|| self.units().iter().find(|(name, _)| name.to_lowercase() == unit));
@@ -77,9 +95,11 @@ impl Dimension {
 
 /// Whether a cell of a row of units could be one: `(mm)`, `[N]`, `s`, `-`, `%`, or empty.
 pub(super) fn is_unit(cell: &str) -> bool {
-    let bare = cell.trim().trim_matches(['(', ')', '[', ']', '<', '>']);
+    let cell = cell.trim();
+    let bare = cell.trim_matches(['(', ')', '[', ']', '<', '>']);
     bare.is_empty()
-        || ["-", "%", "mm/mm", "kPa", "MPa", "Pa", "V", "mV", "°C"].contains(&bare)
+        || (cell.len() < 12 && [("(", ")"), ("[", "]")].iter().any(|(a, b)| cell.starts_with(a) && cell.ends_with(b)))
+        || ["-", "%", "mm/mm", "kPa", "MPa", "Pa", "V", "mV", "°C", "mm/s", "mm/min", "N/mm", "N/s"].contains(&bare)
         || [Dimension::Time, Dimension::Length, Dimension::Force].iter().any(|d| d.unit(bare).is_some())
 }
 

@@ -57,6 +57,7 @@ def rosbag2(name, version, compress=None):
 rosbag2("version_9", 9)
 rosbag2("version_8", 8)
 rosbag2("packed_files", 9, CompressionMode.FILE)
+rosbag2("packed_messages", 9, CompressionMode.MESSAGE)
 
 
 def mcap(name, **options):

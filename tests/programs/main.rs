@@ -26,6 +26,7 @@ mod report_browser;
 #[path = "../rig_bag/mod.rs"]
 mod rig_bag;
 mod shell;
+mod strangers;
 #[path = "../synthetic_run/mod.rs"]
 mod synthetic_run;
 mod tissues;

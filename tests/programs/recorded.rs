@@ -81,6 +81,7 @@ fn units_and_clocks_of_topics() {
         place: Some(place.to_owned()),
         unit: Some(unit.to_owned()),
         reversed,
+        ..Quantity::default()
     };
     let said = Selection {
         position: quantity("/daq[1]", "mm", true),

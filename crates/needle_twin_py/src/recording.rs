@@ -66,12 +66,13 @@ impl Recording {
             force: quantity("force", force, force_unit, force_sign)?,
             time_offset_s,
             time,
-            time_unit,
+            time_unit: time_unit.into_iter().collect(),
             rate_hz: positive("rate_hz", rate_hz)?,
             pose: pose_columns,
             markers: marker_columns,
             gauge_length_m: positive("gauge_length_m", gauge_length_m)?,
-            layout: TableLayout { separator, decimal_comma, header_line, comment },
+            layout: TableLayout { separator, decimal_comma, header_line, comment, block: None },
+            ..Selection::default()
         };
         Self::open(&files(paths)?, &selection, pose_wanted)
     }
@@ -182,7 +183,7 @@ fn quantity(name: &str, place: Option<String>, unit: Option<String>, sign: i32) 
         -1 => true,
         _ => return Err(PyValueError::new_err(format!("{name}_sign = {sign}: 1 or -1"))),
     };
-    Ok(Quantity { place, unit, reversed })
+    Ok(Quantity { place, unit, reversed, ..Quantity::default() })
 }
 
 fn positive(name: &str, number: Option<f64>) -> PyResult<Option<f64>> {

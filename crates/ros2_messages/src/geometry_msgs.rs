@@ -62,6 +62,35 @@ pub struct PoseStamped {
     pub pose: Pose,
 }
 
+/// A position with stamp and frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PointStamped {
+    /// When and in which frame.
+    pub header: Header,
+    /// The position, m.
+    pub point: Point,
+}
+
+/// Translation and rotation from one frame to another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Transform {
+    /// Translation, m.
+    pub translation: Vector3,
+    /// Rotation.
+    pub rotation: Quaternion,
+}
+
+/// A transform with stamp and frames: the pose of the child in the header's frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TransformStamped {
+    /// When and in which frame.
+    pub header: Header,
+    /// Whose pose it is.
+    pub child_frame_id: String,
+    /// The pose.
+    pub transform: Transform,
+}
+
 /// Several poses with one stamp and frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoseArray {
@@ -131,4 +160,4 @@ impl From<Point> for [f64; 3] {
     }
 }
 
-ros_messages!("geometry_msgs": Vector3, Point, Quaternion, Pose, PoseStamped, PoseArray, PoseWithCovariance, PoseWithCovarianceStamped, Wrench, WrenchStamped);
+ros_messages!("geometry_msgs": Vector3, Point, Quaternion, PointStamped, Transform, TransformStamped, Pose, PoseStamped, PoseArray, PoseWithCovariance, PoseWithCovarianceStamped, Wrench, WrenchStamped);

@@ -1,7 +1,7 @@
 //! Deep check of a bag: can every reader read it, does it say the same everywhere, is all of it there.
 
 use super::error::BagError;
-use super::metadata::{Metadata, TopicCount, VERSION};
+use super::metadata::{FileCount, Metadata, TopicCount, VERSION};
 use super::qos::Qos;
 use super::reader::{BagFile, BagReader, Topic};
 use ros2_messages::builtin_interfaces::Time;
@@ -149,12 +149,34 @@ fn check_file(file: &BagFile, yaml: Option<&Metadata>, report: &mut CheckReport)
             (Err(e), _) => {
                 report.error(format!("{name}: its metadata record can't be read, `ros2 bag play` refuses it: {e}"))
             }
-            (Ok(own), Some(yaml)) if own != *yaml && yaml.relative_file_paths.len() == 1 => {
+            (Ok(own), Some(yaml)) if !same(&own, yaml) && yaml.relative_file_paths.len() == 1 => {
                 report.error(format!("{name}: its metadata record and metadata.yaml differ"));
             }
             _ => {}
         },
     }
+}
+
+/// Whether two descriptions are of one recording. Names of files change when they are renamed, and `ros2 bag reindex` leaves out what only
+/// the recorder knew.
+fn same(own: &Metadata, yaml: &Metadata) -> bool {
+    let bare = |of: &Metadata| Metadata {
+        relative_file_paths: Vec::new(),
+        files: of.files.iter().map(|f| FileCount { path: String::new(), ..f.clone() }).collect(),
+        ..of.clone()
+    };
+    let (own, yaml) = (bare(own), bare(yaml));
+    let known = Metadata {
+        storage_identifier: if yaml.storage_identifier.is_empty() {
+            String::new()
+        } else {
+            own.storage_identifier.clone()
+        },
+        custom_data: yaml.custom_data.as_ref().and(own.custom_data.clone()),
+        ros_distro: yaml.ros_distro.as_ref().and(own.ros_distro.clone()),
+        ..own
+    };
+    known == yaml
 }
 
 /// Encodings, schemas, hashes and quality of service of each topic.

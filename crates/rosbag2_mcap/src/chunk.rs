@@ -64,7 +64,7 @@ fn read(decoder: impl Read, size: u64) -> (Vec<u8>, Option<String>) {
 
 /// Window that the zstd decoder may allocate: what a chunk may unpack to, at least 8 MiB (any level up to 19 of a
 /// common encoder), at most 128 MiB.
-fn window_log(limit: u64) -> u32 {
+pub(super) fn window_log(limit: u64) -> u32 {
     limit.next_power_of_two().ilog2().clamp(23, 27)
 }
 

@@ -162,6 +162,24 @@ pub enum Loss {
         /// Name of the file.
         file: String,
     },
+    /// A piece of a split recording that is not there.
+    #[error("{file} is not there, a piece between others of the recording: what it held is lost")]
+    MissingPiece {
+        /// Name that the file would have.
+        file: String,
+    },
+    /// A time of which nothing was recorded.
+    #[error("from {from} to {to} s ({length} s) {what}")]
+    Hole {
+        /// Its beginning, s.
+        from: String,
+        /// Its end, s.
+        to: String,
+        /// Its length, s.
+        length: String,
+        /// What that means.
+        what: &'static str,
+    },
     /// Messages or samples that can't be used.
     #[error("topic {topic}: {count} messages left out: {reason}")]
     Samples {

@@ -9,8 +9,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// How a bag of another kind becomes one that can be read here.
-const CONVERT: &str = "convert it, for instance with `rosbags-convert --src BAG --dst NEW --dst-storage mcap` (pip install rosbags) \
-                       or with `ros2 bag convert`, and open NEW";
+fn convert(path: &Path) -> String {
+    let bag = path.display();
+    format!(
+        "convert it with `rosbags-convert --src {bag} --dst NEW --dst-storage mcap` (pip install rosbags) and open NEW"
+    )
+}
 
 /// Largest metadata.yaml that is read: a thousand topics are about a megabyte.
 const METADATA_LIMIT: u64 = 16 << 20;
@@ -44,12 +48,17 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
     let mut warnings = Vec::new();
     let metadata = read_metadata(&folder.join("metadata.yaml"), &mut warnings);
     if let Some(metadata) = &metadata {
-        if metadata.storage_identifier != "mcap" {
-            return Err(not_a_bag(format!("a bag with {} storage, not MCAP", metadata.storage_identifier), CONVERT));
+        // `ros2 bag reindex` leaves it empty
+        if !["mcap", ""].contains(&metadata.storage_identifier.as_str()) {
+            return Err(not_a_bag(
+                format!("a bag with {} storage, not MCAP", metadata.storage_identifier),
+                &convert(folder),
+            ));
         }
-        let mode = metadata.compression_mode.to_ascii_uppercase();
-        if !matches!(mode.as_str(), "" | "NONE") {
-            return Err(not_a_bag(format!("a bag with {mode} compression by rosbag2"), CONVERT));
+        let (mode, format) = (metadata.compression_mode.to_ascii_uppercase(), metadata.compression_format.as_str());
+        // files and messages that zstd has packed are read
+        if !matches!(mode.as_str(), "" | "NONE") && !["zstd", ""].contains(&format) {
+            return Err(not_a_bag(format!("a bag with {mode} compression by {format}"), &convert(folder)));
         }
     }
     let listed = metadata.iter().flat_map(|m| &m.relative_file_paths).filter_map(|f| inside(folder, f));
@@ -67,10 +76,14 @@ fn in_folder(folder: &Path) -> Result<Located, BagError> {
     let present = mcap_files(folder).map_err(|source| BagError::Open { path: folder.to_path_buf(), source })?;
     if files.is_empty() {
         if metadata.is_some() && !present.is_empty() {
+            let renamed = losses.len() == present.len();
             warnings
                 .push("metadata.yaml lists no file that is there: all MCAP files of the folder were taken".to_owned());
+            // as many as are listed: they were renamed
+            losses.retain(|_| !renamed);
         }
         files = present;
+        losses.extend(missing_pieces(&files));
     } else if let Some(extra) = present.iter().find(|p| !seen.contains(*p)) {
         warnings.push(format!("{} is not listed in metadata.yaml and was left out", extra.display()));
     }
@@ -90,7 +103,7 @@ fn nothing_in(folder: &Path) -> BagError {
         .collect();
     bags.sort();
     let (found, remedy) = if paths.iter().any(|p| p.extension().is_some_and(|x| x == "db3")) {
-        ("a bag with sqlite3 storage, not MCAP", CONVERT.to_owned())
+        ("a bag with sqlite3 storage, not MCAP", convert(folder))
     } else if bags.is_empty() {
         ("no bag: there is no .mcap file in this folder", "name the folder that `ros2 bag record` made".to_owned())
     } else {
@@ -130,15 +143,41 @@ fn read_metadata(path: &Path, warnings: &mut Vec<String>) -> Option<Metadata> {
 fn mcap_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder)?
         .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.extension().is_some_and(|x| x == "mcap") && path.is_file())
+        .filter(|path| ends(path).is_some() && path.is_file())
         .collect();
     files.sort_by_key(|path| {
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let digits = stem.chars().rev().take_while(char::is_ascii_digit).count();
-        let (name, number) = stem.split_at(stem.len() - digits);
-        (name.to_owned(), number.parse::<u64>().unwrap_or(0), stem.clone())
+        let (name, number) = piece(path);
+        (name, number.unwrap_or(0), path.clone())
     });
     Ok(files)
+}
+
+/// How the name of an MCAP file ends, packed or not.
+fn ends(path: &Path) -> Option<&'static str> {
+    let name = path.file_name()?.to_string_lossy();
+    [".mcap", ".mcap.zstd", ".mcap.zst"].into_iter().find(|end| name.ends_with(end))
+}
+
+/// Name of a recording, and the number of a piece of it.
+fn piece(path: &Path) -> (String, Option<u64>) {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let stem = ends(path).and_then(|end| name.strip_suffix(end)).unwrap_or(&name);
+    let digits = stem.chars().rev().take_while(char::is_ascii_digit).count();
+    let (name, number) = stem.split_at(stem.len() - digits);
+    (name.to_owned(), number.parse().ok())
+}
+
+/// Pieces that are not there between others of one recording, as `NAME_1.mcap` between `NAME_0.mcap` and `NAME_2.mcap`.
+fn missing_pieces(files: &[PathBuf]) -> Vec<Loss> {
+    const MOST: u64 = 1000;
+    let between = |pair: &[PathBuf]| {
+        let ((name, before), (next, after)) = (piece(&pair[0]), piece(&pair[1]));
+        let numbers = before.zip(after).filter(|_| name == next && name.ends_with('_'));
+        let (from, to) = numbers.map_or((0, 0), |(before, after)| (before + 1, after.min(before + MOST)));
+        let end = ends(&pair[0]).unwrap_or_default();
+        (from..to).map(move |number| Loss::MissingPiece { file: format!("{name}{number}{end}") })
+    };
+    files.windows(2).flat_map(between).collect()
 }
 
 /// Looks at the first bytes of a file.
@@ -152,16 +191,15 @@ pub(super) fn check_start(path: &Path, source: &Source) -> Result<(), BagError> 
         return Ok(());
     }
     let again = "record it again, or take another copy";
+    let convert = convert(path);
     let (found, remedy) = if start.is_empty() {
         ("an empty file", again)
     } else if MAGIC.starts_with(&start) {
         ("an MCAP file that was cut off within its first 8 bytes", again)
     } else if start.starts_with(b"SQLite format 3") {
-        ("a bag with sqlite3 storage, not MCAP", CONVERT)
+        ("a bag with sqlite3 storage, not MCAP", convert.as_str())
     } else if start.starts_with(b"#ROSBAG") {
-        ("a ROS 1 bag", CONVERT)
-    } else if start.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) {
-        ("a file that was compressed with zstd", "unpack it with `zstd -d` first")
+        ("a ROS 1 bag", convert.as_str())
     } else {
         ("not a bag: it does not start like an MCAP file", "name a rosbag2 folder or an .mcap file")
     };

@@ -4,6 +4,7 @@ use super::error::Loss;
 use super::index::{Segment, unpack_limit};
 use super::reader::{BagReader, Message};
 use super::segment::{Entry, OpenSegment};
+use super::source::{ZSTD, unpacked};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
@@ -121,6 +122,9 @@ impl Messages {
                 self.open.remove(&key);
             }
         }
+        // rosbag2's compression of messages; CDR begins with 0
+        let packed = data.starts_with(&ZSTD);
+        let data = if packed { unpacked(data.as_slice(), self.limit).unwrap_or(data) } else { data };
         Some(Message { topic, log_ns, publish_ns, sequence, data })
     }
 

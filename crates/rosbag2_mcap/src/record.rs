@@ -104,7 +104,11 @@ pub(super) struct SchemaRecord {
 impl SchemaRecord {
     pub(super) fn parse(body: &[u8]) -> Option<Self> {
         let mut f = Fields(body);
-        let (id, name, encoding) = (f.u16()?, f.string()?, f.string()?);
+        let (id, mut name, encoding) = (f.u16()?, f.string()?, f.string()?);
+        // some writers leave out the middle of package/msg/Type
+        if let Some((package, of)) = name.split_once('/').filter(|(_, of)| !of.contains('/')) {
+            name = format!("{package}/msg/{of}");
+        }
         Some(Self { id, name, encoding, text: String::from_utf8_lossy(f.block()?).as_ref().into() })
     }
 }

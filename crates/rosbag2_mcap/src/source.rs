@@ -1,10 +1,28 @@
 //! Bytes of a bag file, on disk or compiled in.
 
+use super::chunk::window_log;
+use super::index::unpack_limit;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
+
+/// First bytes of what zstd has packed.
+pub(super) const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
+/// What zstd has packed, if it is no more than `limit` bytes. What is cut off gives its start.
+pub(super) fn unpacked(packed: impl Read, limit: u64) -> io::Result<Vec<u8>> {
+    let mut decoder = zstd::stream::read::Decoder::new(packed)?;
+    decoder.window_log_max(window_log(limit))?;
+    let mut bytes = Vec::new();
+    let read = decoder.take(limit + 1).read_to_end(&mut bytes);
+    if bytes.len() as u64 > limit {
+        return Err(io::Error::other(format!("it has more than {limit} bytes")));
+    }
+    // a file that breaks off is salvaged as one that was never packed
+    if bytes.is_empty() { read.map(|_| bytes) } else { Ok(bytes) }
+}
 
 /// Something with bytes at positions.
 #[derive(Debug)]
@@ -16,10 +34,22 @@ pub(super) enum Source {
 }
 
 impl Source {
+    /// Opens a file; one that zstd has packed (rosbag2's compression of files) is unpacked into memory, as far as a file of its size may.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
-        let file = File::open(path)?;
+        let mut file = File::open(path)?;
         let length = file.metadata()?.len();
-        Ok(Self::File(Mutex::new(file), length))
+        let mut start = [0; 4];
+        let packed = file.read_exact(&mut start).is_ok() && start == ZSTD;
+        file.rewind()?;
+        if !packed {
+            return Ok(Self::File(Mutex::new(file), length));
+        }
+        let unpacked = unpacked(file, unpack_limit(length)).map_err(|e| {
+            io::Error::other(format!(
+                "it is packed with zstd and can't be unpacked ({e}): unpack it with `zstd -d`, or take another copy"
+            ))
+        })?;
+        Ok(Self::Memory(Cow::Owned(unpacked)))
     }
 
     pub(super) fn len(&self) -> u64 {

@@ -10,6 +10,9 @@ use crate::compare::rows::Rows;
 const MOST_S: (f64, f64) = (0.25, 3.0);
 const MOST_M: (f64, f64) = (0.3, 3e-3);
 const STEPS: [i32; 2] = [40, 20];
+/// Share of the way in within which a contact can lie, and most steps of the grid beyond the others.
+const WAY: f64 = 0.9;
+const DEEPER: usize = 400;
 /// Unknowns besides the two shifts: size, zero and drift, in which the force is linear.
 pub(super) const LINEAR: usize = 3;
 
@@ -101,6 +104,10 @@ impl<'a> Problem<'a> {
             let only = |j: &i32| clock.is_none() || *j == 0;
             (-STEPS[0]..=STEPS[0]).filter(only).map(move |j| [value(0, i), clock.unwrap_or(0.0) + value(1, j)])
         });
+        // a contact deeper than that, as far as the instrument went, with one clock
+        let widest = reach_m(deepest_m)[1];
+        let deeper = (STEPS[1]..).map(|i| value(0, i)).take_while(|c| *c < widest).take(DEEPER);
+        let shifts = shifts.chain(deeper.map(|c| [c, clock.unwrap_or(0.0)]));
         let left = shifts.filter_map(|at| self.linear(at).map(|(_, left)| (at, left)));
         left.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(at, _)| at)
     }
@@ -146,7 +153,12 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Largest shift of the contact that is looked for, m.
-pub(super) fn most_m(deepest_m: f64) -> f64 {
+/// Shifts of the contact that are looked for, m: as far as the instrument went.
+pub(super) fn reach_m(deepest_m: f64) -> [f64; 2] {
+    [-most_m(deepest_m), (WAY * deepest_m).max(most_m(deepest_m))]
+}
+
+/// Largest shift of the contact for which the clock is looked for as well, m.
+fn most_m(deepest_m: f64) -> f64 {
     (MOST_M.0 * deepest_m).min(MOST_M.1)
 }

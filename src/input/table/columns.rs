@@ -2,7 +2,9 @@
 
 use super::super::unit::Dimension;
 use super::super::{Quantity, Selection};
-use super::{TableError, layout::Layout};
+use super::clock::{self, Clock};
+use super::names::{self, Words};
+use super::{TableError, layout::Kind, layout::Layout};
 
 /// A column that is taken.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,54 +17,63 @@ pub struct Column {
     pub unit: String,
     /// What one unit is, s, m or N, with the sign.
     pub scale: f64,
+    /// The number that stands for zero.
+    pub zero: f64,
+}
+
+impl Column {
+    /// The quantity in SI.
+    #[must_use]
+    pub fn si(&self, number: f64) -> f64 {
+        (number - self.zero) * self.scale
+    }
 }
 
 /// Columns that are taken of one table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
     /// `None`: rows come at a rate.
-    pub time: Option<Column>,
+    pub time: Option<(Column, Clock)>,
     /// Depth.
     pub position: Option<Column>,
-    /// Force.
+    /// Force, where it is one number.
     pub force: Option<Column>,
+    /// Force, where it is a vector.
+    pub forces: Option<[Column; 3]>,
     /// Tip.
     pub pose: Option<[Column; 3]>,
+    /// Orientation of the instrument, a quaternion: x, y, z, w.
+    pub orientation: Option<[Column; 4]>,
     /// Markers: x, y and z of each.
     pub markers: Vec<[Column; 3]>,
 }
-
-/// First words of headers that stand for a quantity.
-const TIMES: [&str; 5] = ["time", "t", "elapsed", "timestamp", "zeit"];
-const POSITIONS: [&str; 12] = [
-    "compression",
-    "displacement",
-    "position",
-    "depth",
-    "extension",
-    "travel",
-    "stroke",
-    "indentation",
-    "insertion",
-    "crosshead",
-    "lvdt",
-    "weg",
-];
-const FORCES: [&str; 6] = ["force", "load", "fz", "f", "kraft", "standardkraft"];
 
 /// What is looked for.
 struct Sought<'a> {
     what: &'static str,
     option: &'static str,
-    words: &'a [&'a str],
+    words: &'a Words,
     dimension: Dimension,
 }
 
-const TIME: Sought = Sought { what: "time", option: "--time", words: &TIMES, dimension: Dimension::Time };
+const TIME: Sought = Sought { what: "time", option: "--time", words: &names::TIME, dimension: Dimension::Time };
 const POSITION: Sought =
-    Sought { what: "position", option: "--position", words: &POSITIONS, dimension: Dimension::Length };
-const MARKER: Sought = Sought { what: "marker", option: "--position", words: &[], dimension: Dimension::Length };
-const FORCE: Sought = Sought { what: "force", option: "--force", words: &FORCES, dimension: Dimension::Force };
+    Sought { what: "position", option: "--position", words: &names::POSITION, dimension: Dimension::Length };
+const FORCE: Sought = Sought { what: "force", option: "--force", words: &names::FORCE, dimension: Dimension::Force };
+
+/// A column that was named, and by which option.
+pub(super) type Named<'a> = (&'static str, &'a str);
+
+/// All columns that a selection names, but that of the time, which each file may have under a name of its own.
+pub(super) fn named(said: &Selection) -> Vec<Named<'_>> {
+    let mut all: Vec<Named<'_>> = said.position.place.iter().map(|name| ("--position", name.as_str())).collect();
+    all.extend(said.force.place.iter().map(|name| ("--force-column", name.as_str())));
+    all.extend(said.pose.iter().flatten().map(|name| ("--pose-columns", name.as_str())));
+    all.extend(said.orientation.iter().flatten().map(|name| ("--pose-columns", name.as_str())));
+    all.extend(said.forces.iter().flatten().map(|name| ("--force-columns", name.as_str())));
+    all.extend(said.markers.iter().map(|name| ("--marker-columns", name.as_str())));
+    all
+}
 
 /// Finds columns in one of several files.
 pub(super) struct Finder<'a> {
@@ -86,31 +97,49 @@ impl Finder<'_> {
     }
 
     /// A column by its header (whole, or without its unit), or by its number from 1.
-    fn named(&self, text: &str) -> Option<usize> {
+    ///
+    /// # Errors
+    /// If several have the header.
+    pub fn named(&self, text: &str) -> Result<Option<usize>, TableError> {
         let wanted = text.trim();
         let headers = self.layout.headers.as_deref().unwrap_or_default();
         let bare = |h: &str| h.split(['(', '[', '<']).next().unwrap_or(h).trim().to_owned();
-        let exact = headers.iter().position(|h| h.trim() == wanted);
-        let loose = || headers.iter().position(|h| bare(h).eq_ignore_ascii_case(wanted));
-        let number = || wanted.parse::<usize>().ok().filter(|n| (1..=self.layout.columns).contains(n)).map(|n| n - 1);
-        exact.or_else(loose).or_else(number)
+        let of =
+            |fits: &dyn Fn(&str) -> bool| -> Vec<usize> { (0..headers.len()).filter(|&i| fits(&headers[i])).collect() };
+        let exact = of(&|h| h.trim() == wanted);
+        let found = if exact.is_empty() { of(&|h| bare(h).eq_ignore_ascii_case(wanted)) } else { exact };
+        match found[..] {
+            [one] => Ok(Some(one)),
+            [first, ..] => Err(self.error(format!(
+                "{} columns have the header `{wanted}`: name the one to take by its number, the first is {}",
+                found.len(),
+                first + 1
+            ))),
+            [] => {
+                let number = wanted.parse::<usize>().ok().filter(|n| (1..=self.layout.columns).contains(n));
+                Ok(number.map(|n| n - 1))
+            }
+        }
     }
 
-    /// The columns whose headers begin with one of the words, and are not stress or strain.
-    fn standing_out(&self, sought: &Sought) -> Vec<usize> {
+    /// The columns whose headers name the quantity best.
+    fn standing_out(&self, sought: &Sought, taken: &[usize]) -> Vec<usize> {
         let headers = self.layout.headers.as_deref().unwrap_or_default();
-        let first = |h: &str| {
-            let word = h.trim().trim_start_matches('"').to_lowercase();
-            word.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default().to_owned()
-        };
-        (0..headers.len()).filter(|&i| sought.words.contains(&first(&headers[i]).as_str())).collect()
+        let is_time = sought.dimension == Dimension::Time;
+        // the time of a table with a step of its own is a column without cells
+        let empty = |i: usize| is_time && self.layout.kind(i) == Kind::Empty;
+        let free = (0..headers.len()).filter(|i| !taken.contains(i) && !empty(*i));
+        let ranks: Vec<(usize, u8)> =
+            free.map(|i| (i, sought.words.rank(&headers[i]))).filter(|(_, r)| *r > 0).collect();
+        let best = ranks.iter().map(|(_, rank)| *rank).max();
+        ranks.iter().filter(|(_, rank)| Some(*rank) == best).map(|(i, _)| *i).collect()
     }
 
     fn place(&self, sought: &Sought, said: Option<&str>, taken: &[usize]) -> Result<Option<usize>, TableError> {
         if let Some(text) = said {
-            return Ok(self.named(text));
+            return self.named(text);
         }
-        let found: Vec<usize> = self.standing_out(sought).into_iter().filter(|i| !taken.contains(i)).collect();
+        let found = self.standing_out(sought, taken);
         match found[..] {
             [] => Ok(None),
             [one] => Ok(Some(one)),
@@ -121,10 +150,10 @@ impl Finder<'_> {
         }
     }
 
-    fn column(&self, sought: &Sought, index: usize, unit: Option<&str>, sign: f64) -> Result<Column, TableError> {
+    fn column(&self, sought: &Sought, index: usize, said: &Quantity) -> Result<Column, TableError> {
         let name = self.name(index);
         let header = || sought.dimension.of_header(&name);
-        let (unit, size) = match unit {
+        let (unit, size) = match said.unit.as_deref() {
             Some(text) => {
                 let known = || format!("{}-unit {text}: known are {}", sought.option, sought.dimension.names());
                 (text.to_owned(), sought.dimension.unit(text).ok_or_else(|| self.error(known()))?)
@@ -138,7 +167,7 @@ impl Finder<'_> {
                 ))
             })?,
         };
-        Ok(Column { index, name, unit, scale: sign * size })
+        Ok(Column { index, name, unit, scale: said.sign() * said.factor.unwrap_or(1.0) * size, zero: said.zero })
     }
 
     /// A strain: a share of the gauge length, in per cent where the header or the option says so.
@@ -151,44 +180,144 @@ impl Finder<'_> {
         }
         let size = if percent { 0.01 * gauge_m } else { gauge_m };
         let unit = format!("{} of {gauge_m} m", if percent { "%" } else { "1" });
-        Ok(Column { index, name, unit, scale: said.sign() * size })
+        Ok(Column { index, name, unit, scale: said.sign() * said.factor.unwrap_or(1.0) * size, zero: said.zero })
+    }
+
+    /// Several columns by their names, if this file has them all.
+    fn several<const N: usize>(
+        &self,
+        names: Option<&[String; N]>,
+        of: impl Fn(usize) -> Result<Column, TableError>,
+    ) -> Result<Option<[Column; N]>, TableError> {
+        let Some(names) = names else { return Ok(None) };
+        let found = names.iter().map(|name| self.named(name)).collect::<Result<Option<Vec<usize>>, _>>()?;
+        let Some(found) = found else { return Ok(None) };
+        let columns = found.into_iter().map(of).collect::<Result<Vec<Column>, _>>()?;
+        Ok(columns.try_into().ok())
+    }
+
+    /// The column of the time, and how it is read.
+    fn time(&self, said: &Selection, number: usize) -> Result<Option<(Column, Clock)>, TableError> {
+        let of_file = |list: &[String]| list.get(number).or(list.last()).cloned();
+        let place = match of_file(&said.time) {
+            Some(name) => self.named(&name)?,
+            None => match self.standing_out(&TIME, &[])[..] {
+                // a date, and the time of day
+                [first, second] if self.layout.kind(first) == Kind::Time && self.layout.kind(second) == Kind::Time => {
+                    Some(first)
+                }
+                _ => match self.seconds_and_nanoseconds() {
+                    Some(seconds) => Some(seconds),
+                    None => self.place(&TIME, None, &[])?,
+                },
+            },
+        };
+        let Some(index) = place else { return Ok(None) };
+        let clock = self.clock(index)?;
+        let unit = of_file(&said.time_unit);
+        let quantity = Quantity { unit: unit.clone(), ..Quantity::default() };
+        let column = match (&clock, unit.as_deref()) {
+            (Clock::Number, _) => self.column(&TIME, index, &quantity)?,
+            (Clock::Nanoseconds(_), None | Some("s")) | (_, None) => {
+                Column { index, name: self.name(index), unit: clock.describe().to_owned(), scale: 1.0, zero: 0.0 }
+            }
+            (_, Some(unit)) => {
+                let name = self.name(index);
+                let what = clock.describe();
+                return Err(self.error(format!("--time-unit {unit}: column `{name}` is {what}, which has no unit")));
+            }
+        };
+        Ok(Some((column, clock)))
+    }
+
+    /// The column `sec` beside one `nanosec`, as bags are written out.
+    fn seconds_and_nanoseconds(&self) -> Option<usize> {
+        let headers = self.layout.headers.as_deref().unwrap_or_default();
+        let last = |h: &String| h.to_lowercase().rsplit(['.', '/', '_']).next().unwrap_or_default().to_owned();
+        let is = |h: &String, words: &[&str]| words.contains(&last(h).as_str());
+        headers
+            .windows(2)
+            .position(|pair| is(&pair[0], &["sec", "secs"]) && is(&pair[1], &["nanosec", "nsec", "nsecs", "nanosecs"]))
+    }
+
+    fn clock(&self, index: usize) -> Result<Clock, TableError> {
+        let cells = |i: usize| -> Vec<&str> { self.layout.cells(i).filter(|cell| !cell.is_empty()).collect() };
+        let own = cells(index);
+        if self.layout.kind(index) != Kind::Time {
+            // 20260304 beside a time of day is a date
+            let day = clock::format_of(&own, clock::date).filter(|_| own.len() > 1);
+            return Ok(match day.filter(|_| self.layout.kind(index + 1) == Kind::Time) {
+                Some(format) => Clock::Date(format, [index, index + 1]),
+                None if self.has_nanoseconds(index) => Clock::Nanoseconds(index + 1),
+                None => Clock::Number,
+            });
+        }
+        // a cell that says no time is a row that is lost
+        let own: Vec<&str> = own.into_iter().filter(|cell| clock::is_time(cell)).collect();
+        if own.iter().all(|cell| clock::of_day(cell).is_some()) {
+            let before = index.checked_sub(1).filter(|&i| self.layout.kind(i) == Kind::Time);
+            let day = before.and_then(|i| Some((i, clock::format_of(&cells(i), clock::date)?)));
+            // the date stands before it
+            return Ok(day.map_or(Clock::TimeOfDay, |(i, format)| Clock::Date(format, [i, index])));
+        }
+        if let Some(format) = clock::format_of(&own, clock::date_time) {
+            return Ok(Clock::DateTime(format));
+        }
+        let beside = self.layout.kind(index + 1) == Kind::Time;
+        let day = clock::format_of(&own, clock::date).filter(|_| beside);
+        let error = || {
+            let (name, cell) = (self.name(index), own.first().copied().unwrap_or_default());
+            self.error(format!("the times of column `{name}` can't be read, as `{cell}`: name another one with --time"))
+        };
+        day.map(|format| Clock::Date(format, [index, index + 1])).ok_or_else(error)
+    }
+
+    /// Whether whole seconds since 1970 stand in a column and nanoseconds in the next.
+    fn has_nanoseconds(&self, index: usize) -> bool {
+        let whole = |i: usize| self.layout.cells(i).map(|cell| cell.parse::<u64>().ok()).collect::<Option<Vec<u64>>>();
+        let (Some(seconds), Some(rest)) = (whole(index), whole(index + 1)) else { return false };
+        let headed = self.seconds_and_nanoseconds() == Some(index);
+        let since_1970 = seconds.iter().all(|s| (1_000_000_000..5_000_000_000).contains(s));
+        (headed || since_1970)
+            && rest.iter().all(|ns| *ns < 1_000_000_000)
+            && (headed || rest.iter().any(|ns| *ns >= 1_000_000))
     }
 
     /// The columns of this file that the selection names or that stand out.
     pub fn find(&self, said: &Selection, number: usize) -> Result<Columns, TableError> {
-        let time = said.time.get(number).or(said.time.last()).map(String::as_str);
-        let time = if said.rate_hz.is_some() { None } else { self.place(&TIME, time, &[])? };
+        let time = if said.rate_hz.is_some() { None } else { self.time(said, number)? };
+        let mut taken: Vec<usize> = time.iter().map(|(column, _)| column.index).collect();
+        match &time {
+            Some((_, Clock::Date(_, both))) => taken.extend(both),
+            Some((_, Clock::Nanoseconds(also))) => taken.push(*also),
+            _ => {}
+        }
+        let length = |i| self.column(&POSITION, i, &Quantity { reversed: false, zero: 0.0, ..said.position.clone() });
+        let plain = |i| Ok(Column { index: i, name: self.name(i), unit: "1".to_owned(), scale: 1.0, zero: 0.0 });
         let mut columns = Columns {
-            time: time.map(|i| self.column(&TIME, i, said.time_unit.as_deref(), 1.0)).transpose()?,
+            time,
+            pose: self.several(said.pose.as_ref(), length)?,
+            orientation: self.several(said.orientation.as_ref(), plain)?,
+            forces: self.several(said.forces.as_ref(), |i| self.column(&FORCE, i, &said.force))?,
             ..Columns::default()
         };
-        let taken: Vec<usize> = time.into_iter().collect();
-        if let Some(names) = &said.pose {
-            let found: Vec<usize> = names.iter().filter_map(|name| self.named(name)).collect();
-            if let [x, y, z] = found[..] {
-                let of = |i| self.column(&POSITION, i, said.position.unit.as_deref(), 1.0);
-                columns.pose = Some([of(x)?, of(y)?, of(z)?]);
-            }
-        }
         for names in said.markers.chunks_exact(3) {
-            let found: Vec<usize> = names.iter().filter_map(|name| self.named(name)).collect();
-            if let [x, y, z] = found[..] {
-                let of = |i| self.column(&MARKER, i, said.position.unit.as_deref(), 1.0);
-                columns.markers.push([of(x)?, of(y)?, of(z)?]);
-            }
+            let names: Option<&[String; 3]> = names.try_into().ok();
+            columns.markers.extend(self.several(names, length)?);
         }
         if said.pose.is_none() {
             let place = self.place(&POSITION, said.position.place.as_deref(), &taken)?;
             columns.position = place
                 .map(|i| match said.gauge_length_m {
                     Some(gauge) => self.strain(i, &said.position, gauge),
-                    None => self.column(&POSITION, i, said.position.unit.as_deref(), said.position.sign()),
+                    None => self.column(&POSITION, i, &said.position),
                 })
                 .transpose()?;
         }
-        let place = self.place(&FORCE, said.force.place.as_deref(), &taken)?;
-        columns.force =
-            place.map(|i| self.column(&FORCE, i, said.force.unit.as_deref(), said.force.sign())).transpose()?;
+        if said.forces.is_none() {
+            let place = self.place(&FORCE, said.force.place.as_deref(), &taken)?;
+            columns.force = place.map(|i| self.column(&FORCE, i, &said.force)).transpose()?;
+        }
         Ok(columns)
     }
 }

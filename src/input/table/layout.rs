@@ -1,63 +1,110 @@
 //! How the text of a table is laid out: what separates its cells, how numbers are written, where headers and data stand.
+//!
+//! Data begin with the first rows that have numbers (or times) in two columns or more; further columns may hold words. A word in one of
+//! those columns is a cell that is no number, not the end of the headers: rows above the first whole ones are taken in as far as they have
+//! numbers and headers stand above them.
 
 use std::cell::{OnceCell, RefCell};
 
 use super::super::TableLayout;
 use super::super::unit::is_unit;
+use super::clock::is_time;
+use super::names;
+use super::number::number;
 
 /// Lines that are looked at for the beginning of the data.
 const LOOKED_AT: usize = 400;
 /// Rows in a row that are data.
 const ROWS: usize = 3;
+/// Rows by which columns and ways to read them are judged.
+const JUDGED: usize = 64;
 /// Separators that are tried, in this order where two do as well.
 const SEPARATORS: [char; 4] = ['\t', ';', ',', ' '];
 /// What comment lines begin with.
 const COMMENTS: [&str; 3] = ["#", "//", "%"];
+
+/// What a cell holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Empty,
+    Number,
+    /// A date or a time of day.
+    Time,
+    Text,
+}
+
+impl Kind {
+    pub(super) fn of(cell: &str, decimal_comma: bool) -> Self {
+        match cell {
+            "" => Self::Empty,
+            _ if number(cell, decimal_comma).is_some() => Self::Number,
+            _ if is_time(cell) => Self::Time,
+            _ => Self::Text,
+        }
+    }
+
+    /// Whether data can stand in such cells.
+    pub(super) const fn is_data(self) -> bool {
+        matches!(self, Self::Number | Self::Time)
+    }
+}
 
 /// What was seen.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layout {
     pub separator: char,
     pub decimal_comma: bool,
-    /// Of each column; `None` without headers. With its unit from a row of units in brackets.
+    /// Of each column; `None` without headers. With its unit from a row of units.
     pub headers: Option<Vec<String>>,
+    /// The headers as they stand in the text.
+    pub header_text: Option<String>,
     /// Number of the first line of data, from 0, and the byte at which it begins.
     pub first_row: usize,
     pub offset: usize,
     pub columns: usize,
     pub comment: Option<String>,
-}
-
-/// A number, after the decimal comma is a point.
-pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
-    let cell = cell.trim();
-    if decimal_comma && cell.contains(',') { cell.replace(',', ".").parse().ok() } else { cell.parse().ok() }
+    /// Columns by which data are told from other lines.
+    pub numeric: Vec<usize>,
+    /// Time between rows, s, where the file says it (LabVIEW's `Delta_X`).
+    pub step_s: Option<f64>,
+    /// What was seen and not taken.
+    pub note: Option<String>,
+    /// Cells and kinds of the first rows.
+    rows: Vec<Line>,
 }
 
 /// What separates the cells of a line. The reader of quoted cells is made at the first of them, once: its table of states costs 20 us.
-struct Splitter {
+pub(super) struct Splitter {
     separator: char,
     quoted: OnceCell<RefCell<csv_core::Reader>>,
 }
 
 impl Splitter {
-    fn new(separator: char) -> Self {
+    pub fn new(separator: char) -> Self {
         Self { separator, quoted: OnceCell::new() }
     }
 
-    fn cells(&self, line: &str) -> Vec<String> {
+    /// The cells of a line, into a buffer that is used again.
+    pub fn split<'a>(&self, line: &'a str, cells: &mut Vec<std::borrow::Cow<'a, str>>) {
+        cells.clear();
         if self.separator == ' ' {
-            return line.split_whitespace().map(str::to_owned).collect();
+            cells.extend(line.split_whitespace().map(Into::into));
+        } else if line.contains(['"', '\r']) {
+            cells.extend(self.quoted(line).into_iter().map(Into::into));
+        } else {
+            cells.extend(line.split(self.separator).map(|cell| cell.trim().into()));
         }
-        if line.contains(['"', '\r']) {
-            return self.quoted(line);
-        }
-        line.split(self.separator).map(|cell| cell.trim().to_owned()).collect()
+    }
+
+    fn cells(&self, line: &str) -> Vec<String> {
+        let mut cells = Vec::new();
+        self.split(line, &mut cells);
+        cells.into_iter().map(Into::into).collect()
     }
 
     /// Cells of a line of which some may stand in quotation marks.
     fn quoted(&self, line: &str) -> Vec<String> {
-        let delimiter = super::delimiter(self.separator);
+        let delimiter = u8::try_from(self.separator).unwrap_or(b',');
         let build = || RefCell::new(csv_core::ReaderBuilder::new().delimiter(delimiter).build());
         // a clone of such a reader splits wrongly (csv-core 0.1.13), one that is reset does not
         let mut reader = self.quoted.get_or_init(build).borrow_mut();
@@ -76,83 +123,273 @@ impl Splitter {
     }
 }
 
-/// A line of data: two cells or more, none of them a word, at least two of them numbers; how many cells it has.
-fn data(line: &str, split: &Splitter, decimal_comma: bool) -> Option<usize> {
-    let cells = split.cells(line);
-    let numbers = cells.iter().filter(|cell| number(cell, decimal_comma).is_some_and(f64::is_finite)).count();
-    let all = cells.iter().all(|cell| cell.is_empty() || number(cell, decimal_comma).is_some());
-    (numbers >= 2 && all).then_some(cells.len())
+/// A line by one way of reading it.
+#[derive(Clone, Debug, PartialEq)]
+struct Line {
+    number: usize,
+    cells: Vec<String>,
+    kinds: Vec<Kind>,
+}
+
+impl Line {
+    fn kind(&self, column: usize) -> Kind {
+        self.kinds.get(column).copied().unwrap_or(Kind::Empty)
+    }
+
+    fn has_data(&self, columns: &[usize]) -> bool {
+        columns.iter().any(|&c| self.kind(c).is_data())
+    }
+
+    /// Whether every one of these columns has a name, or a unit.
+    fn names(&self, columns: &[usize]) -> bool {
+        columns.iter().all(|&c| self.kind(c) != Kind::Empty)
+    }
+}
+
+/// One way of reading the lines: where data begin, and what they are.
+struct Seen<'a> {
+    split: &'a Splitter,
+    decimal_comma: bool,
+    lines: Vec<Line>,
+    /// Index into the lines.
+    first: usize,
+    /// Columns with numbers or times in the first rows.
+    numeric: Vec<usize>,
+    /// Cells of the first rows that are words.
+    words: usize,
+    /// Fewer rows than [`ROWS`] are there.
+    short: bool,
+}
+
+impl<'a> Seen<'a> {
+    fn of(kept: &[(usize, &str)], split: &'a Splitter, decimal_comma: bool) -> Option<Self> {
+        let line = |&(number, text): &(usize, &str)| {
+            let cells = split.cells(text);
+            let kinds = cells.iter().map(|cell| Kind::of(cell, decimal_comma)).collect();
+            Line { number, cells, kinds }
+        };
+        // the rest is only looked at where data begin
+        let mut lines: Vec<Line> = kept.iter().take(ROWS).map(line).collect();
+        let mut first = 0;
+        let numeric = loop {
+            let rows = lines.get(first..(first + ROWS).min(lines.len())).filter(|rows| !rows.is_empty())?;
+            if let Some(numeric) = data_columns(rows) {
+                break numeric;
+            }
+            lines.extend(kept.get(lines.len()).map(line));
+            first += 1;
+        };
+        let end = (first + JUDGED).min(kept.len());
+        lines.extend(kept.get(lines.len()..end).unwrap_or_default().iter().map(line));
+        let words = lines[first..].iter().flat_map(|line| &line.kinds).filter(|kind| **kind == Kind::Text).count();
+        let short = lines.len() < first + ROWS;
+        Some(Self { split, decimal_comma, lines, first, numeric, words, short })
+    }
+
+    /// Takes in rows above the first whole ones that have a word among their numbers.
+    fn take_in_above(&mut self) {
+        let is_row = |i: &usize| self.lines[*i].has_data(&self.numeric);
+        let reach = (0..self.first).rev().take_while(is_row).last().unwrap_or(self.first);
+        // specimens 1, 2, 3 can be headers, a word that names nothing can't
+        let words = || self.lines[0].cells.iter().any(|cell| names::is_known(cell));
+        let all = if reach == 0 { !words() } else { self.lines[reach - 1].names(&self.numeric) };
+        let whole = |i: &usize| self.numeric.iter().all(|&c| self.lines[*i].kind(c).is_data());
+        let from = if all { Some(reach) } else { (reach..self.first).find(whole) };
+        self.first = from.unwrap_or(self.first);
+    }
+}
+
+/// Columns in which all of some rows have numbers or times, if there are two, one of them of numbers.
+fn data_columns(rows: &[Line]) -> Option<Vec<usize>> {
+    let least = rows.iter().map(|line| line.kinds.len()).min()?;
+    let all = |c: usize, fits: &dyn Fn(Kind) -> bool| rows.iter().all(|line| fits(line.kind(c)));
+    let columns: Vec<usize> = (0..least).filter(|&c| all(c, &Kind::is_data)).collect();
+    let numbers = columns.iter().any(|&c| all(c, &|kind| kind == Kind::Number));
+    // a list of settings: a word and its values on each line
+    let first: Vec<&String> = rows.iter().filter_map(|line| line.cells.first()).collect();
+    let settings = all(0, &|kind| kind == Kind::Text) && (rows.len() < 2 || first.windows(2).any(|w| w[0] != w[1]));
+    (columns.len() >= 2 && numbers && !settings).then_some(columns)
 }
 
 impl Layout {
     /// Looks at the beginning of a text; `None` if there is no table of numbers in it.
     pub fn of(text: &str, said: &TableLayout) -> Option<Self> {
         let lines: Vec<&str> = text.split('\n').take(LOOKED_AT).map(|line| line.trim_end_matches('\r')).collect();
+        let comment = said.comment.as_deref();
+        let header_line = said.header_line.unwrap_or(0);
+        let kept: Vec<(usize, &str)> = (header_line..lines.len())
+            .map(|i| (i, lines[i]))
+            .filter(|(_, line)| !line.trim().is_empty() && !is_comment(line, comment))
+            .collect();
         let separators = said.separator.map_or_else(|| SEPARATORS.to_vec(), |c| vec![c]);
         let decimals = said.decimal_comma.map_or_else(|| vec![false, true], |comma| vec![comma]);
         let splitters: Vec<Splitter> = separators.into_iter().map(Splitter::new).collect();
+        let quoted = text.get(..text.len().min(4096)).unwrap_or(text).contains('"');
         let ways = splitters.iter().flat_map(|s| decimals.iter().map(move |&d| (s, d)));
-        let ways = ways.filter(|&(s, d)| said.separator.is_some() || !(d && s.separator == ','));
-        let comment = said.comment.as_deref();
-        let seen = ways.filter_map(|(split, comma)| {
-            let (first, columns) = Self::first_row(&lines, split, comma, comment, said.header_line)?;
-            Some((first, columns, split, comma))
-        });
-        // the reading that finds data first, then the one with the most columns
-        let (first_row, columns, split, decimal_comma) =
-            seen.min_by_key(|(first, columns, ..)| (*first, std::cmp::Reverse(*columns)))?;
-        let headers = Self::headers(&lines, first_row, columns, split, said.header_line);
-        let separator = split.separator;
-        let offset = lines[first_row].as_ptr() as usize - text.as_ptr() as usize;
-        let comment = said.comment.clone();
-        Some(Self { separator, decimal_comma, headers, first_row, offset, columns, comment })
-    }
-
-    fn first_row(
-        lines: &[&str],
-        split: &Splitter,
-        comma: bool,
-        comment: Option<&str>,
-        header_line: Option<usize>,
-    ) -> Option<(usize, usize)> {
-        let kept: Vec<usize> = (header_line.unwrap_or(0)..lines.len())
-            .filter(|&i| !lines[i].trim().is_empty() && !is_comment(lines[i], comment))
-            .collect();
-        let of = |i: usize| data(lines[i], split, comma);
-        kept.iter().enumerate().find_map(|(k, &i)| {
-            let columns = of(i)?;
-            let rows = &kept[k..(k + ROWS).min(kept.len())];
-            rows.iter().all(|&row| of(row) == Some(columns)).then_some((i, columns))
-        })
-    }
-
-    /// The nearest line above the data with as many cells, or the one that was named; a row of units goes into the headers.
-    fn headers(
-        lines: &[&str],
-        first_row: usize,
-        columns: usize,
-        splitter: &Splitter,
-        said: Option<usize>,
-    ) -> Option<Vec<String>> {
-        let split = |i: usize| {
-            let line = lines[i].trim_start_matches(['\u{feff}', '#', '%']);
-            let split = splitter.cells(line);
-            if splitter.separator == ' ' && split.len() != columns { by_gaps(line) } else { split }
+        let ways = ways.filter(|&(s, d)| said.separator.is_some() || quoted || !(d && s.separator == ','));
+        let seen = ways.filter_map(|(split, comma)| Seen::of(&kept, split, comma));
+        // the reading with the fewest words, then the one that finds data first, then the one with the most columns
+        let score = |seen: &Seen| {
+            (seen.short, seen.words, seen.lines[seen.first].number, std::cmp::Reverse(seen.numeric.len()))
         };
+        let mut seen = seen.min_by_key(score)?;
+        let units = said.header_line.filter(|line| *line > 0).map_or(0, |_| {
+            let is_units = |line: &&Line| {
+                seen.numeric.iter().all(|&c| line.cells.get(c).is_some_and(|cell| !cell.is_empty() && is_unit(cell)))
+            };
+            usize::from(seen.lines.first().filter(|_| seen.first > 0).filter(is_units).is_some())
+        });
+        // behind headers that were named, all is data
+        let behind = seen.lines.iter().skip(units).position(|line| line.has_data(&seen.numeric)).map(|i| i + units);
+        match (said.header_line, behind) {
+            (Some(1..), Some(first)) => seen.first = seen.first.min(first),
+            _ => seen.take_in_above(),
+        }
+        Some(Self::put_together(text, &lines, seen, said, units > 0))
+    }
+
+    fn put_together(text: &str, lines: &[&str], seen: Seen, said: &TableLayout, units_below: bool) -> Self {
+        let first_row = seen.lines[seen.first].number;
+        let rows: Vec<Line> = seen.lines[seen.first..].to_vec();
+        let columns = rows.iter().map(|line| line.cells.len()).max().unwrap_or(0);
+        let labview = LabView::of(lines, first_row, seen.split, seen.decimal_comma);
+        let above = Above { lines, first_row, seen: &seen, columns };
+        let units = units_below.then(|| seen.lines[0].cells.clone());
+        let (mut headers, header_text, note) = above.headers(said.header_line, units);
+        if let Some(headers) = &mut headers {
+            labview.add_units(headers);
+        }
+        let offset = lines[first_row].as_ptr() as usize - text.as_ptr() as usize;
+        Self {
+            separator: seen.split.separator,
+            decimal_comma: seen.decimal_comma,
+            headers,
+            header_text,
+            first_row,
+            offset,
+            columns,
+            comment: said.comment.clone(),
+            numeric: seen.numeric.clone(),
+            step_s: labview.step_s,
+            note,
+            rows,
+        }
+    }
+
+    /// What stands in a column, by its first rows.
+    pub fn kind(&self, column: usize) -> Kind {
+        let kinds = || self.rows.iter().map(|line| line.kind(column));
+        let most = [Kind::Time, Kind::Number, Kind::Text];
+        let count = |of: Kind| kinds().filter(|kind| *kind == of).count();
+        most.into_iter().filter(|kind| count(*kind) > 0).max_by_key(|kind| count(*kind)).unwrap_or(Kind::Empty)
+    }
+
+    /// Whether there are rows enough to be a recording.
+    pub fn has_rows(&self) -> bool {
+        self.rows.len() >= ROWS
+    }
+
+    /// Cells of a column in the first rows.
+    pub fn cells(&self, column: usize) -> impl Iterator<Item = &str> {
+        self.rows.iter().map(move |line| line.cells.get(column).map_or("", String::as_str))
+    }
+}
+
+/// The lines above the data.
+struct Above<'a> {
+    lines: &'a [&'a str],
+    first_row: usize,
+    seen: &'a Seen<'a>,
+    columns: usize,
+}
+
+impl Above<'_> {
+    fn split(&self, i: usize) -> Vec<String> {
+        let line = self.lines[i].trim_start_matches(['\u{feff}', '#', '%']);
+        let cells = self.seen.split.cells(line);
+        if self.seen.split.separator == ' ' && cells.len() != self.columns { by_gaps(line) } else { cells }
+    }
+
+    fn names(&self, cells: &[String]) -> bool {
+        self.seen.numeric.iter().all(|&c| cells.get(c).is_some_and(|cell| !cell.is_empty()))
+    }
+
+    /// The nearest line above the data that names every column of numbers, or the one that was said; a row of units goes into the headers.
+    /// Beside them the line as it stands, and what was not taken.
+    fn headers(
+        &self,
+        said: Option<usize>,
+        units_below: Option<Vec<String>>,
+    ) -> (Option<Vec<String>>, Option<String>, Option<String>) {
+        let text = |i: usize| Some(self.lines[i].trim().to_owned());
         if let Some(line) = said {
-            return (line > 0).then(|| split(line - 1));
+            if line == 0 {
+                return (None, None, None);
+            }
+            let names = self.split(line - 1);
+            return (Some(units_below.map_or(names.clone(), |units| with_units(&names, &units))), text(line - 1), None);
         }
         // headers may stand in a comment, and comments between them and the data
-        let kept =
-            |&i: &usize| !lines[i].trim().is_empty() && (!is_comment(lines[i], None) || split(i).len() == columns);
-        let mut above = (0..first_row).rev().filter(kept).map(split);
-        let last = above.next().filter(|cells| cells.len() == columns)?;
-        if !last.iter().all(|cell| is_unit(cell)) {
-            return Some(last);
+        let kept = |&i: &usize| {
+            !self.lines[i].trim().is_empty()
+                && (!is_comment(self.lines[i], None) || self.split(i).len() == self.columns)
+        };
+        let mut above = (0..self.first_row).rev().filter(kept);
+        let Some(nearest) = above.next() else { return (None, None, None) };
+        let last = self.split(nearest);
+        if !self.names(&last) {
+            let words = last.iter().filter(|cell| cell.chars().any(char::is_alphabetic)).count();
+            let note = (words >= 2).then(|| {
+                format!(
+                    "line {} has no name for every column of numbers below it, so its words were not taken for headers",
+                    nearest + 1
+                )
+            });
+            return (None, None, note);
         }
-        let names = above.next().filter(|cells| cells.len() == columns)?;
-        let bare = |unit: &str| unit.trim_matches(['(', ')', '[', ']']).to_owned();
-        Some(names.iter().zip(&last).map(|(name, unit)| format!("{name} ({})", bare(unit))).collect())
+        let is_units = self.seen.numeric.iter().all(|&c| is_unit(&last[c]));
+        if !is_units {
+            return (Some(last), text(nearest), None);
+        }
+        let names = above.next().map(|i| (i, self.split(i))).filter(|(_, names)| self.names(names));
+        names.map_or((None, None, None), |(i, names)| (Some(with_units(&names, &last)), text(i), None))
+    }
+}
+
+/// Headers with the units of a row below them.
+fn with_units(names: &[String], units: &[String]) -> Vec<String> {
+    let bare = |unit: &str| unit.trim_matches(['(', ')', '[', ']']).to_owned();
+    let one = |(i, name): (usize, &String)| match units.get(i) {
+        Some(unit) => format!("{name} ({})", bare(unit)),
+        None => name.clone(),
+    };
+    names.iter().enumerate().map(one).collect()
+}
+
+/// What the head of a file of LabVIEW says of its channels.
+#[derive(Default)]
+struct LabView {
+    units: Vec<String>,
+    step_s: Option<f64>,
+}
+
+impl LabView {
+    fn of(lines: &[&str], first_row: usize, split: &Splitter, decimal_comma: bool) -> Self {
+        let row = |key: &str| {
+            let found = lines[..first_row].iter().rev().find(|line| line.trim_start().starts_with(key));
+            found.map(|line| split.cells(line))
+        };
+        let step = row("Delta_X").and_then(|cells| number(cells.get(1)?, decimal_comma)).filter(|step| *step > 0.0);
+        Self { units: row("Y_Unit_Label").unwrap_or_default(), step_s: step }
+    }
+
+    fn add_units(&self, headers: &mut [String]) {
+        for (name, unit) in headers.iter_mut().zip(&self.units).skip(1).filter(|(_, unit)| !unit.is_empty()) {
+            *name = format!("{name} ({unit})");
+        }
+        if let Some(time) = headers.first_mut().filter(|name| *name == "X_Value") {
+            time.push_str(" (s)");
+        }
     }
 }
 

@@ -1,19 +1,23 @@
 //! Tables of numbers as text: what load cells, testing machines and spreadsheets write.
 
+mod clock;
 mod columns;
+mod encoding;
 mod layout;
+mod names;
+mod number;
+mod rows;
 
 use std::fs;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use super::Selection;
+use super::{Selection, TableLayout};
 use crate::twin::Pose;
+pub use clock::Clock;
 use columns::Finder;
 pub use columns::{Column, Columns};
-use layout::{Layout, number};
-
-/// The instrument of a table's poses points straight down.
-const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
+use layout::Layout;
 
 /// Why a table can't be read.
 #[derive(Debug, thiserror::Error)]
@@ -28,14 +32,14 @@ pub enum TableError {
         source: std::io::Error,
     },
     /// A file of another program.
-    #[error("{}: {what} is not read; save it as CSV text ({how})", .path.display())]
+    #[error("{}: {what} is not read; make a CSV of it: {how}", .path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
         /// What it is.
         what: &'static str,
         /// How to make a table of it.
-        how: &'static str,
+        how: String,
     },
     /// There is no table in it.
     #[error(
@@ -66,6 +70,26 @@ pub enum TableError {
         /// Columns of all files.
         columns: String,
     },
+    /// No file has a column that was named.
+    #[error("{option} {name}: there is no such column. {columns}")]
+    NoColumn {
+        /// How it was named.
+        option: &'static str,
+        /// Its name.
+        name: String,
+        /// Columns of all files.
+        columns: String,
+    },
+    /// Several recordings are in one file, or not as many as was said.
+    #[error("{file}: {reason}: {blocks}")]
+    Blocks {
+        /// The file.
+        file: String,
+        /// What is wrong, and what to do.
+        reason: String,
+        /// What there is.
+        blocks: String,
+    },
 }
 
 /// Rows of one file, as far as they were taken.
@@ -85,40 +109,48 @@ pub struct Table {
     pub bad: u64,
     /// See `bad`.
     pub first_bad: Option<String>,
+    /// What is odd but cost nothing.
+    pub warnings: Vec<String>,
+    /// Rows per second, where they have no time of their own.
+    pub rate_hz: Option<f64>,
+    /// Columns that were named, by their options, and are not in this file.
+    absent: Vec<(&'static str, String)>,
+    /// Lines from the first to the last, from 1.
+    lines: [usize; 2],
     pub(super) depths: Vec<(i64, f64)>,
     pub(super) forces: Vec<(i64, [f64; 3])>,
     pub(super) poses: Vec<(i64, Pose)>,
     pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
 }
 
-/// What separates cells, to a reader.
-fn delimiter(separator: char) -> u8 {
-    u8::try_from(separator).unwrap_or(b',')
-}
-
-/// UTF-8, UTF-16 with its mark, or else Latin-1: the units µm and °C stand in old files.
-fn text(bytes: Vec<u8>) -> String {
-    let wide = |of: fn([u8; 2]) -> u16| {
-        let units: Vec<u16> = bytes[2..].chunks_exact(2).map(|pair| of([pair[0], pair[1]])).collect();
-        String::from_utf16_lossy(&units)
-    };
-    match bytes.get(..2) {
-        Some([0xff, 0xfe]) => wide(u16::from_le_bytes),
-        Some([0xfe, 0xff]) => wide(u16::from_be_bytes),
-        _ => String::from_utf8(bytes).unwrap_or_else(|e| e.into_bytes().iter().map(|&b| char::from(b)).collect()),
-    }
-}
-
-/// Files that are no text.
+/// Files that are no text, with the one line of Python that makes a table of them.
 fn refuse_foreign(path: &Path) -> Result<(), TableError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let foreign = match extension.as_str() {
-        "mat" => ("a MATLAB file", "in MATLAB: writetable, writetimetable or writematrix"),
-        "xlsx" | "xls" | "ods" => ("a spreadsheet", "in the spreadsheet program: save as CSV"),
-        "tdms" => ("a TDMS file", "in LabVIEW or DIAdem: export as text"),
+    let file = path.display();
+    let frame = |imports: &str, frame: &str| {
+        format!("python -c \"import {imports}, pandas as p; p.{frame}.to_csv('{file}.csv', index=False)\"")
+    };
+    let variables = "DataFrame({k: v.ravel() for k, v in s.loadmat('FILE').items() if k[0] != '_'})";
+    let datasets = "DataFrame({k: v[:].ravel() for k, v in h.File('FILE').items() if isinstance(v, h.Dataset)})";
+    let (what, imports, code) = match extension.as_str() {
+        "mat" if starts_with(path, b"MATLAB 7.3") => ("a MATLAB file of version 7.3", "h5py as h", datasets),
+        "mat" => ("a MATLAB file (in MATLAB: writetable, writetimetable)", "scipy.io as s", variables),
+        "xlsx" | "xls" | "ods" => ("a spreadsheet", "openpyxl", "read_excel('FILE')"),
+        "npy" => ("an array of NumPy", "numpy as n", "DataFrame(n.load('FILE')).add_prefix('c')"),
+        "npz" => ("an archive of NumPy", "numpy as n", "DataFrame(dict(n.load('FILE')))"),
+        "h5" | "hdf5" => ("an HDF5 file", "h5py as h", datasets),
+        "tdms" => ("a TDMS file", "nptdms as t", "DataFrame(t.TdmsFile.read('FILE').as_dataframe())"),
+        "parquet" => ("a Parquet file", "pyarrow", "read_parquet('FILE')"),
         _ => return Ok(()),
     };
-    Err(TableError::Foreign { path: path.to_owned(), what: foreign.0, how: foreign.1 })
+    let how = frame(imports, &code.replace("FILE", &file.to_string()));
+    Err(TableError::Foreign { path: path.to_owned(), what, how })
+}
+
+/// Whether a file can be read and begins so.
+fn starts_with(path: &Path, bytes: &[u8]) -> bool {
+    let mut start = vec![0; bytes.len()];
+    fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok() && start == bytes)
 }
 
 impl Table {
@@ -127,9 +159,7 @@ impl Table {
     /// # Errors
     /// [`TableError`].
     pub fn read(path: &Path, said: &Selection, file_number: usize) -> Result<Self, TableError> {
-        refuse_foreign(path)?;
-        let bytes = fs::read(path).map_err(|source| TableError::Open { path: path.to_owned(), source })?;
-        Self::from_bytes(path, bytes, said, file_number)
+        Self::from_bytes(path, bytes_of(path)?, said, file_number)
     }
 
     /// As [`Table::read`], from what the file holds.
@@ -137,99 +167,112 @@ impl Table {
     /// # Errors
     /// [`TableError`].
     pub fn from_bytes(path: &Path, bytes: Vec<u8>, said: &Selection, file_number: usize) -> Result<Self, TableError> {
-        let text = text(bytes);
+        let text = encoding::text(bytes);
         let text = text.trim_start_matches('\u{feff}');
-        let layout = Layout::of(text, &said.layout).ok_or_else(|| TableError::NoTable { path: path.to_owned() })?;
         let file = path.display().to_string();
-        let finder = Finder { file: &file, layout: &layout };
-        let columns = finder.find(said, file_number)?;
-        let mut table =
-            Self { layout: describe(&layout), all_columns: finder.describe(), columns, file, ..Self::default() };
-        table.take(&text[layout.offset..], &layout, said.rate_hz);
-        Ok(table)
-    }
-
-    /// Takes the cells that are wanted of every row.
-    fn take(&mut self, data: &str, layout: &Layout, rate_hz: Option<f64>) {
-        let one_tab;
-        let (data, separator) = if layout.separator == ' ' {
-            let tabbed = |line: &str| line.split_whitespace().collect::<Vec<_>>().join("\t");
-            one_tab = data.lines().map(tabbed).collect::<Vec<_>>().join("\n");
-            (one_tab.as_str(), '\t')
-        } else {
-            (data, layout.separator)
+        let mut blocks = Blocks { text, said, file: &file, file_number, place: Some([0, 0]) };
+        let no_table = || TableError::NoTable { path: path.to_owned() };
+        let mut wanted = blocks.next().ok_or_else(no_table)??;
+        let mut all = vec![wanted.extent()];
+        for (number, block) in (2..).zip(blocks) {
+            match block {
+                Ok(block) => {
+                    all.push(block.extent());
+                    wanted = if said.layout.block == Some(number) { block } else { wanted };
+                }
+                // of a block that nobody wants the columns don't matter
+                Err(error) if said.layout.block == Some(number) => return Err(error),
+                Err(_) => all.push("of other columns".to_owned()),
+            }
+        }
+        let reason = match (said.layout.block, all.len()) {
+            (None, 2..) => "it holds several recordings: name the one to take with --block N",
+            (Some(block), count) if !(1..=count).contains(&block) => "there is no such block (--block)",
+            _ => return Ok(wanted),
         };
-        let columns = self.columns.clone();
-        let mut reader = csv::ReaderBuilder::new();
-        let mut reader =
-            reader.has_headers(false).flexible(true).delimiter(delimiter(separator)).from_reader(data.as_bytes());
-        let mut record = csv::ByteRecord::new();
-        let mut rows = 0;
-        while reader.read_byte_record(&mut record).unwrap_or(false) {
-            let first = String::from_utf8_lossy(record.get(0).unwrap_or_default());
-            if layout::is_comment(&first, layout.comment.as_deref()) {
-                continue;
-            }
-            let row = Row { record: &record, comma: layout.decimal_comma };
-            if self.take_row(&row, &columns, rate_hz.map(|hz| rows as f64 / hz)).is_none() {
-                self.bad += 1;
-                let at = record.position().map_or(0, |p| p.byte() as usize);
-                // where lines end with two characters, the second belongs to the next record
-                let before = data[..at].matches('\n').count() + usize::from(data[at..].starts_with('\n'));
-                let line = layout.first_row + 1 + before;
-                let cells = || record.iter().map(|cell| String::from_utf8_lossy(cell)).collect::<Vec<_>>().join(" | ");
-                self.first_bad.get_or_insert_with(|| format!("line {line}: {}", cells()));
-            }
-            rows += 1;
-        }
-        self.rows = rows;
+        let blocks = (1..).zip(all).map(|(n, extent): (usize, _)| format!("{n} is {extent}")).collect::<Vec<_>>();
+        Err(TableError::Blocks { file: file.clone(), reason: reason.to_owned(), blocks: blocks.join(", ") })
     }
 
-    /// `None` where a cell is no number.
-    fn take_row(&mut self, row: &Row, columns: &Columns, at_s: Option<f64>) -> Option<()> {
-        let time = columns.time.as_ref().map_or(Ok(at_s), |column| row.value(column)).ok()?;
-        let Some(stamp) = time.map(|s| (s * 1e9).round() as i64) else { return Some(()) };
-        if let Some(column) = &columns.position {
-            self.depths.extend(row.value(column).ok()?.map(|depth_m| (stamp, depth_m)));
-        }
-        if let Some(column) = &columns.force {
-            self.forces.extend(row.value(column).ok()?.map(|force_n| (stamp, [0.0, 0.0, force_n])));
-        }
-        if let Some([x, y, z]) = &columns.pose {
-            let (x, y, z) = (row.value(x).ok()?, row.value(y).ok()?, row.value(z).ok()?);
-            if let (Some(x), Some(y), Some(z)) = (x, y, z) {
-                self.poses.push((stamp, Pose { tip: [x, y, z], axis: DOWN }));
-            }
-        }
-        if !columns.markers.is_empty() {
-            // an empty cell: not seen
-            let one = |column: &Column| row.value(column).map(|x| x.unwrap_or(f64::NAN));
-            let of = |[x, y, z]: &[Column; 3]| Ok::<_, ()>([one(x)?, one(y)?, one(z)?]);
-            let positions = columns.markers.iter().map(of).collect::<Result<Vec<_>, ()>>().ok()?;
-            self.markers.push((stamp, positions));
-        }
-        Some(())
+    /// Columns that were named and are not in this file.
+    pub(super) fn absent(&self) -> &[(&'static str, String)] {
+        &self.absent
+    }
+
+    fn extent(&self) -> String {
+        let [first, last] = self.lines;
+        format!("lines {first} to {last} ({} rows)", self.rows)
     }
 }
 
-struct Row<'a> {
-    record: &'a csv::ByteRecord,
-    comma: bool,
+fn bytes_of(path: &Path) -> Result<Vec<u8>, TableError> {
+    refuse_foreign(path)?;
+    fs::read(path).map_err(|source| TableError::Open { path: path.to_owned(), source })
 }
 
-impl Row<'_> {
-    /// The number in SI; `None` of an empty cell.
-    fn value(&self, column: &Column) -> Result<Option<f64>, ()> {
-        let cell = self.record.get(column.index).unwrap_or_default().trim_ascii();
-        if cell.is_empty() {
-            return Ok(None);
-        }
-        let text = std::str::from_utf8(cell).map_err(drop)?;
-        number(text, self.comma).filter(|x| x.is_finite()).map(|x| Some(x * column.scale)).ok_or(())
+/// How many recordings a file holds one after the other; 1 where that can't be told.
+#[must_use]
+pub fn blocks(path: &Path, said: &Selection) -> usize {
+    let Ok(bytes) = bytes_of(path) else { return 1 };
+    let text = encoding::text(bytes);
+    let file = path.display().to_string();
+    Blocks { text: text.trim_start_matches('\u{feff}'), said, file: &file, file_number: 0, place: Some([0, 0]) }
+        .count()
+        .max(1)
+}
+
+/// The recordings that stand one after the other in a text.
+struct Blocks<'a> {
+    text: &'a str,
+    said: &'a Selection,
+    file: &'a str,
+    file_number: usize,
+    /// Byte and line at which the next one begins.
+    place: Option<[usize; 2]>,
+}
+
+impl Iterator for Blocks<'_> {
+    type Item = Result<Table, TableError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let [byte, line] = self.place.take()?;
+        // the line of the headers was said of the first
+        let header_line = self.said.layout.header_line.filter(|n| byte == 0 || *n == 0);
+        let said = TableLayout { header_line, ..self.said.layout.clone() };
+        let text = &self.text[byte..];
+        let layout = Layout::of(text, &said)?;
+        let finder = Finder { file: self.file, layout: &layout };
+        let table = finder.find(self.said, self.file_number).and_then(|columns| {
+            let named = columns::named(self.said);
+            let gone = named.into_iter().filter_map(|(option, name)| match finder.named(name) {
+                Ok(Some(_)) => None,
+                Ok(None) => Some(Ok((option, name.to_owned()))),
+                Err(error) => Some(Err(error)),
+            });
+            Ok(Table {
+                file: self.file.to_owned(),
+                layout: describe(&layout, line),
+                all_columns: finder.describe(),
+                absent: gone.collect::<Result<_, _>>()?,
+                warnings: layout.note.iter().map(|note| format!("{}: {note}", self.file)).collect(),
+                columns,
+                ..Table::default()
+            })
+        });
+        let mut table = match table {
+            Ok(table) => table,
+            Err(error) => return Some(Err(error)),
+        };
+        let rate_hz = self.said.rate_hz.or_else(|| layout.step_s.map(|step| step.recip()));
+        let rate_hz = rate_hz.filter(|_| table.columns.time.is_none());
+        table.rate_hz = rate_hz;
+        let end = table.take(text, &layout, line, rate_hz);
+        self.place = end.map(|[b, l]| [byte + b, l]);
+        Some(table.believable().map(|()| table))
     }
 }
 
-fn describe(layout: &Layout) -> String {
+fn describe(layout: &Layout, line: usize) -> String {
     let separator = match layout.separator {
         '\t' => "tabs".to_owned(),
         ' ' => "blanks".to_owned(),
@@ -237,9 +280,10 @@ fn describe(layout: &Layout) -> String {
     };
     let decimal = if layout.decimal_comma { "decimal comma" } else { "decimal point" };
     let headers = if layout.headers.is_some() { "with headers" } else { "without headers" };
+    let step = layout.step_s.map_or_else(String::new, |step| format!(", a row each {step} s"));
     format!(
-        "{} columns between {separator}, {decimal}, {headers}, data from line {}",
+        "{} columns between {separator}, {decimal}, {headers}, data from line {}{step}",
         layout.columns,
-        layout.first_row + 1
+        line + layout.first_row + 1
     )
 }

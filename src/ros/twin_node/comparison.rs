@@ -12,7 +12,7 @@ use super::identification::Identification;
 use super::solver::Answer;
 use crate::compare::frozen::Frozen;
 use crate::compare::learning::Swing;
-use crate::instrument::reading::is_force;
+use crate::instrument::reading::{MeasuredAxes, is_force};
 use crate::ros::messages::needle_twin::ForceComparison;
 use crate::ros::messages::std_msgs::Header;
 use crate::twin::{Phase, Prediction};
@@ -80,8 +80,7 @@ pub(super) struct Comparator {
     tare_nm: [f64; 3],
     /// Components of the torque that the load cell has ever read.
     read_torque: [bool; 3],
-    /// Components of the force that have ever been finite.
-    has: [bool; 3],
+    axes: MeasuredAxes,
     /// Stamp of the first reading of the present run.
     begun_nanos: Option<i64>,
     identification: Option<Identification>,
@@ -136,12 +135,9 @@ impl Comparator {
         self.cell
     }
 
-    /// A component that was never a number is not measured: a cell of one axis says NaN for the others. One that was is missed.
     fn leave_out_what_is_not_measured(&mut self, reading: &mut Reading) {
-        (0..3).for_each(|k| self.has[k] |= reading.force_n[k].is_finite());
-        if self.has.contains(&true) {
-            (0..3).filter(|k| !self.has[*k]).for_each(|k| reading.force_n[k] = 0.0);
-        }
+        self.axes.note(&reading.force_n);
+        reading.force_n = self.axes.force(reading.force_n).unwrap_or([f64::NAN; 3]);
         for k in 0..3 {
             // a torque is a second opinion: without it there is still the force
             let read = reading.torque_nm[k].is_finite() && reading.torque_nm[k] != 0.0;
@@ -206,7 +202,7 @@ impl Comparator {
         *self = Self {
             tare_n: self.tare_n,
             tare_nm: self.tare_nm,
-            has: self.has,
+            axes: self.axes,
             read: self.read,
             read_torque: self.read_torque,
             frozen: self.frozen,

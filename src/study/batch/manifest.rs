@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::input::{Quantity, Selection, TableLayout, TopicNames};
+use crate::input::{Quantity, Selection, TableLayout, TopicNames, blocks, is_bag};
 use crate::study::calibrate::Wanted;
 
 /// Why a manifest can't be used.
@@ -73,6 +73,10 @@ pub struct Entry {
     pub position_unit: Option<String>,
     /// 1 or -1.
     pub position_sign: Option<f64>,
+    /// Recorded number of the position at first contact.
+    pub position_zero: Option<f64>,
+    /// What one of the recorded numbers of the position is, in its unit.
+    pub position_scale: Option<f64>,
     /// Topic or column of the force.
     #[serde(alias = "force_topic")]
     pub force: Option<String>,
@@ -86,6 +90,16 @@ pub struct Entry {
     pub time: Option<String>,
     /// Its unit.
     pub time_unit: Option<String>,
+    /// Columns of the force's x, y and z.
+    pub force_columns: Option<[String; 3]>,
+    /// Columns of the tip's x, y and z, and of its quaternion x, y, z, w.
+    pub pose_columns: Option<Vec<String>>,
+    /// Turns the force from the sensor's frame into the sample's: w, x, y, z.
+    pub sensor_rotation: Option<[f64; 4]>,
+    /// Pose of the sample in the frame of the poses: x, y, z in m, and the quaternion x, y, z, w.
+    pub sample_pose: Option<[f64; 7]>,
+    /// Which of several recordings in the file, from 1; left out: a row for each.
+    pub block: Option<usize>,
     /// Rows per second of a table without time.
     pub rate_hz: Option<f64>,
     /// The position is a strain of this length, m.
@@ -137,7 +151,9 @@ pub struct Manifest {
 }
 
 /// Columns of a CSV manifest that hold several values, separated by `;`.
-const LISTS: [&str; 2] = ["set", "fit"];
+const LISTS: [&str; 6] = ["set", "fit", "force_columns", "pose_columns", "sensor_rotation", "sample_pose"];
+/// Those of them whose values are numbers.
+const NUMBERS: [&str; 2] = ["sensor_rotation", "sample_pose"];
 
 impl Manifest {
     /// Reads a manifest, TOML or CSV; files are looked for from `root`, or else from the manifest's folder.
@@ -187,12 +203,15 @@ fn from_csv(text: &str) -> Result<Written, String> {
         let record = record.map_err(|e| e.to_string())?;
         let cells = headers.iter().zip(&record).filter(|(_, cell)| !cell.is_empty());
         let value = |key: &str, cell: &str| {
+            let number = |part: &str| serde_json::from_str(part).unwrap_or_else(|_| Value::from(part));
+            let one = |part: &str| if NUMBERS.contains(&key) { number(part) } else { part.into() };
             if LISTS.contains(&key) {
-                return Value::from_iter(cell.split(';').map(|part| part.trim().to_owned()));
+                return Value::from_iter(cell.split(';').map(|part| one(part.trim())));
             }
             // only numbers and truth values; a name may look like one
             let numeric = key.ends_with("_m") || key.ends_with("_s") || key.ends_with("_sign") || key.ends_with("_hz");
             let typed = numeric || key == "header_line" || key == "decimal_comma" || key == "together";
+            let typed = typed || ["position_zero", "position_scale", "block"].contains(&key);
             if typed { serde_json::from_str(cell).unwrap_or_else(|_| cell.into()) } else { cell.into() }
         };
         let object: Map<String, Value> = cells.map(|(key, cell)| (key.to_owned(), value(key, cell))).collect();
@@ -212,13 +231,21 @@ fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, 
         return Err(format!("no file is called {pattern} in {}; name the folder with --root", root.display()));
     }
     let several = pattern.contains('*');
-    let one = |file: &PathBuf| {
+    let with_blocks = files.iter().flat_map(|file| {
+        let count = if entry.block.is_some() || is_bag(file) { 1 } else { blocks(file, &entry.selection()) };
+        (1..=count).map(move |block| (file, (count > 1).then_some(block)))
+    });
+    let one = |(file, block): (&PathBuf, Option<usize>)| {
         let part = |path: Option<&std::ffi::OsStr>| path.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
         let (stem, folder) = (part(file.file_stem()), part(file.parent().and_then(Path::file_name)));
         let fill = |text: &String| filled(text, &stem, &folder);
         let name = entry.name.as_ref().filter(|_| !several).map_or_else(|| stem.clone(), fill);
+        // recordings of one file are of one sample, unless it is said otherwise
+        let sample = entry.sample.as_ref().map_or_else(|| name.clone(), fill);
+        let name = block.map_or_else(|| name.clone(), |block| format!("{name}_{block}"));
         Entry {
-            sample: Some(entry.sample.as_ref().map_or_else(|| name.clone(), fill)),
+            sample: Some(sample),
+            block: block.or(entry.block),
             group: entry.group.as_ref().map(fill),
             chosen_for: entry.chosen_for.as_ref().map(fill),
             file: Some(file.to_string_lossy().into_owned()),
@@ -227,7 +254,7 @@ fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, 
             ..entry.clone()
         }
     };
-    Ok(files.iter().map(one).collect())
+    Ok(with_blocks.map(one).collect())
 }
 
 /// `{name}`, `{folder}` and `{name:N}` filled in, in one pass: what a file's name holds is not filled in again.
@@ -301,16 +328,22 @@ macro_rules! first_of {
 impl Entry {
     /// Refuses numbers that no recording can have, as the command line does.
     fn check(&self) -> Result<(), String> {
-        let positive = [("rate_hz", self.rate_hz), ("gauge_length_m", self.gauge_length_m)];
+        let positive = [
+            ("rate_hz", self.rate_hz),
+            ("gauge_length_m", self.gauge_length_m),
+            ("position_scale", self.position_scale),
+        ];
         for (key, value) in positive {
             if value.is_some_and(|x| !(x.is_finite() && x > 0.0)) {
                 return Err(format!("{key} = {}: a positive number is needed", value.unwrap_or_default()));
             }
         }
-        match self.time_offset_s {
-            Some(x) if !x.is_finite() => Err(format!("time_offset_s = {x}: a finite number is needed")),
-            _ => Ok(()),
+        if let Some(names) = self.pose_columns.as_ref().filter(|names| ![3, 7].contains(&names.len())) {
+            return Err(format!("pose_columns = {names:?}: three columns, or seven with a quaternion"));
         }
+        let finite = [("time_offset_s", self.time_offset_s), ("position_zero", self.position_zero)];
+        let wrong = finite.into_iter().find_map(|(key, value)| Some((key, value.filter(|x| !x.is_finite())?)));
+        wrong.map_or(Ok(()), |(key, x)| Err(format!("{key} = {x}: a finite number is needed")))
     }
 
     /// What is said here, and else in another.
@@ -342,6 +375,13 @@ impl Entry {
             time_offset_s,
             time,
             time_unit,
+            position_zero,
+            position_scale,
+            force_columns,
+            pose_columns,
+            sensor_rotation,
+            sample_pose,
+            block,
             rate_hz,
             gauge_length_m,
             separator,
@@ -358,17 +398,24 @@ impl Entry {
             place: place.clone(),
             unit: unit.clone(),
             reversed: sign.is_some_and(|sign| sign < 0.0),
+            ..Quantity::default()
         };
+        let position = quantity(&self.position, &self.position_unit, self.position_sign);
+        let pose = self.pose_columns.as_deref().unwrap_or_default();
         let names = TopicNames::default();
         Selection {
             names: TopicNames { joint: self.joint.clone().unwrap_or(names.joint.clone()), ..names },
-            position: quantity(&self.position, &self.position_unit, self.position_sign),
+            position: Quantity { zero: self.position_zero.unwrap_or(0.0), factor: self.position_scale, ..position },
             force: quantity(&self.force, &self.force_unit, self.force_sign),
             time_offset_s: self.time_offset_s.unwrap_or(0.0),
             time: self.time.iter().cloned().collect(),
-            time_unit: self.time_unit.clone(),
+            time_unit: self.time_unit.iter().cloned().collect(),
             rate_hz: self.rate_hz,
-            pose: None,
+            pose: pose.get(..3).and_then(|tip| tip.to_vec().try_into().ok()),
+            orientation: pose.get(3..7).and_then(|axis| axis.to_vec().try_into().ok()),
+            forces: self.force_columns.clone(),
+            sensor_rotation: self.sensor_rotation,
+            sample_pose: self.sample_pose,
             markers: Vec::new(),
             gauge_length_m: self.gauge_length_m,
             layout: TableLayout {
@@ -376,6 +423,7 @@ impl Entry {
                 decimal_comma: self.decimal_comma,
                 header_line: self.header_line,
                 comment: None,
+                block: self.block,
             },
         }
     }

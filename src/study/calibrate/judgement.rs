@@ -72,6 +72,7 @@ pub(super) fn judged(
         refused: problem.refused(),
     };
     let drift = problem.sought.iter().position(|s| *s == Sought::Drift);
+    calibration.verdict.over_holes(task.measured.holes());
     withhold(&mut calibration, drift, problem.of_many_clouds(), &rows);
     Ok(calibration)
 }

@@ -47,6 +47,17 @@ fn what_is_no_pose_is_refused_and_counted() {
 }
 
 #[test]
+fn joints_of_another_robot_on_the_topic_are_no_fault() {
+    let (shared, inbox) = (shared(), Inbox::default());
+    let mut intake = Intake::new("sample", &shared, &inbox);
+    for i in 0..5 {
+        intake.joint_state(&joint(10 + i, 0, &["insertion"], &[0.001]), from(1));
+        intake.joint_state(&joint(10 + i, 0, &["gripper"], &[0.1]), from(2));
+    }
+    assert_eq!((shared.lock().rejected, shared.lock().received), (0, 5));
+}
+
+#[test]
 fn order_is_kept_and_a_jump_back_resets() {
     let (shared, inbox) = (shared(), Inbox::default());
     let mut intake = Intake::new("sample", &shared, &inbox);

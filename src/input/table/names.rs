@@ -1,0 +1,152 @@
+//! Words that stand for time, position and force in headers: English, German, French, Spanish, Italian, Chinese, Japanese.
+
+/// Words of one quantity, in small letters.
+pub(super) struct Words {
+    words: &'static [&'static str],
+    /// A word that ends so is one as well: `Standardkraft`.
+    ends: &'static [&'static str],
+    /// A header that begins so, or has it anywhere: words of a script without blanks.
+    parts: &'static [&'static str],
+}
+
+pub(super) const TIME: Words = Words {
+    words: &[
+        "time",
+        "t",
+        "elapsed",
+        "timestamp",
+        "stamp",
+        "date",
+        "datetime",
+        "x_value",
+        "zeit",
+        "datum",
+        "uhrzeit",
+        "temps",
+        "durée",
+        "tiempo",
+        "tempo",
+    ],
+    ends: &["zeit"],
+    parts: &["时间", "時間", "时刻"],
+};
+pub(super) const POSITION: Words = Words {
+    words: &[
+        "compression",
+        "displacement",
+        "position",
+        "depth",
+        "extension",
+        "travel",
+        "stroke",
+        "indentation",
+        "insertion",
+        "crosshead",
+        "lvdt",
+        "deflection",
+        "weg",
+        "traverse",
+        "tiefe",
+        "eindringtiefe",
+        "verschiebung",
+        "stauchung",
+        "course",
+        "déplacement",
+        "deplacement",
+        "enfoncement",
+        "profondeur",
+        "desplazamiento",
+        "corsa",
+        "spostamento",
+    ],
+    ends: &["weg", "tiefe"],
+    parts: &["位移", "行程", "变形", "压缩量", "位置", "深度", "変位", "ストローク"],
+};
+pub(super) const FORCE: Words = Words {
+    words: &["force", "load", "fz", "f", "kraft", "last", "effort", "charge", "fuerza", "carga", "forza", "carico"],
+    ends: &["kraft"],
+    parts: &["力", "载荷", "负荷", "荷重", "负载"],
+};
+/// What a header with such a word holds is a rate, a stress or a command.
+const OTHERS: [&str; 14] = [
+    "rate",
+    "speed",
+    "velocity",
+    "stress",
+    "strain",
+    "energy",
+    "work",
+    "setpoint",
+    "target",
+    "geschwindigkeit",
+    "spannung",
+    "vitesse",
+    "contrainte",
+    "rpm",
+];
+const OTHER_PARTS: [&str; 4] = ["应力", "应变", "速度", "応力"];
+
+impl Words {
+    /// How well a header names the quantity: 2 by its first word, 1 by another, 0 not at all.
+    pub fn rank(&self, header: &str) -> u8 {
+        let header = header.trim().trim_start_matches('"').to_lowercase();
+        let name = header.split(['(', '[', '<']).next().unwrap_or_default();
+        let words: Vec<&str> = name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        let other =
+            words.iter().any(|word| OTHERS.contains(word)) || OTHER_PARTS.iter().any(|part| name.contains(part));
+        let is = |word: &&str| {
+            let ends = self.ends.iter().any(|end| word.ends_with(end) && word.len() > end.len() + 1);
+            self.words.contains(word) || ends
+        };
+        let whole = self.words.contains(&name.trim()) || self.parts.iter().any(|part| name.contains(part));
+        match (other, whole || words.first().is_some_and(is), words.iter().any(is)) {
+            (true, ..) | (_, false, false) => 0,
+            (_, true, _) => 2,
+            _ => 1,
+        }
+    }
+}
+
+/// Whether a cell names one of the quantities.
+pub(super) fn is_known(cell: &str) -> bool {
+    [&TIME, &POSITION, &FORCE].iter().any(|words| words.rank(cell) > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_of_many_languages() {
+        for (words, headers) in [
+            (&TIME, &["Time (s)", "Test time", "Prüfzeit", "Zeit [s]", "temps (s)", "时间(s)", "X_Value", "t"][..]),
+            (
+                &POSITION,
+                &["Crosshead travel", "Standardweg", "Déplacement (mm)", "位移/mm", "depth_mm", "Position (z), mm"],
+            ),
+            (
+                &FORCE,
+                &[
+                    "Standard force",
+                    "Standardkraft",
+                    "Kraft in N",
+                    "Last",
+                    "force_n",
+                    "试验力(N)",
+                    "Fz, gf",
+                    "Load / N",
+                ],
+            ),
+        ] {
+            for header in headers {
+                assert!(words.rank(header) > 0, "{header}");
+                let others = [&TIME, &POSITION, &FORCE].into_iter().filter(|other| !std::ptr::eq(*other, words));
+                assert!(others.map(|other| other.rank(header)).all(|rank| rank < 2), "{header}");
+            }
+        }
+        for header in ["Engineering Stress (kPa)", "Load rate", "Extension speed", "State", "Kommentar", "力学应力"]
+        {
+            assert_eq!([TIME.rank(header), POSITION.rank(header), FORCE.rank(header)], [0; 3], "{header}");
+        }
+    }
+}

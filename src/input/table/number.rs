@@ -1,0 +1,64 @@
+//! Numbers as programs write them.
+
+/// What stands between groups of three digits, besides the sign that is not the decimal one.
+const GROUPS: [char; 5] = ['\'', '’', ' ', '\u{a0}', '\u{202f}'];
+
+/// A number: 0.5, or 0,5 where the decimal sign is a comma; 1,005.0, 1.005,0 and 1'005.0 have groups of three digits.
+pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
+    let cell = cell.trim();
+    let (point, other) = if decimal_comma { (',', '.') } else { ('.', ',') };
+    if (cell.contains(other) || cell.contains(GROUPS))
+        && let Some(plain) = ungrouped(cell, point, other)
+    {
+        return plain.parse().ok();
+    }
+    if decimal_comma && cell.contains(',') { cell.replace(',', ".").parse().ok() } else { cell.parse().ok() }
+}
+
+/// The digits without what groups them, with a decimal point.
+fn ungrouped(cell: &str, point: char, other: char) -> Option<String> {
+    let (whole, fraction) = cell.split_once(point).map_or((cell, None), |(whole, fraction)| (whole, Some(fraction)));
+    let digits = whole.trim_start_matches(['-', '+']);
+    let mark = digits.chars().find(|c| !c.is_ascii_digit()).filter(|c| *c == other || GROUPS.contains(c))?;
+    let mut groups = digits.split(mark);
+    let is_group = |group: &str, lengths: std::ops::RangeInclusive<usize>| {
+        lengths.contains(&group.len()) && group.bytes().all(|b| b.is_ascii_digit())
+    };
+    // 0,005 is no five
+    let first = groups.next().filter(|first| is_group(first, 1..=3) && !first.starts_with('0'))?;
+    let rest = groups.map(|group| is_group(group, 3..=3).then_some(group)).collect::<Option<String>>()?;
+    let sign = if whole.starts_with('-') { "-" } else { "" };
+    Some(format!("{sign}{first}{rest}.{}", fraction.unwrap_or("0")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_of_digits() {
+        for (text, value) in [
+            ("1,005.30", Some(1005.3)),
+            ("-12,345,678", Some(-12_345_678.0)),
+            ("1'005.5", Some(1005.5)),
+            ("1 005", Some(1005.0)),
+            ("0,005", None),
+            ("1,05", None),
+            ("1,0055", None),
+            ("1.5e-3", Some(1.5e-3)),
+            ("OVER", None),
+            ("", None),
+        ] {
+            assert_eq!(number(text, false), value, "{text}");
+        }
+        for (text, value) in [
+            ("1.005,3", Some(1005.3)),
+            ("1.005", Some(1005.0)),
+            ("0.005", Some(0.005)),
+            ("-0,5", Some(-0.5)),
+            ("0,1E+1", Some(1.0)),
+        ] {
+            assert_eq!(number(text, true), value, "{text}");
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! Recordings as strangers bring them: what is said of each, with which exit code. The test prints the whole table
+//! (`cargo test --release --test programs strangers -- --nocapture`).
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use encoding_rs::GBK;
+use tempfile::TempDir;
+
+/// What must come of a command. `@` in its words stands for the folder of tables that the test makes.
+struct Case {
+    row: u8,
+    command: &'static str,
+    code: i32,
+    says: &'static [&'static str],
+}
+
+const fn case(row: u8, command: &'static str, code: i32, says: &'static [&'static str]) -> Case {
+    Case { row, command, code, says }
+}
+
+/// 125 readings of 2.48 mm in 12.4 s, to 3.0752 N.
+const ALL: &[&str] = &[
+    "depth  125 readings from 0.000 to 12.400 s, from 0.000000 to 0.002480 m",
+    "force  125 readings from 0.000 to 12.400 s, from 0.000000 to 3.075200 N",
+];
+const DEPTHS: &[&str] = &["depth  125 readings from 0.000 to 12.400 s, from 0.000000 to 0.002480 m"];
+/// 40 readings of 0.78 mm in 3.9 s, to 0.0039 N.
+const FORTY: &[&str] = &["depth  40 readings from 0.000 to 3.900 s, from 0.000000 to 0.000780 m", "to 0.003900 N"];
+const EXPLAINED: &[&str] =
+    &["1640 answered", "rmse 0.0023 N (0.3% of the measured peak)", "the model explains the measurement"];
+
+const TABLES: &[Case] = &[
+    case(1, "import tables/state_column.csv", 0, ALL),
+    case(1, "import tables/iso_timestamp.csv", 0, ALL),
+    case(1, "import tables/date_and_time.csv", 0, ALL),
+    case(1, "import tables/marker_in_row_1.csv", 0, ALL),
+    case(1, "import tables/topic_echo.csv --time 1 --position 5 --position-unit m", 0, DEPTHS),
+    case(1, "import @/state_first.csv", 0, FORTY),
+    case(1, "import @/american.csv", 0, FORTY),
+    case(1, "import @/midnight.csv", 0, FORTY),
+    case(1, "import @/stamps.csv", 0, FORTY),
+    case(
+        2,
+        "import tables/word_in_row_2.csv --header-line 1",
+        3,
+        &["1 messages left out", "line 3", "OVER", "depth  125", "force  124"],
+    ),
+    case(2, "import tables/word_in_row_2.csv", 3, &["line 3", "OVER", "depth  125", "force  124"]),
+    case(2, "import @/word_in_row_1.csv --header-line 1", 3, &["line 2", "OVER", "depth  40", "force  39"]),
+    case(2, "import @/two_columns.csv --rate-hz 10", 3, &["line 3", "OVER", "depth  40", "force  39"]),
+    case(2, "import @/last_word.csv", 3, &["line 41", "OVER", "depth  40", "force  39"]),
+    case(
+        3,
+        "import tables/state_column.csv --force-column Laod",
+        1,
+        &["--force-column Laod: there is no such column", "`Force (N)`"],
+    ),
+    case(3, "import tables/state_column.csv --time When", 1, &["--time When: there is no such column"]),
+    case(3, "import tables/state_column.csv --pose-columns x,y,z", 1, &["--pose-columns x: there is no such column"]),
+    case(3, "import @/twice.csv --force Load", 1, &["2 columns have the header `Load`", "number", "3"]),
+    case(3, "import @/twice.csv --force 4 --force-unit N", 0, FORTY),
+    case(4, "import tables/labview.lvm", 0, ALL),
+    case(4, "import tables/labview_comment_in_row_1.lvm", 0, ALL),
+    case(4, "import tables/trailing_separator_in_headers.csv", 0, ALL),
+    case(4, "import tables/trailing_separator_in_rows.csv", 0, ALL),
+    case(4, "import tables/zwick_cells_beside.csv", 0, ALL),
+    case(4, "import tables/zwick_german.csv", 0, ALL),
+    case(4, "import tables/thousands.csv", 0, ALL),
+    case(4, "import @/gbk.csv", 0, FORTY),
+    case(4, "import @/french.csv", 0, FORTY),
+    case(4, "import @/last.csv", 0, FORTY),
+    case(
+        5,
+        "import tables/mach1_three_blocks.txt",
+        1,
+        &["several recordings", "--block N", "2 is lines 317 to 816 (500 rows)", "3 is lines 823"],
+    ),
+    case(5, "import tables/mach1_three_blocks.txt --block 1", 0, &["300 readings from 0.000 to 2.990 s"]),
+    case(5, "import tables/mach1_three_blocks.txt --block 2", 0, &["500 readings from 0.000 to 4.990 s"]),
+    case(5, "import tables/mach1_three_blocks.txt --block 3", 0, &["300 readings from 0.000 to 2.990 s"]),
+    case(5, "import tables/mach1_three_blocks.txt --block 4", 1, &["no such block"]),
+    case(
+        5,
+        "import @/again.csv",
+        1,
+        &["several recordings", "1 is lines 2 to 41 (40 rows), 2 is lines 43 to 82 (40 rows)"],
+    ),
+    case(
+        6,
+        "import tables/whole_seconds.csv",
+        0,
+        &["112 readings have the stamp of another: they were spread", "depth  125", "0.000 to 12.400 s"],
+    ),
+    case(6, "import @/milliseconds.csv --time-unit s", 1, &["no time", "--time-unit"]),
+    case(6, "import @/milliseconds.csv --time-unit ms", 0, FORTY),
+    case(6, "import @/one_stamp.csv", 3, &["39 messages left out", "all have one stamp"]),
+    case(
+        7,
+        "import @/counts.csv --position Encoder --position-unit mm --position-scale 0.001 --position-zero 50000",
+        0,
+        FORTY,
+    ),
+    case(7, "import @/end.csv --position-sign -1 --position-zero 30", 0, FORTY),
+    case(8, "import @/vector.csv --force-columns Fx,Fy,Fz --sensor-rotation 0.70710678,0,-0.70710678,0", 0, FORTY),
+    case(8, "import @/vector.csv --force-columns Fx,Fy,Nz", 1, &["--force-columns Nz: there is no such column"]),
+    case(
+        8,
+        "import @/vector.csv --force-columns Fx,Fy,Fz --sensor-rotation 0,0,0,0",
+        1,
+        &["--sensor-rotation", "norm 1"],
+    ),
+    case(
+        8,
+        "import @/pose.csv --pose-columns x,y,z,qx,qy,qz,qw --sample-pose 0.4,-0.1,0.3,0,0,0,1",
+        0,
+        &["tip's z  40 readings", "from 0.016220 to 0.017000 m"],
+    ),
+    case(8, "import tables/state_column.csv --sample-pose 0,0,0,0,0,0,1", 1, &["--sample-pose", "depths"]),
+    case(9, "import @/old.bag", 1, &["a ROS 1 bag", "rosbags-convert"]),
+    case(9, "import @/old.db3", 1, &["sqlite3", "rosbags-convert"]),
+    case(9, "import @/old.mat", 1, &["MATLAB", "writetable", "scipy.io"]),
+    case(9, "import @/new.mat", 1, &["version 7.3", "h5py"]),
+    case(9, "import @/old.npz", 1, &["NumPy", "n.load", "to_csv"]),
+    case(9, "import @/old.xlsx", 1, &["spreadsheet", "read_excel"]),
+];
+
+const COARSE: &str = " --scene compression --set discretisation.spacing_m=0.003";
+const BAGS: &[Case] = &[
+    case(
+        6,
+        "replay bags/stamp_whole_s.mcap",
+        0,
+        &["1418 of 1640 messages have the stamp of the one before", "1640 answered", "rmse 0.0023 N"],
+    ),
+    case(11, "replay bags/cf_single_axis_nan.mcap", 0, EXPLAINED),
+    case(11, "replay bags/cf_single_axis_nan.mcap", 0, &["does not measure along x and y", "z alone is used"]),
+    case(12, "replay bags/sim_both.mcap", 0, EXPLAINED),
+    case(
+        12,
+        "replay bags/both_unstamped_pub0.mcap",
+        0,
+        &["have no stamp", "recorded are used for all topics", "rmse 0.0023 N"],
+    ),
+    case(12, "replay bags/cf_tai.mcap", 0, &["37.000 s ahead", "--time-offset-s 37.000", "rmse 0.0023 N"]),
+    case(12, "replay bags/cf_tai.mcap --time-offset-s 37", 0, EXPLAINED),
+    case(
+        12,
+        "replay bags/cf_tai.mcap --time-offset-s -1",
+        3,
+        &["nothing in common", "--time-offset-s", "nothing was compared"],
+    ),
+    case(
+        13,
+        "replay bags/split_missing_middle",
+        3,
+        &["split_missing_middle_1.mcap is not there", "(2.735 s) nothing was recorded", "in part"],
+    ),
+    case(14, "replay bags/reindexed", 0, EXPLAINED),
+    case(14, "replay bags/renamed", 0, EXPLAINED),
+    case(14, "replay bags/type_without_msg.mcap", 0, EXPLAINED),
+    case(14, "replay bags/msgzstd", 0, EXPLAINED),
+    case(14, "replay bags/msgzstd/compression_0.mcap", 0, EXPLAINED),
+    case(14, "replay bags/bare/compression_0.mcap.zstd", 0, EXPLAINED),
+    case(15, "replay bags/js_two_publishers.mcap", 0, EXPLAINED),
+    case(15, "replay bags/js_two_publishers.mcap --joint gripper", 1, &["no joint `gripper` but", "gripper_left"]),
+    case(16, "replay bags/cp_transform.mcap", 0, EXPLAINED),
+    case(7, "replay @/end_of_travel.csv", 1, &["never touched", "--position-zero -3.5"]),
+    case(7, "replay @/off.csv", 3, &["touched at a recorded depth of 3.2"]),
+    case(8, "replay @/turned.csv --force-columns Fx,Fy,Fz", 1, &["mainly along x", "--sensor-rotation"]),
+];
+const NEEDLE: &str = " --scene needle_insertion";
+const POSES: &[Case] = &[
+    case(17, "replay bags/cp_mm.mcap", 1, &["likely in mm", "--position-unit mm"]),
+    case(17, "replay bags/cp_mm.mcap --position-unit mm", 0, &["rmse 0.0010 N", "the model explains"]),
+    case(17, "replay bags/cp_mm.mcap --position-sign -1", 1, &["--position-sign -1 says nothing of poses"]),
+    case(17, "replay bags/cp_world.mcap", 1, &["frame `world`", "--sample-pose"]),
+    case(17, "replay bags/cp_world.mcap --frame-id world", 1, &["0.47 m beside the sample", "--sample-pose"]),
+    case(
+        17,
+        "replay bags/cp_world.mcap --sample-pose 0.45,-0.12,0.3,0,0,0,1",
+        0,
+        &["rmse 0.0010 N", "the model explains"],
+    ),
+    case(17, "replay bags/cp_world.mcap --sample-pose 0.45,-0.12,0.335,1,0,0,0", 1, &["the instrument points up"]),
+    case(17, "replay bags/cp_world.mcap --gauge-length-m 0.1", 1, &["--gauge-length-m says nothing of a bag"]),
+];
+const CHECKS: &[Case] = &[
+    case(14, "bag check bags/reindexed", 0, &["sound"]),
+    case(14, "bag check bags/renamed", 0, &["sound"]),
+    case(14, "bag info bags/bare/compression_0.mcap.zstd", 0, &["Count: 1640"]),
+    case(5, "batch @/blocks.toml --out @/batch", 0, &["3 recordings"]),
+];
+
+/// Runs of `needle_twin` in the folder of the inputs.
+fn run(command: &str, made: &Path) -> (i32, String) {
+    let inputs = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/strangers");
+    let words = command.split_whitespace().map(|word| word.replace('@', made.to_str().unwrap()));
+    let output = Command::new(env!("CARGO_BIN_EXE_needle_twin")).current_dir(inputs).args(words).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code().unwrap_or(-1), text(&output.stderr) + &text(&output.stdout))
+}
+
+/// Tables of 40 readings, 0.02 mm and 0.1 mN each 0.1 s, and a press of a bag of this project at other zeros.
+fn make(folder: &Path) {
+    let write = |name: &str, text: &[u8]| fs::write(folder.join(name), text).unwrap();
+    let rows = |row: &dyn Fn(u32, f64, f64, f64) -> String| -> String {
+        (0..40).map(|i| row(i, f64::from(i) / 10.0, f64::from(i) * 0.02, f64::from(i) * 1e-4)).collect()
+    };
+    let plain = rows(&|_, t, d, f| format!("{t:.1},{d:.2},{f:.4}\n"));
+    let head = "Time (s),Depth (mm),Load (N)\n";
+    let over = |line: usize| {
+        let mut lines: Vec<String> = plain.lines().map(str::to_owned).collect();
+        let cut = lines[line].rfind(',').unwrap();
+        lines[line].replace_range(cut + 1.., "OVER");
+        lines.join("\n") + "\n"
+    };
+    let states = rows(&|i, t, d, f| format!("{},{t:.1},{d:.2},{f:.4}\n", if i < 20 { "APPROACH" } else { "INSERT" }));
+    write("state_first.csv", format!("State,{head}{states}").as_bytes());
+    let american = rows(&|i, _, d, f| format!("3/4/2026 10:15:{:02}.{} PM;{d:.2};{f:.4}\n", i / 10, i % 10));
+    write("american.csv", format!("Date;Depth (mm);Load (N)\n{american}").as_bytes());
+    let midnight = rows(&|i, _, d, f| {
+        let s = (86_398 + i / 10) % 86_400;
+        format!("{:02}:{:02}:{:02},{}\t{d:.2}\t{f:.4}\n", s / 3600, s / 60 % 60, s % 60, i % 10)
+    });
+    write("midnight.csv", format!("Time\tDepth (mm)\tLoad (N)\n{midnight}").as_bytes());
+    let stamps = rows(&|i, _, d, f| format!("{},{},insertion,{d:.2},{f:.4}\n", 7 + i / 10, i % 10 * 100_000_000));
+    write("stamps.csv", format!("header.stamp.sec,header.stamp.nanosec,name,depth_mm,force_n\n{stamps}").as_bytes());
+    write("word_in_row_1.csv", format!("{head}{}", over(0)).as_bytes());
+    write("last_word.csv", format!("{head}{}", over(39)).as_bytes());
+    let two: String = over(1).lines().map(|line| line.split_once(',').unwrap().1.to_owned() + "\n").collect();
+    write("two_columns.csv", format!("Depth (mm),Load (N)\n{two}").as_bytes());
+    let twice = rows(&|_, t, d, f| format!("{t:.1},{d:.2},7,{f:.4}\n"));
+    write("twice.csv", format!("Time (s),Depth (mm),Load,Load\n{twice}").as_bytes());
+    write("gbk.csv", &GBK.encode(&format!("时间(s),位移(mm),试验力(N)\n{plain}")).0);
+    let comma = plain.replace(',', ";").replace('.', ",");
+    let french: Vec<u8> = format!("Temps (s);Déplacement (mm);Force (N)\n{comma}").chars().map(|c| c as u8).collect();
+    write("french.csv", &french);
+    write("last.csv", format!("Zeit;Weg;Last\ns;mm;N\n{comma}").as_bytes());
+    write("again.csv", format!("{head}{plain}\n{plain}").as_bytes());
+    let epoch = rows(&|i, _, d, f| format!("{},{d:.2},{f:.4}\n", 1_767_225_600_000_u64 + u64::from(i) * 100));
+    write("milliseconds.csv", format!("Time,Depth (mm),Load (N)\n{epoch}").as_bytes());
+    let one = rows(&|_, _, d, f| format!("5,{d:.2},{f:.4}\n"));
+    write("one_stamp.csv", format!("{head}{one}").as_bytes());
+    let counts = rows(&|_, t, d, f| format!("{t:.1},{:.0},{f:.4}\n", 50_000.0 + 1000.0 * d));
+    write("counts.csv", format!("Time (s),Encoder,Load (N)\n{counts}").as_bytes());
+    let end = rows(&|_, t, d, f| format!("{t:.1},{:.2},{f:.4}\n", 30.0 - d));
+    write("end.csv", format!("{head}{end}").as_bytes());
+    let vector = rows(&|_, t, d, f| format!("{t:.1},{d:.2},{f:.4},0,0\n"));
+    write("vector.csv", format!("Time (s),Depth (mm),Fx (N),Fy (N),Fz (N)\n{vector}").as_bytes());
+    let pose = rows(&|_, t, d, f| format!("{t:.1},0.4,-0.1,{:.5},1,0,0,0,{f:.4}\n", 0.317 - 1e-3 * d));
+    write("pose.csv", format!("Time (s),x (m),y (m),z (m),qx,qy,qz,qw,Load (N)\n{pose}").as_bytes());
+    write("old.bag", b"#ROSBAG V2.0\n and more");
+    write("old.db3", b"SQLite format 3\0 and more");
+    write("old.mat", b"MATLAB 5.0 MAT-file");
+    write("new.mat", b"MATLAB 7.3 MAT-file");
+    write("old.npz", b"PK");
+    write("old.xlsx", b"PK");
+    let mach1 = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/strangers/tables/mach1_three_blocks.txt");
+    let manifest = format!(
+        "[defaults]\nscene = \"compression\"\nset = [\"discretisation.spacing_m=0.004\"]\nfit = []\n[[recordings]]\nfile = {mach1:?}\n"
+    );
+    write("blocks.toml", manifest.as_bytes());
+    // force over depth of the recorded press, in at 1 mm/s and out
+    let press = |zero_mm: f64, cells: &dyn Fn(f64) -> String| -> String {
+        let row = |i: u32| {
+            let t = f64::from(i) * 0.01;
+            let d = if t < 3.0 { t - 0.5 } else { 5.5 - t };
+            let f = if d > 0.0 { 0.3116 * d + 0.0117 * d * d } else { 0.0 };
+            format!("{t:.2},{:.4},{}\n", d + zero_mm, cells(f))
+        };
+        (0..600).map(row).collect()
+    };
+    let force = |f: f64| format!("{f:.5}");
+    write("end_of_travel.csv", format!("{head}{}", press(-3.5, &force)).as_bytes());
+    write("off.csv", format!("{head}{}", press(3.2, &force)).as_bytes());
+    let x = press(0.0, &|f| format!("{f:.5},0.001,0.002"));
+    write("turned.csv", format!("Time (s),Depth (mm),Fx (N),Fy (N),Fz (N)\n{x}").as_bytes());
+}
+
+#[test]
+fn what_strangers_bring_is_read_or_refused_with_a_remedy() {
+    let folder = TempDir::new().unwrap();
+    make(folder.path());
+    let with = |cases: &'static [Case], more: &'static str| cases.iter().map(move |case| (case, more));
+    let all = with(TABLES, " --dry-run").chain(with(BAGS, COARSE)).chain(with(POSES, NEEDLE)).chain(with(CHECKS, ""));
+    let (mut table, mut wrong) = (String::new(), String::new());
+    for (case, more) in all {
+        let (code, text) = run(&format!("{}{more}", case.command), folder.path());
+        assert!(!text.contains("panicked"), "{}: {text}", case.command);
+        let first = text.lines().next().unwrap_or_default();
+        writeln!(table, "| {} | {} | {code} | {first} |", case.row, case.command).unwrap();
+        let missing: Vec<&&str> = case.says.iter().filter(|words| !text.contains(**words)).collect();
+        if code != case.code || !missing.is_empty() {
+            writeln!(wrong, "{}: exit code {code}, not {}; without {missing:?}:\n{text}", case.command, case.code)
+                .unwrap();
+        }
+    }
+    println!("{table}");
+    assert!(wrong.is_empty(), "{wrong}");
+}
