@@ -202,7 +202,7 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
     let mut new = vec![0u32; old.len()];
     old.iter().zip(0..).for_each(|(&old, n)| new[old] = n);
     let of_cell = old.iter().map(|&c| mesh.volumes.of_cell.get(c).copied().flatten()).collect();
-    let volumes = Volumes { names: mesh.volumes.names.clone(), of_cell };
+    let volumes = Volumes { of_cell, ..mesh.volumes.clone() };
     let renumbered = |h: &Hexahedron| Hexahedron {
         corners: h.corners.map(|n| number[n as usize]),
         cells: h.cells.iter().map(|&c| new[c as usize]).collect(),

@@ -94,8 +94,18 @@ impl Imported {
 pub struct Volumes {
     /// Their names.
     pub names: Vec<String>,
-    /// Group of each cell, by its place among the names.
+    /// Groups of each volume, by their places among the names; a volume may be in several.
+    pub sets: Vec<Vec<u32>>,
+    /// Volume of each cell, by its place among the sets.
     pub of_cell: Vec<Option<u32>>,
+}
+
+impl Volumes {
+    /// Whether a volume (a place among the sets) is in a group.
+    #[must_use]
+    pub fn is_in(&self, volume: u32, group: &str) -> bool {
+        self.sets[volume as usize].iter().any(|&g| self.names[g as usize] == group)
+    }
 }
 
 /// What an imported mesh has to provide.
@@ -128,7 +138,7 @@ fn reader_of(path: &Path) -> Result<Reader, ImportError> {
         "vtu" => Ok(vtu::read),
         _ => Err(ImportError {
             place: path.display().to_string(),
-            reason: "neither .msh nor .vtu: save the mesh as Gmsh 4.1 ASCII or as VTK XML unstructured grid".to_owned(),
+            reason: "neither .msh nor .vtu: save the mesh as Gmsh 4.1 or as VTK XML unstructured grid".to_owned(),
         }),
     }
 }

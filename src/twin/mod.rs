@@ -11,6 +11,7 @@ mod happened;
 mod health;
 mod look_ahead;
 mod mesh;
+mod mesh_frame;
 mod moved;
 mod observe;
 mod outline;
@@ -42,6 +43,7 @@ pub use correction::Similarity;
 pub use happened::Happening;
 pub use health::Health;
 pub use look_ahead::Motion;
+pub use mesh_frame::{extents, shown};
 pub use team::{Places, Team};
 pub use work::Work;
 

@@ -84,6 +84,8 @@ pub(super) struct Pace {
     change: f64,
     /// Most steps that there is time for.
     pub limit: u32,
+    /// Steps of the present pose so far.
+    spent: u32,
     /// Relative stress relaxation since the last step.
     pending: f64,
 }
@@ -110,6 +112,7 @@ impl Pace {
             force: [0.0; 3],
             change: 0.0,
             limit: u32::MAX,
+            spent: 0,
             pending: 0.0,
         }
     }
@@ -124,18 +127,28 @@ impl Pace {
             let wanted = (travel / unit).max(1.0);
             let boost = self.boost.max((IMPULSE * unlearnt / (unit * wanted)).min(LARGEST_BOOST));
             let lag = self.lags_by * self.change / (s.tolerance * slowest * self.peak.max(self.force_floor));
-            return ((boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.most());
+            return ((boost * wanted).max(lag).ceil() as u32).max(s.min_steps_per_pose).min(self.left().max(1));
         }
         if self.unsettled >= QUIET {
-            return ((RELAXATION / slowest).ceil() as u32).min(self.most());
+            return ((RELAXATION / slowest).ceil() as u32).min(self.left());
         }
         // relaxation of one material everywhere changes forces, and hardly displacements
-        if self.pending > PATIENCE * s.tolerance { SETTLING.min(self.most()) } else { 0 }
+        if self.pending > PATIENCE * s.tolerance { SETTLING.min(self.left()) } else { 0 }
     }
 
-    /// Most steps that a pose may cost.
-    pub fn most(&self) -> u32 {
-        self.stepping.max_steps_per_pose.min(self.limit).max(1)
+    /// Steps that the present pose may cost yet, all its strides together; each stride takes one at least.
+    pub fn left(&self) -> u32 {
+        self.stepping.max_steps_per_pose.min(self.limit).max(1).saturating_sub(self.spent)
+    }
+
+    /// Counts steps of the present pose.
+    pub const fn spend(&mut self, steps: u32) {
+        self.spent = self.spent.saturating_add(steps);
+    }
+
+    /// The next steps are of another pose.
+    pub const fn begin_pose(&mut self) {
+        self.spent = 0;
     }
 
     /// Learns from the balance after a pose.

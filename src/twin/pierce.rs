@@ -36,14 +36,16 @@ impl Twin {
             let settled = self.progress.pace.is_settled(balance, energies);
             let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
             let springs = needle.springs_back(&self.solver, balance.gap, energies);
-            if (settled && !springs) || taken >= self.progress.pace.most() {
+            let further = LOOK.min(self.progress.pace.left());
+            if (settled && !springs) || further == 0 {
                 break;
             }
             sprang |= springs;
             let seen = self.contact.as_mut().and_then(|c| c.impose(tip, &mut self.solver).1);
             self.note(seen, tip, phase);
-            last = Some(self.advance_safely(LOOK, [0.0; 3], tip, phase, time_s)?);
-            taken += LOOK;
+            last = Some(self.advance_safely(further, [0.0; 3], tip, phase, time_s)?);
+            self.progress.pace.spend(further);
+            taken += further;
         }
         if let Some(balance) = last.as_ref().filter(|_| sprang) {
             self.progress.pace.follow(balance);

@@ -85,6 +85,7 @@ impl Twin {
     fn walk(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
         let mut steps = 0_u32;
         self.happened.begin();
+        self.progress.pace.begin_pose();
         let way = self.way(&tip);
         if let Some(Contact::Frictional(needle)) = &mut self.contact {
             needle.elapse(self.progress.seen_s.map(|seen_s| (pose.time_s - seen_s) / way.moves()));
@@ -93,6 +94,7 @@ impl Twin {
             steps = steps.saturating_add(self.go(pose, between)?.steps);
         }
         let last = self.go(pose, tip)?;
+        self.progress.pace.begin_pose();
         Ok(Prediction { steps: steps.saturating_add(last.steps), event: self.happened.first(), ..last })
     }
 
@@ -104,6 +106,7 @@ impl Twin {
         }
         let mut last = self.advance_safely(steps, travel, &tip, phase, pose.time_s)?;
         self.progress.pace.judge(&last, moves);
+        self.progress.pace.spend(steps);
         let mut taken = steps;
         if let Some((balance, further)) = self.come_to_rest(&last, &tip, phase, pose.time_s)? {
             self.progress.pace.note(&balance);
