@@ -65,7 +65,7 @@ fn drop_unused(mesh: &mut Imported) -> usize {
 }
 
 /// Metres from the file's unit.
-fn scale(mesh: &mut Imported, unit_m: f64) -> Result<(), String> {
+pub(super) fn scale(mesh: &mut Imported, unit_m: f64) -> Result<(), String> {
     if mesh.points.len() > MAX_NODES {
         return Err(format!("it has {} nodes; at most {MAX_NODES} are taken: use a coarser mesh", mesh.points.len()));
     }
@@ -180,6 +180,18 @@ fn missing(name: &str, key: &str, known: &[String]) -> String {
 fn face_of(t: &[u32; 3], faces: &[u8]) -> u8 {
     let shared = t.iter().fold(BASE | TOP, |bits, &n| bits & faces[n as usize]);
     if shared & BASE != 0 { BASE } else { shared }
+}
+
+/// Faces of the nodes and triangles of a surface.
+pub(super) fn surface_faces(
+    mesh: &Imported,
+    surface: &[[u32; 3]],
+    wanted: &Wanted<'_>,
+) -> Result<(Vec<u8>, Vec<u8>), String> {
+    let faces = faces(mesh, surface, wanted)?;
+    let of_triangles = surface.iter().map(|t| Some(face_of(t, &faces)).filter(|face| *face != 0).unwrap_or(OTHER));
+    let of_triangles = of_triangles.collect();
+    Ok((faces, of_triangles))
 }
 
 fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {

@@ -164,7 +164,7 @@ fn legend(measured: bool, passes: &[Pass], members: bool) -> String {
         }
         for pass in passes.iter().filter(|pass| pass.number < 2) {
             let colour = colours[2 * pass.number.min(1) + usize::from(pass.back)];
-            let dash = if what == "predicted" && pass.back { "dash" } else { "" };
+            let dash = if what == "predicted" && (pass.back || pass.number > 0) { "dash" } else { "" };
             items.push(entry(colour, dash, &format!("{what}, {}", way(pass, passes))));
         }
     }

@@ -101,6 +101,10 @@ pub(super) fn read(scene: &Scene, file: &MeshFile) -> Result<(Cloud, Volumes, Ve
         .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
     groups(scene, &volumes)?;
     let own = matches!(scene.sample.shape, Shape::Mesh(_));
+    if own && cloud.cells.is_empty() {
+        let reason = "a surface alone has no tetrahedra for nodes: \"outline\" fills it with the twin's own (with discretisation.spacing_m)";
+        return refuse("sample.shape", reason.to_owned());
+    }
     if own && scene.discretisation.cells != Cells::Tetrahedra && cloud.hexahedra.is_empty() {
         let reason = "the mesh has no hexahedra: mesh with hexahedra, or leave the key out".to_owned();
         return refuse("discretisation.cells", reason);

@@ -23,11 +23,16 @@ fn fill(
     volumes: Volumes,
     warnings: Vec<String>,
 ) -> Result<Body, BuildError> {
-    mesh::targets(scene, &mesh)?;
+    if !mesh.cells.is_empty() {
+        mesh::targets(scene, &mesh)?;
+    }
     let [lowest, highest] = mesh::heights(&mesh);
     let top = scene.instrument.as_ref().map_or(Ok(highest), |i| mesh::top(&mesh, i))?;
     mesh.points.iter_mut().for_each(|p| p[2] -= lowest);
     let outline = Outline::new(&mesh, groups(scene, &volumes), top - lowest);
+    if mesh.cells.is_empty() {
+        within(scene, &outline, lowest)?;
+    }
     let domain = Domain::Outline(&outline);
     let layout = Layout::new(&lowered(scene, lowest), &domain, grading);
     let mut cloud = filled(scene, &domain, &layout.spacing)?;
@@ -51,6 +56,19 @@ fn fill(
         mesh::hold(&mut body, instrument)?;
     }
     mesh::deep_enough(scene, body)
+}
+
+/// Every target lies inside a surface.
+fn within(scene: &Scene, outline: &Outline, lowest: f64) -> Result<(), BuildError> {
+    for (i, target) in scene.targets.iter().enumerate() {
+        let [x, y, z] = target.position;
+        if outline.cell_at([x, y, z - lowest]).is_none() {
+            let reason =
+                format!("target \"{}\" at {:?} m lies outside the surface of the mesh", target.name, target.position);
+            return mesh::refuse(&format!("targets.{i}.position_m"), reason);
+        }
+    }
+    Ok(())
 }
 
 /// Number of each cell's region: groups of one material have no interface that matters.

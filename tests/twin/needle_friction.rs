@@ -384,3 +384,16 @@ fn the_curve_through_a_membrane_does_not_depend_on_the_speed() {
     println!("{:.4} of the peak at {} m", worst.0, worst.1);
     assert!(worst.0 < 0.01, "{worst:?}");
 }
+
+/// Few poses, each of many strides, through a membrane: all strides of a pose together take no more steps than a pose may.
+#[test]
+fn no_pose_takes_more_steps_than_it_may() {
+    let most = 120;
+    let stepping = format!("[stepping]\nmax_steps_per_pose = {most}\n");
+    let mut twin = built(&[SAMPLE, NEEDLE, RUBS, SKIN, CLOUD, &stepping, "[motion]\ndepth_m = 0.003\n"]);
+    let answers = travel(&mut twin, 0.0, 2e-3, 100);
+    let steps: Vec<u32> = answers.iter().map(|a| a.steps).collect();
+    assert!(answers.iter().any(|a| matches!(a.event, Some(Event::Puncture { .. }))), "it punctures");
+    assert_eq!(steps.iter().max(), Some(&most), "the bound is met and held: {steps:?}");
+    assert!(answers.iter().all(|a| a.force_n.iter().all(|f| f.is_finite())));
+}
