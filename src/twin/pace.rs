@@ -84,8 +84,10 @@ pub(super) struct Pace {
     change: f64,
     /// Most steps that there is time for.
     pub limit: u32,
-    /// Steps of the present pose so far.
-    spent: u32,
+    /// Steps that are left of a pose that goes in strides, and of the present stride; `None`: it goes at once.
+    budget: Option<[u32; 2]>,
+    /// Strides that come after the present one.
+    to_come: u32,
     /// Relative stress relaxation since the last step.
     pending: f64,
 }
@@ -112,7 +114,8 @@ impl Pace {
             force: [0.0; 3],
             change: 0.0,
             limit: u32::MAX,
-            spent: 0,
+            budget: None,
+            to_come: 0,
             pending: 0.0,
         }
     }
@@ -136,19 +139,36 @@ impl Pace {
         if self.pending > PATIENCE * s.tolerance { SETTLING.min(self.left()) } else { 0 }
     }
 
-    /// Steps that the present pose may cost yet, all its strides together; each stride takes one at least.
+    /// Most steps that a pose may cost.
+    fn most(&self) -> u32 {
+        self.stepping.max_steps_per_pose.min(self.limit).max(1)
+    }
+
+    /// Steps that the present stride may cost yet: its share of those of its pose.
     pub fn left(&self) -> u32 {
-        self.stepping.max_steps_per_pose.min(self.limit).max(1).saturating_sub(self.spent)
+        self.budget.map_or_else(|| self.most(), |[_, stride]| stride)
     }
 
     /// Counts steps of the present pose.
-    pub const fn spend(&mut self, steps: u32) {
-        self.spent = self.spent.saturating_add(steps);
+    pub fn spend(&mut self, steps: u32) {
+        self.budget = self.budget.map(|left| left.map(|left| left.saturating_sub(steps)));
     }
 
-    /// The next steps are of another pose.
-    pub const fn begin_pose(&mut self) {
-        self.spent = 0;
+    /// The next steps are of another pose, with so many strides after its first one.
+    pub fn begin_pose(&mut self, to_come: u32) {
+        self.to_come = to_come;
+        self.budget = Some([self.most(), self.most() / to_come.saturating_add(1)]);
+    }
+
+    /// The next steps are of the pose's next stride.
+    pub fn next_stride(&mut self) {
+        self.to_come = self.to_come.saturating_sub(1);
+        self.budget = self.budget.map(|[pose, _]| [pose, pose / (self.to_come + 1)]);
+    }
+
+    /// The pose is answered.
+    pub const fn end_pose(&mut self) {
+        self.budget = None;
     }
 
     /// Learns from the balance after a pose.

@@ -85,16 +85,17 @@ impl Twin {
     fn walk(&mut self, pose: StampedPose, tip: Tip) -> Result<Prediction, Halt> {
         let mut steps = 0_u32;
         self.happened.begin();
-        self.progress.pace.begin_pose();
         let way = self.way(&tip);
+        self.progress.pace.begin_pose(way.places().count() as u32);
         if let Some(Contact::Frictional(needle)) = &mut self.contact {
             needle.elapse(self.progress.seen_s.map(|seen_s| (pose.time_s - seen_s) / way.moves()));
         }
         for between in way.places() {
             steps = steps.saturating_add(self.go(pose, between)?.steps);
+            self.progress.pace.next_stride();
         }
         let last = self.go(pose, tip)?;
-        self.progress.pace.begin_pose();
+        self.progress.pace.end_pose();
         Ok(Prediction { steps: steps.saturating_add(last.steps), event: self.happened.first(), ..last })
     }
 

@@ -243,7 +243,8 @@ fn searched(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> R
     let Searched { mut unknowns, begun, solution, realigned, left_out } = search(&mut problem, task)?;
     unknowns.iter_mut().zip(begun).for_each(|(u, start)| u.start = start);
     let changes = problem.changes(&solution.x);
-    let mut scene = task.scene.with(&changes)?;
+    // with the steps of the runs, or it would replay otherwise
+    let mut scene = problem.common.posed(&task.scene.with(&changes)?);
     scene.align = align(&problem, task.scene, &solution.x);
     let forces = problem.forces(&solution.x)?;
     let found = Calibration {
