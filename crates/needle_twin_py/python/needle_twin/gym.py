@@ -32,7 +32,7 @@ class NeedleInsertion(gymnasium.Env):
     Reward: how much nearer the tip came, in mm, less `force_weight` times the force's size in N. An episode ends where the tip is within
     `tolerance_m` of the target, and is cut off after `max_steps` or where the twin refuses to go on (info["halt"] says why).
 
-    Targets lie between `target_depth_m` on the needle's path, and with `lateral=True` up to `target_offset_m` beside it along x, where the needle
+    Targets lie between `target_depth_m` on the needle's path, and with `lateral=True` up to `target_offset_m` to its side along x, where the needle
     can go. `target_offset_m` without `lateral=True` must be within the tolerance: no action would reach more.
     """
 
@@ -57,7 +57,7 @@ class NeedleInsertion(gymnasium.Env):
         if not lateral and target_offset_m > tolerance_m:
             raise ValueError(
                 f"target_offset_m = {target_offset_m}: without lateral=True the needle stays on its path and comes no nearer than that to a "
-                f"target beside it; at most tolerance_m = {tolerance_m}"
+                f"target at its side; at most tolerance_m = {tolerance_m}"
             )
         base = scene if isinstance(scene, Scene) else Scene(scene)
         changes: dict[str, Any] = {"discretisation.dimension": "full"} if lateral else {}
