@@ -178,7 +178,7 @@ impl Calibration {
     }
 
     /// Estimates and alignment of the recording as it was recorded: with what the scene's `[align]` had taken out of it.
-    fn as_recorded(mut self, sought: &[Sought], scene: &Scene) -> Self {
+    fn of_recording(mut self, sought: &[Sought], scene: &Scene) -> Self {
         for (e, sought) in self.estimates.iter_mut().zip(sought) {
             let before = sought.aligned(scene);
             e.value += before;
@@ -225,8 +225,8 @@ pub fn calibrate(
     tell: &mut dyn FnMut(&str),
 ) -> Result<Calibration, CalibrateError> {
     let found = searched(task, watch, tell)?;
-    let told = |group: &Vec<String>| group.iter().any(|name| name == unknown::DRIFT_KEY);
-    let Some(group) = found.indistinguishable.iter().find(|g| told(g)).filter(|_| task.load_cell == LoadCell::Auto)
+    let drifts = |group: &Vec<String>| group.iter().any(|name| name == unknown::DRIFT_KEY);
+    let Some(group) = found.indistinguishable.iter().find(|g| drifts(g)).filter(|_| task.load_cell == LoadCell::Auto)
     else {
         return Ok(found);
     };
@@ -253,7 +253,7 @@ fn searched(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> R
         ..judgement::judged(task, scene, &solution, &unknowns, forces, &mut problem)?
     };
     let seen = aligned(&mut problem, &solution.x)?;
-    Ok(found.with_alignment(seen).as_recorded(&problem.sought, task.scene))
+    Ok(found.with_alignment(seen).of_recording(&problem.sought, task.scene))
 }
 
 /// How the recording lies to the model with the values x: what was taken out of it before, and what the search has found.
