@@ -68,7 +68,7 @@ function takeModel(model) {
   byId('targets').querySelector('tbody').replaceChildren(...model.about.targets.map((name) => {
     const row = document.createElement('tr');
     for (const text of [name, '', '']) row.append(Object.assign(document.createElement('td'), { textContent: text }));
-    [...row.children].slice(1).forEach((cell) => { cell.className = 'number'; });
+    [...row.children].slice(1).forEach((cell, k) => { cell.className = 'number'; cell.dataset.name = ['moved by', 'x, y, z in mm'][k]; });
     return row;
   }));
   showTargets(model.about.target_references_m);
@@ -111,6 +111,12 @@ function takeStatus(s) {
   state.curves.band = s.residual_band_n;
 }
 
+/// Three figures, but no more than two decimals: a hundredth of a millinewton is below what a load cell reads.
+function newtons(value) {
+  const rounded = Math.abs(value) < 0.005 ? 0 : Math.round(100 * value) / 100;
+  return figures(rounded, 3);
+}
+
 function takeFigures(f) {
   state.figures = f;
   if (state.frozen) return;
@@ -118,8 +124,8 @@ function takeFigures(f) {
   const p = f.point;
   if (p) {
     const [unit, factor] = Math.abs(p.predicted_n) < 1 ? ['mN', 1e3] : ['N', 1];
-    show('force', `${figures(factor * p.predicted_n, 3)} ${unit}`);
-    show('measured', p.measured_n === null ? 'no load cell heard' : `measured ${figures(factor * p.measured_n, 3)}, residual ${figures(factor * (p.predicted_n - p.measured_n), 2)} ${unit}`);
+    show('force', `${newtons(factor * p.predicted_n)} ${unit}`);
+    show('measured', p.measured_n === null ? 'no load cell heard' : `measured ${newtons(factor * p.measured_n)}, residual ${newtons(factor * (p.predicted_n - p.measured_n))} ${unit}`);
     show('depth', `${minus((1e3 * p.depth_m).toFixed(2))} mm`);
     show('time', `at ${p.time_s.toFixed(1)} s of this run`);
   }

@@ -120,16 +120,7 @@ class LiveSample extends View {
     const tool = this.data.instrument;
     if (!tool) return;
     const local = shape({ ...tool, x: 0, y: 0 }, 0, false, Math.max(0, this.data.depth[0]));
-    const [x, y, z] = this.axis;
-    // Turns (0, 0, -1) to the axis about the line that is across both.
-    const k = z > 0.999999 ? 0 : 1 / (1 - z);
-    const p = local.points;
-    for (let i = 0; i < p.length; i += 3) {
-      const [a, b, c] = [p[i], p[i + 1], p[i + 2]];
-      p[i] = this.tip[0] + a * (1 - k * x * x) - b * k * x * y - c * x;
-      p[i + 1] = this.tip[1] - a * k * x * y + b * (1 - k * y * y) - c * y;
-      p[i + 2] = this.tip[2] + a * x + b * y - c * z;
-    }
+    const p = placed(local.points, this.axis, this.tip);
     if (tool.kind === 'needle' || this.mode === 'whole') this.solid(p, local.triangles);
     else this.behind(p, local.triangles);
   }

@@ -40,24 +40,24 @@ function readForce(i) {
   return spans([...parts, phaseAt(rows.time[i]), ...(region ? [`in <b>${escaped(region.name)}</b>`] : [])]);
 }
 
-/// A series in its way in and its way back, which is drawn paler.
-function bothWays(values, cls, colour) {
-  const turn = run.retraction;
-  const forth = { values, mask, cls, colour, to: turn };
-  return turn < n ? [forth, { values, mask, cls: `${cls} back`, from: Math.max(0, turn - 1), back: true }] : [forth];
+/// A series in its ways in and out: a way out is paler, and what follows the first insertion has a colour of its own.
+function byWays(values, cls, colour) {
+  return run.passes.map(({ from, to, back, number }) => ({
+    values, mask, from, to, colour: number ? `var(--${cls === 'predicted' ? '' : `${cls}-`}again)` : colour,
+    cls: `${cls}${number ? ' again' : ''}${back ? ' back' : ''}`, back: back || number > 0,
+  }));
 }
 
 function forceSeries(split) {
-  const line = (values, cls, colour) => (split ? bothWays(values, cls, colour) : [{ values, mask, cls, colour }]);
+  const line = (values, cls, colour) => (split ? byWays(values, cls, colour) : [{ values, mask, cls, colour }]);
   const series = line(predicted, 'predicted', 'var(--accent)').map((s) => ({ ...s, mask: undefined }));
   return measured ? [...line(measured, 'measured', 'var(--measured)'), ...series] : series;
 }
 
-/// The members' band, in its way in and its way back where `split`.
+/// The members' band, in each of its ways where `split`.
 function fans(split) {
   if (!band) return [];
-  const turn = run.retraction;
-  return split && turn < n ? [{ ...band, to: turn }, { ...band, from: Math.max(0, turn - 1) }] : [band];
+  return split ? run.passes.map(({ from, to }) => ({ ...band, from, to })) : [band];
 }
 
 function charts() {
@@ -67,7 +67,7 @@ function charts() {
   const force = (split, height) => ({ title: `Force against insertion in ${unit}`, height, zero: true, series: forceSeries(split), fans: fans(split) });
   const error = (split) => ({
     title: `Predicted − measured in ${unit}`, height: 90, zero: true,
-    series: split ? bothWays(residual, 'residual', 'var(--residual)') : [{ values: residual, mask, cls: 'residual', colour: 'var(--residual)' }],
+    series: split ? byWays(residual, 'residual', 'var(--residual)') : [{ values: residual, mask, cls: 'residual', colour: 'var(--residual)' }],
   });
   const bands = run.phases;
   const overTime = { x: rows.time, times: rows.time, bands, marks: run.events.map((e) => ({ x: e.time, text: e.word })) };

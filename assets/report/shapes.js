@@ -62,3 +62,16 @@ function shape(tool, tip, half, top) {
   }
   return { points: new Float32Array(points), triangles };
 }
+
+/// Turns the points of an upright instrument, whose tip is at (0, 0, 0), to an axis into the sample, and takes it to its place.
+function placed(points, [x, y, z], tip) {
+  // turns (0, 0, -1) to the axis about the line that is across both
+  const k = z > 0.999999 ? 0 : 1 / (1 - z);
+  for (let i = 0; i < points.length; i += 3) {
+    const [a, b, c] = [points[i], points[i + 1], points[i + 2]];
+    points[i] = tip[0] + a * (1 - k * x * x) - b * k * x * y - c * x;
+    points[i + 1] = tip[1] - a * k * x * y + b * (1 - k * y * y) - c * y;
+    points[i + 2] = tip[2] + a * x + b * y - c * z;
+  }
+  return points;
+}

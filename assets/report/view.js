@@ -37,7 +37,7 @@ class View {
     this.radius = Math.hypot(...this.low.map((l, c) => this.high[c] - l)) / 2;
   }
 
-  home() { this.yaw = 0.35; this.pitch = 0.42; this.zoom = 1; this.pan = [0, 0]; }
+  home() { this.yaw = 0.35 - (this.data.azimuth || 0); this.pitch = 0.42; this.zoom = 1; this.pan = [0, 0]; }
 
   controls() {
     const one = (name) => this.place.querySelector(`[data-control=${name}]`);
@@ -298,7 +298,9 @@ class View {
   instrument() {
     const tool = this.data.instrument;
     if (!tool) return;
-    const { points, triangles } = shape(tool, this.high[2] - this.data.depth[this.frame], this.mode === 'half' && tool.kind !== 'needle', this.high[2]);
+    const depth = this.data.depth[this.frame], along = tool.axis;
+    const { points, triangles } = shape({ ...tool, x: 0, y: 0 }, 0, this.mode === 'half' && tool.kind !== 'needle', Math.max(0, depth));
+    placed(points, along, [tool.x + depth * along[0], tool.y + depth * along[1], this.high[2] + depth * along[2]]);
     const screen = new Float32Array(points.length);
     this.project(points, screen);
     this.fill(triangles, screen, points, null, 0.6);

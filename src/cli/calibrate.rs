@@ -21,6 +21,7 @@ use crate::scene::Scene;
 use crate::study::calibrate::{
     self, Calibration, Estimate, HoldOut, LoadCell, MarkerFit, MarkerTask, Prediction, Task, Wanted, calibrate,
 };
+use crate::study::layers::of_recording;
 
 /// Find the values of scene keys with which the twin's force comes nearest to the recorded one, and say how sure they are
 #[derive(Debug, Args)]
@@ -39,7 +40,7 @@ pub(super) struct Arguments {
     layers: Option<u8>,
 
     /// What of the load cell is estimated alongside
-    #[arg(long, value_enum, default_value_t = Cell::Drift, help_heading = "Fit")]
+    #[arg(long, value_enum, default_value_t = Cell::Auto, help_heading = "Fit")]
     load_cell: Cell,
 
     /// Standard uncertainty of the force's size that no number of readings removes (discretisation, straightness of the load
@@ -83,6 +84,8 @@ pub(super) struct Arguments {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Cell {
+    /// Its reading without load and how that drifts, unless the recording can't tell the drift from what is fitted
+    Auto,
     /// Its reading without load and how that drifts
     Drift,
     /// Its reading without load
@@ -139,7 +142,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
 fn of_layers(arguments: &Arguments, recording: &Recording, scene: &Scene, layers: usize) -> Result<Outcome, CliError> {
     recording.warnings.iter().for_each(|text| warn(text));
     let readings = arguments.recorded.topics.readings(recording);
-    let found = layers::found(scene, &readings, &recording.measured(), layers)?;
+    let found = of_recording(scene, &readings, &recording.measured(), layers)?;
     let text = report::layers_json(&found, &recording.source);
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let written = folder.map(|folder| report::write_layers(&folder.path, &text)).transpose()?;
@@ -215,8 +218,10 @@ fn refuse_repeats(fit: &[Wanted]) -> Result<(), CliError> {
 /// The other bag with the scene that it names, or else the fitted one's.
 fn other(arguments: &Arguments, bag: &Path, fitted: &Scene) -> Result<(Recording, Scene), CliError> {
     let recording = Recording::open(&[bag.to_owned()], &arguments.recorded.selection())?;
-    let scene = recording.scene.as_deref().map_or_else(|| Ok(fitted.clone()), scene_file::load)?;
-    Ok((recording, scene))
+    // the fitted recording's alignment is its own
+    let own = || Ok(Scene { align: None, ..fitted.clone() });
+    let scene = recording.scene.as_deref().map_or_else(own, scene_file::load)?;
+    Ok((recording.aligned(&scene).into_owned(), scene))
 }
 
 fn found(
@@ -241,6 +246,7 @@ fn found(
         measured: &measured,
         wanted: &arguments.fit,
         load_cell: match arguments.load_cell {
+            Cell::Auto => LoadCell::Auto,
             Cell::Drift => LoadCell::Drift,
             Cell::Offset => LoadCell::Offset,
             Cell::Exact => LoadCell::Exact,
@@ -286,11 +292,17 @@ fn remarks(calibration: &Calibration) -> Vec<String> {
             .map(|reason| reason.replace("`calibrate` takes it out", "it is taken out here"));
         remarks.extend(taken);
     }
+    if !calibration.drift_left_out_for.is_empty() {
+        remarks.push(format!(
+            "the load cell's drift was left out, since this recording can't tell it from {}; --load-cell drift fits it all the same",
+            calibration.drift_left_out_for.join(", ")
+        ));
+    }
     for group in &calibration.indistinguishable {
         remarks.push(format!(
-            "the data can't tell apart: {}. Their values and errors mean little: fit fewer of them, or fix one by --set from \
-             another test",
-            group.join(", ")
+            "the data can't tell apart: {}. Their values and errors mean little: {}",
+            group.join(", "),
+            calibration.remedy(group)
         ));
     }
     for e in &calibration.estimates[..calibration.keys] {

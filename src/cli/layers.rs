@@ -3,31 +3,7 @@
 use std::path::PathBuf;
 
 use super::summary::{screen, written};
-use crate::compare::{At, ForceSeries, Reading};
-use crate::scene::Scene;
-use crate::study::layers::{Found, Known, LayersError, layers};
-
-/// Straight from the readings.
-pub(super) fn found(
-    scene: &Scene,
-    readings: &[Reading],
-    measured: &ForceSeries,
-    number: usize,
-) -> Result<Found, LayersError> {
-    let diameter = scene.instrument.and_then(|i| i.needle_diameter_m()).ok_or(LayersError::NoNeedle)?;
-    let top = scene.sample.shape.height().map_or(0.0, |h| h.get());
-    let force = |r: &Reading| {
-        let force = measured.at(r.time_s)?;
-        Some(match r.at {
-            At::Depth(depth) => [r.time_s, depth, force[2]],
-            At::Pose(pose) => {
-                let against = -(0..3).map(|k| force[k] * pose.axis[k]).sum::<f64>();
-                [r.time_s, top - pose.tip[2], against]
-            }
-        })
-    };
-    layers(&readings.iter().filter_map(force).collect::<Vec<_>>(), diameter, number)
-}
+use crate::study::layers::{Found, Known};
 
 /// Screen of what was found.
 pub(super) fn summary(found: &Found, files: Option<&[PathBuf]>) -> String {

@@ -170,10 +170,13 @@ impl Watch for Progress {
             self.bar.set_position(done as u64);
             self.bar.set_message(format!("{}\n{now}", self.curves.picture()));
         } else {
-            let of = if self.poses > 0 { format!(" of {}", self.poses) } else { String::new() };
+            let (of, left) = match self.poses {
+                0 => (String::new(), String::new()),
+                poses => (format!(" of {poses}"), format!(", about {} left", left(elapsed, done, poses))),
+            };
             self.heartbeat.said();
             // a failure to write can't be reported either
-            let _ = writeln!(std::io::stderr(), "{done}{of} poses, {now}");
+            let _ = writeln!(std::io::stderr(), "{done}{of} poses, {now}{left}");
         }
     }
 
@@ -190,13 +193,29 @@ impl Watch for Progress {
 fn line(answer: &Answer, elapsed: Duration) -> String {
     let measured = answer.measured_n.map_or_else(String::new, |n| format!(", measured {}", newtons(n)));
     format!(
-        "{}: depth {:.2} mm, predicted {}{measured}, {:.1} times real time, {} steps per pose",
+        "{}: depth {:.2} mm, predicted {}{measured}, {} times real time, {} steps per pose",
         answer.phase.as_str(),
         1e3 * answer.depth_m,
         newtons(answer.predicted_n),
-        answer.time_s / elapsed.as_secs_f64(),
+        two_figures(answer.time_s / elapsed.as_secs_f64()),
         answer.steps
     )
+}
+
+/// A positive number with two significant figures, never in powers of ten.
+fn two_figures(x: f64) -> String {
+    let decimals = (1.0 - x.max(1e-4).log10().floor()).clamp(1.0, 5.0) as usize;
+    if x.is_finite() { format!("{x:.decimals$}") } else { "?".to_owned() }
+}
+
+/// Time that the poses which are left take if each takes as long as those so far.
+fn left(elapsed: Duration, done: usize, poses: usize) -> String {
+    let left_s = elapsed.as_secs_f64() / done.max(1) as f64 * poses.saturating_sub(done) as f64;
+    match left_s {
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
 }
 
 /// How much of some work is done and how long the rest takes: a bar where stderr is a terminal, else a line now and then.
@@ -282,5 +301,17 @@ impl Watch for Runs<'_> {
 
     fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
         self.progress.stop_flag()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_run_says_how_slow_and_how_long() {
+        assert_eq!([0.0031, 0.25, 7.26, 123.4].map(two_figures), ["0.0031", "0.25", "7.3", "123.4"]);
+        assert_eq!(left(Duration::from_secs(10), 5, 20), "30 s");
+        assert_eq!(left(Duration::from_secs(10), 1, 100_000), "277.8 h");
     }
 }

@@ -43,13 +43,13 @@ pub(super) struct RecordedOptions {
 }
 
 impl RecordedOptions {
-    /// Reads both.
+    /// Reads both; the recording as it lies to the scene.
     pub(super) fn load(&self) -> Result<(Recording, Scene), CliError> {
         let files: Vec<PathBuf> = [&self.bag].into_iter().chain(&self.force_file).cloned().collect();
         let recording = Recording::open(&files, &self.selection())?;
         let name = self.scene.as_deref().or(recording.scene.as_deref()).unwrap_or(DEFAULT_SCENE);
         let scene = self.set.apply(&scene_file::load(name)?, [])?;
-        Ok((recording, scene))
+        Ok((recording.aligned(&scene).into_owned(), scene))
     }
 
     /// What was said of the recording.

@@ -12,7 +12,7 @@ use crate::report;
 use crate::scene::keys::{KEYS, SECTIONS};
 use crate::scene::size::Estimate;
 use crate::scene::{Key, PRESETS, Scene, Value, Word as _};
-use crate::twin::Body;
+use crate::twin::{Body, extents, shown};
 
 /// List, print and check scenes
 #[derive(Debug, Args)]
@@ -169,10 +169,11 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
     let checked: Vec<_> = scenes.iter().map(|name| set.apply(&scene_file::load(name)?, []).and_then(sized)).collect();
     if as_json {
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
-            Ok((scene, size)) => {
+            Ok((scene, (size, extents))) => {
                 let model = scene.dimension();
                 let because = model.because + &scene.discretisation.left_out();
                 json!({
+                    "mesh_extents_m": extents,
                     "scene": name, "ok": true, "name": scene.name,
                     "dimension": model.dimension.as_str(), "dimension_because": because,
                     "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
@@ -182,11 +183,14 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
         });
         print(&format!("{:#}\n", serde_json::Value::from_iter(rows)))?;
     } else {
-        for (name, (scene, size)) in scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s))) {
+        for (name, (scene, (size, extents))) in
+            scenes.iter().zip(&checked).filter_map(|(n, r)| r.as_ref().ok().map(|s| (n, s)))
+        {
             let (model, megabytes) = (scene.dimension(), size.bytes / 1e6);
             let kind = model.dimension.as_str();
+            let mesh = extents.map_or_else(String::new, |extents| format!(", mesh of {}", shown(extents)));
             print(&format!(
-                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB; {kind}: {}{}\n",
+                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB{mesh}; {kind}: {}{}\n",
                 size.nodes,
                 model.because,
                 scene.discretisation.left_out()
@@ -205,12 +209,13 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
     }
 }
 
-/// Size of a scene's cloud: estimated, or that of its mesh, which is read and checked for that.
-fn size(scene: &Scene) -> Result<Estimate, CliError> {
+/// Size of a scene's cloud: estimated, or that of its mesh, which is read and checked for that, with the mesh's extents in m.
+fn size(scene: &Scene) -> Result<(Estimate, Option<[f64; 3]>), CliError> {
     if let Some(estimate) = scene.estimate() {
-        return Ok(estimate);
+        return Ok((estimate, None));
     }
     let body = Body::new(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
     body.warnings.iter().for_each(|warning| super::warn(warning));
-    Ok(scene.estimate_of(body.cloud.points.len() as f64, body.cloud.cells.len() as f64))
+    let estimate = scene.estimate_of(body.cloud.points.len() as f64, body.cloud.cells.len() as f64);
+    Ok((estimate, Some(extents(&body.cloud))))
 }

@@ -25,7 +25,7 @@ pub mod verdict;
 pub use collector::{Collector, Keep};
 pub use drive::{At, Reading, Watch, build, build_beside, build_on, drive};
 use drive::{not_finite, stamped};
-pub use legs::Legs;
+pub use legs::{Legs, Pass};
 pub use metrics::{ForceMetrics, Latency};
 pub use regions::Depths;
 pub use series::ForceSeries;
@@ -171,6 +171,8 @@ pub struct Run {
     pub wall_s: f64,
     /// Simulated (or recorded) time, s.
     pub simulated_s: f64,
+    /// Whether somebody waited for the answers: a live run. Else a pose was as late as the machine was slow, and nobody saw it.
+    pub live: bool,
     /// Poses that were answered later than the next pose came.
     pub missed_deadlines: u64,
     /// Poses that were skipped because a newer one had come.

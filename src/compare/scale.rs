@@ -21,6 +21,10 @@ const FORCES: [(&str, f64, f64); 6] = [
     ("kilogram-force", 9.80665, 1.2),
     ("pound-force", 4.448_221_615, 1.2),
 ];
+/// Units that moduli are written in, Pa, and shear moduli of soft matter: below the first there is none, below the second it is rare.
+const PRESSURES: [(&str, f64); 3] = [("kPa", 1e3), ("MPa", 1e6), ("GPa", 1e9)];
+const TOO_SOFT_PA: f64 = 20.0;
+const SOFT_PA: f64 = 200.0;
 /// How unlikely it is that the scene is another one.
 const OTHER_SCENE: f64 = 0.5;
 /// Depths beyond the model's reach by this factor are of another unit.
@@ -253,6 +257,18 @@ pub fn unit_of(ratio: f64) -> (&'static str, f64) {
     best.map_or(("", f64::INFINITY), |unit| (unit.0, score(unit)))
 }
 
+/// The unit that the scene's modulus is likely in, of a material that is `ratio` times as stiff; `None` where it may well be in Pa.
+fn modulus_unit(scene: &Scene, ratio: f64) -> Option<String> {
+    let modulus = scene.material.shear_modulus();
+    let off = |unit: f64| (ratio / unit).ln().abs();
+    let (name, unit) = PRESSURES.into_iter().min_by(|a, b| off(a.1).total_cmp(&off(b.1)))?;
+    let own = "material.shear_modulus_pa";
+    let key = if scene.get(own).is_some() { own } else { "the shear modulus of [material]" };
+    (modulus < SOFT_PA && off(unit) < TOO_FAR.ln()).then(|| {
+        format!("{key} = {modulus} Pa is likely meant in {name}: it must be in Pa (then {:.4})", modulus * unit)
+    })
+}
+
 /// Unit or scene with which the force would fit best.
 fn likely(twin: &Twin, ratio: f64, measured: f64, depth_m: f64, named: Option<&str>) -> String {
     let own = &twin.scene().name;
@@ -264,6 +280,10 @@ fn likely(twin: &Twin, ratio: f64, measured: f64, depth_m: f64, named: Option<&s
         let predicted = probe(&other, depth_m).filter(|f| *f > 0.0)?;
         Some((name.to_owned(), (measured / predicted).ln().abs() + OTHER_SCENE))
     };
+    let modulus = modulus_unit(twin.scene(), ratio);
+    if let Some(modulus) = modulus.as_ref().filter(|_| twin.scene().material.shear_modulus() < TOO_SOFT_PA) {
+        return modulus.clone();
+    }
     let scenes = Preset::of_the_paper().iter().map(|p| p.name).filter(|name| name != own).filter_map(off);
     let scene = scenes.min_by(|a, b| a.1.total_cmp(&b.1));
     let (unit, far) = unit_of(ratio);
@@ -271,7 +291,10 @@ fn likely(twin: &Twin, ratio: f64, measured: f64, depth_m: f64, named: Option<&s
         Some((name, scene_far)) if scene_far < far && scene_far < TOO_FAR.ln() => {
             format!("the recording is likely one of scene {name}, not {own}: give --scene {name}")
         }
-        _ if far < TOO_FAR.ln() => format!("the force is likely in {unit}: it must be in N"),
+        _ if far < TOO_FAR.ln() => match modulus {
+            Some(modulus) => format!("either the force is in {unit}, and must be in N, or {modulus}"),
+            None => format!("the force is likely in {unit}: it must be in N"),
+        },
         _ => "no usual unit or preset explains it: look at scene and load cell".to_owned(),
     }
 }

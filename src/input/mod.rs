@@ -1,6 +1,7 @@
 //! What comes in: depths, poses and forces, from messages live or recorded, and from tables.
 
 mod adapter;
+mod align;
 mod clocks;
 mod foreign;
 mod frame;

@@ -65,7 +65,7 @@ fn drop_unused(mesh: &mut Imported) -> usize {
 }
 
 /// Metres from the file's unit.
-fn scale(mesh: &mut Imported, unit_m: f64) -> Result<(), String> {
+pub(super) fn scale(mesh: &mut Imported, unit_m: f64) -> Result<(), String> {
     if mesh.points.len() > MAX_NODES {
         return Err(format!("it has {} nodes; at most {MAX_NODES} are taken: use a coarser mesh", mesh.points.len()));
     }
@@ -182,6 +182,18 @@ fn face_of(t: &[u32; 3], faces: &[u8]) -> u8 {
     if shared & BASE != 0 { BASE } else { shared }
 }
 
+/// Faces of the nodes and triangles of a surface.
+pub(super) fn surface_faces(
+    mesh: &Imported,
+    surface: &[[u32; 3]],
+    wanted: &Wanted<'_>,
+) -> Result<(Vec<u8>, Vec<u8>), String> {
+    let faces = faces(mesh, surface, wanted)?;
+    let of_triangles = surface.iter().map(|t| Some(face_of(t, &faces)).filter(|face| *face != 0).unwrap_or(OTHER));
+    let of_triangles = of_triangles.collect();
+    Ok((faces, of_triangles))
+}
+
 fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
     let order = hilbert_order(&mesh.points);
     let mut number = vec![0u32; order.len()];
@@ -202,7 +214,7 @@ fn ordered(mesh: &Imported, faces: &[u8]) -> (Cloud, Volumes) {
     let mut new = vec![0u32; old.len()];
     old.iter().zip(0..).for_each(|(&old, n)| new[old] = n);
     let of_cell = old.iter().map(|&c| mesh.volumes.of_cell.get(c).copied().flatten()).collect();
-    let volumes = Volumes { names: mesh.volumes.names.clone(), of_cell };
+    let volumes = Volumes { of_cell, ..mesh.volumes.clone() };
     let renumbered = |h: &Hexahedron| Hexahedron {
         corners: h.corners.map(|n| number[n as usize]),
         cells: h.cells.iter().map(|&c| new[c as usize]).collect(),

@@ -4,6 +4,7 @@
 //! .msh ─► msh ─┐
 //!              ├─► Imported ─► assemble (unit, groups, checks, order) ─► Cloud
 //! .vtu ─► vtu ─┘
+//! .stl ─► stl ─────────────► skin (closed? outward?) ─► Cloud without cells
 //! ```
 //!
 //! Nothing is allocated by what a file declares, only by what it holds: at most about 64 bytes per byte of the file.
@@ -11,6 +12,8 @@
 mod arrays;
 mod assemble;
 mod msh;
+mod skin;
+mod stl;
 mod vtu;
 mod words;
 
@@ -64,6 +67,10 @@ pub struct Imported {
     pub groups: BTreeMap<String, Vec<u32>>,
     /// All groups that the file has.
     pub known_groups: Vec<String>,
+    /// Triangles of a file that has a surface and no cells.
+    pub surface: Vec<[u32; 3]>,
+    /// What is worth knowing of the file and is no error.
+    pub remarks: Vec<String>,
     /// Volume groups that the file has, and the one of each cell that is in one; empty where the form carries none.
     pub volumes: Volumes,
 }
@@ -94,8 +101,18 @@ impl Imported {
 pub struct Volumes {
     /// Their names.
     pub names: Vec<String>,
-    /// Group of each cell, by its place among the names.
+    /// Groups of each volume, by their places among the names; a volume may be in several.
+    pub sets: Vec<Vec<u32>>,
+    /// Volume of each cell, by its place among the sets.
     pub of_cell: Vec<Option<u32>>,
+}
+
+impl Volumes {
+    /// Whether a volume (a place among the sets) is in a group.
+    #[must_use]
+    pub fn is_in(&self, volume: u32, group: &str) -> bool {
+        self.sets[volume as usize].iter().any(|&g| self.names[g as usize] == group)
+    }
 }
 
 /// What an imported mesh has to provide.
@@ -109,7 +126,7 @@ pub struct Wanted<'a> {
     pub contact: Option<&'a str>,
 }
 
-/// Reads a mesh by the ending of its name, `.msh` or `.vtu`, with the nodes of the groups that are `wanted`.
+/// Reads a mesh by the ending of its name, `.msh` or `.vtu`, or the closed surface of an `.stl`, with the nodes of the groups that are `wanted`.
 ///
 /// # Errors
 /// [`ImportError`]: the file can't be read, or is not of a form that is read here.
@@ -126,9 +143,11 @@ fn reader_of(path: &Path) -> Result<Reader, ImportError> {
     match ending.as_str() {
         "msh" => Ok(msh::read),
         "vtu" => Ok(vtu::read),
+        "stl" => Ok(stl::read),
         _ => Err(ImportError {
             place: path.display().to_string(),
-            reason: "neither .msh nor .vtu: save the mesh as Gmsh 4.1 ASCII or as VTK XML unstructured grid".to_owned(),
+            reason: "neither .msh, .vtu nor .stl: save the mesh as Gmsh 4.1 or as VTK XML unstructured grid, or a closed surface as STL"
+                .to_owned(),
         }),
     }
 }
@@ -191,5 +210,6 @@ fn assemble_from(
     imported: Imported,
     wanted: &Wanted<'_>,
 ) -> Result<(Cloud, Volumes, Vec<String>), ImportError> {
-    assemble::assemble(imported, wanted).map_err(|reason| ImportError { place: path.display().to_string(), reason })
+    let assembled = if imported.surface.is_empty() { assemble::assemble } else { skin::skin };
+    assembled(imported, wanted).map_err(|reason| ImportError { place: path.display().to_string(), reason })
 }

@@ -8,13 +8,13 @@ use super::{
     page::FILE,
     phases::{self, Stretch},
     regions,
-    section::Section,
+    section::{Plane, Section},
     strain::{Strains, moduli_pa},
     thin::thin,
     unit::Scale,
 };
 use crate::compare::ensemble::Band;
-use crate::compare::{Answer, Run, Snapshot, TargetRow};
+use crate::compare::{Answer, Pass, Run, Snapshot, TargetRow};
 use crate::scene::{Instrument, InstrumentKind};
 use crate::twin::Event;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -41,7 +41,7 @@ pub(super) fn data(run: &Run) -> Result<Value, ReportError> {
         "force": { "factor": force.factor, "unit": force.unit },
         "rows": rows(&answers),
         "band": band(run, &kept),
-        "retraction": kept.partition_point(|&i| i < run.legs().retraction),
+        "passes": passes(run, &kept),
         "phases": bands(&phases::over_time(run)),
         "depth_phases": bands(&phases::over_depth(run)),
         "depth_regions": depth_regions(run),
@@ -95,6 +95,13 @@ fn rows(answers: &[&Answer]) -> Value {
         "steps": pack(answers.iter().map(|a| a.steps)),
         "latency": pack_f32(answers.iter().map(|a| 1e3 * a.latency_s)),
     })
+}
+
+/// Ways in and out among the answers that are drawn: each begins with the last answer of the one before, so that a curve has no gap.
+fn passes(run: &Run, kept: &[usize]) -> Value {
+    let at = |answer: usize| kept.partition_point(|&i| i < answer);
+    let one = |pass: &Pass| json!({ "from": at(pass.range.start).saturating_sub(1), "to": at(pass.range.end), "back": pass.back, "number": pass.number });
+    run.passes().iter().filter(|pass| at(pass.range.start) < at(pass.range.end)).map(one).collect()
 }
 
 /// Ends of the members' band at the answers that are drawn; null without members.
@@ -186,8 +193,8 @@ fn view(run: &Run) -> Result<Option<Value>, ReportError> {
     if state.surface.is_empty() || !state.points.iter().flatten().all(|c| c.is_finite()) {
         return Ok(None);
     }
-    let entry_y = run.instrument.map_or(0.0, |i| i.entry[1].get());
-    let section = Section::new(&state.points, &state.cells, &state.surface, entry_y);
+    let plane = Plane::of(run.instrument.as_ref());
+    let section = Section::new(&state.points, &state.cells, &state.surface, &plane);
     let triangles = section.surface.len() + section.half.len() + section.cut.len();
     let finite = |s: &&Snapshot| {
         let numbers = s.displacement.iter().flatten().chain(&s.jacobian);
@@ -210,6 +217,7 @@ fn view(run: &Run) -> Result<Option<Value>, ReportError> {
         "cut": pack(section.cut.iter().copied().flatten()),
         "time": pack_f32(shown.iter().map(|s| s.time_s)),
         "depth": pack_f32(shown.iter().map(|s| s.depth_m)),
+        "azimuth": plane.azimuth,
         "instrument": run.instrument.as_ref().map(|i| instrument(i, &state.points)),
     });
     region_of_triangles(&mut view, &section, run);
@@ -303,5 +311,10 @@ fn instrument(instrument: &Instrument, points: &[[f64; 3]]) -> Value {
         InstrumentKind::Indenter { diameter, .. } => ("indenter", 0.5 * diameter.get()),
         InstrumentKind::Needle(needle) => ("needle", 0.5 * needle.diameter.get()),
     };
-    json!({ "kind": kind, "radius": radius, "x": instrument.entry[0].get(), "y": instrument.entry[1].get() })
+    let [x, y] = instrument.slope();
+    let cosine = 1.0 / (1.0 + x * x + y * y).sqrt();
+    json!({
+        "kind": kind, "radius": radius, "x": instrument.entry[0].get(), "y": instrument.entry[1].get(),
+        "axis": [x * cosine, y * cosine, -cosine],
+    })
 }

@@ -9,19 +9,38 @@ use super::{
     thin::thin,
     unit::{Scale, significant},
 };
-use crate::compare::{Answer, Run};
+use crate::compare::{Answer, Pass, Run};
 use crate::twin::Event;
+use std::ops::Range;
 
 const WIDTH: u32 = 960;
 const HEIGHT: u32 = 692;
 /// Left, right edge of the panels, px.
 const SIDES: [f64; 2] = [84.0, 932.0];
 
-const MEASURED: [Pen; 2] = [Pen::new(INK, 1.5), Pen::new(Colour(0xa3, 0xab, 0xb6, 1.0), 1.5)];
-const PREDICTED: [Pen; 2] = [Pen::new(BLUE, 2.4), Pen::new(Colour(0x5a, 0x9d, 0xe6, 1.0), 2.4).dashed([8.0, 5.0])];
+/// Way in and way out of the first insertion, then of the others in turn.
+const MEASURED: [[Pen; 2]; 2] = [
+    [Pen::new(INK, 1.5), Pen::new(Colour(0xa3, 0xab, 0xb6, 1.0), 1.5)],
+    [Pen::new(Colour(0x8a, 0x5a, 0x2b, 1.0), 1.5), Pen::new(Colour(0xcd, 0xaf, 0x8c, 1.0), 1.5)],
+];
+const PREDICTED: [[Pen; 2]; 2] = [
+    [Pen::new(BLUE, 2.4), Pen::new(Colour(0x5a, 0x9d, 0xe6, 1.0), 2.4).dashed([8.0, 5.0])],
+    [
+        Pen::new(Colour(0x1a, 0x7f, 0x4b, 1.0), 2.4).dashed([12.0, 3.0]),
+        Pen::new(Colour(0x6f, 0xb8, 0x8f, 1.0), 2.4).dashed([3.0, 3.0]),
+    ],
+];
 /// Between the ends of the members' band.
 const FAN: Colour = Colour(0x0b, 0x62, 0xc4, 0.2);
-const RESIDUAL: [Pen; 2] = [Pen::new(VERMILION, 1.5), Pen::new(Colour(0xea, 0xa2, 0x77, 1.0), 1.5)];
+const RESIDUAL: [[Pen; 2]; 2] = [
+    [Pen::new(VERMILION, 1.5), Pen::new(Colour(0xea, 0xa2, 0x77, 1.0), 1.5)],
+    [Pen::new(Colour(0x8b, 0x3f, 0xa8, 1.0), 1.5), Pen::new(Colour(0xc5, 0x9c, 0xd3, 1.0), 1.5)],
+];
+
+/// The pen of a way.
+const fn pen(of: &[[Pen; 2]; 2], pass: &Pass) -> Pen {
+    of[if pass.number == 0 { 0 } else { 1 }][pass.back as usize]
+}
 
 /// The picture of a run.
 pub(super) fn force_plot(run: &Run) -> Picture {
@@ -29,10 +48,10 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     heading(&mut picture, run);
     let kept = thin(run, 500);
     let answers: Vec<&Answer> = kept.iter().map(|&i| &run.answers[i]).collect();
-    let turn = kept.partition_point(|&i| i < run.legs().retraction);
-    // The last answer before the turn begins the way back, so that the curve has no gap.
-    let legs = [&answers[..turn], &answers[turn.saturating_sub(1).min(answers.len())..]];
-    let legs = if turn == answers.len() { [legs[0], &[]] } else { legs };
+    let at = |answer: usize| kept.partition_point(|&i| i < answer);
+    // the last answer before a turn begins the next way, so that the curve has no gap
+    let range = |pass: &Pass| at(pass.range.start).saturating_sub(1)..at(pass.range.end);
+    let ways: Vec<(Pass, Range<usize>)> = run.passes().into_iter().map(|pass| (pass.clone(), range(&pass))).collect();
     let measured = answers.iter().any(|a| a.residual_n().is_some());
 
     let force = Scale::of_force(run);
@@ -53,12 +72,13 @@ pub(super) fn force_plot(run: &Run) -> Picture {
     if let Some((depth_m, duration_s)) = run.hold() {
         upper.event(&mut picture, 1e3 * depth_m, &format!("held for {} s", significant(duration_s, 2)), End::Lower);
     }
-    for leg in [&kept[..turn], &kept[turn.saturating_sub(1).min(kept.len())..]] {
-        fan(&mut picture, &upper, run, leg, force.factor);
+    for (_, range) in &ways {
+        fan(&mut picture, &upper, run, &kept[range.clone()], force.factor);
     }
-    for (leg, [m, p]) in legs.iter().zip([[MEASURED[0], PREDICTED[0]], [MEASURED[1], PREDICTED[1]]]) {
-        upper.curve(&mut picture, column(leg, |a| a.measured_n, force.factor), m);
-        upper.curve(&mut picture, column(leg, |a| Some(a.predicted_n), force.factor), p);
+    for (pass, range) in &ways {
+        let way = &answers[range.clone()];
+        upper.curve(&mut picture, column(way, |a| a.measured_n, force.factor), pen(&MEASURED, pass));
+        upper.curve(&mut picture, column(way, |a| Some(a.predicted_n), force.factor), pen(&PREDICTED, pass));
     }
     punctures(&mut picture, &upper, run, force.factor);
     if measured {
@@ -69,8 +89,9 @@ pub(super) fn force_plot(run: &Run) -> Picture {
         lower.grid(&mut picture, true);
         lower.strip(&mut picture, &ground);
         lower.title(&mut picture, &format!("Predicted − measured in {}", force.unit), 11.0);
-        for (leg, pen) in legs.iter().zip(RESIDUAL) {
-            lower.curve(&mut picture, column(leg, Answer::residual_n, force.factor), pen);
+        for (pass, range) in &ways {
+            let residual = column(&answers[range.clone()], Answer::residual_n, force.factor);
+            lower.curve(&mut picture, residual, pen(&RESIDUAL, pass));
         }
     }
     let centre = 0.5 * (SIDES[0] + SIDES[1]);
@@ -79,7 +100,14 @@ pub(super) fn force_plot(run: &Run) -> Picture {
         "Depth of the tip below the undeformed surface in mm",
         Type { bold: true, colour: INK, ..label(Anchor::Middle) },
     );
-    legend(&mut picture, [SIDES[0], 116.0], &entries(measured, !legs[1].is_empty(), run.ensemble.is_some()));
+    let passes: Vec<Pass> = ways.into_iter().map(|(pass, _)| pass).collect();
+    let entries = entries(&passes, measured, run.ensemble.is_some());
+    let entries: Vec<(&str, Pen)> = entries.iter().map(|(text, pen)| (text.as_str(), *pen)).collect();
+    // several insertions take a row each of predicted and measured
+    let row = if entries.len() > 5 { entries.len().div_ceil(2) } else { entries.len() };
+    for (entries, y) in entries.chunks(row.max(1)).zip([114.0, 130.0]) {
+        legend(&mut picture, [SIDES[0], y], entries);
+    }
     picture
 }
 
@@ -112,21 +140,40 @@ fn fan(picture: &mut Picture, panel: &Panel, run: &Run, leg: &[usize], factor: f
     }
 }
 
-fn entries(measured: bool, retraction: bool, members: bool) -> Vec<(&'static str, Pen)> {
-    let all = [
-        (members, "95 % of members", Pen { width: 9.0, ..Pen::new(FAN, 1.0) }),
-        (true, "predicted, insertion", PREDICTED[0]),
-        (retraction, "predicted, retraction", PREDICTED[1]),
-        (measured, "measured, insertion", MEASURED[0]),
-        (measured && retraction, "measured, retraction", MEASURED[1]),
-    ];
-    all.into_iter().filter(|(shown, ..)| *shown).map(|(_, text, pen)| (text, pen)).collect()
+fn entries(passes: &[Pass], measured: bool, members: bool) -> Vec<(String, Pen)> {
+    let mut entries = Vec::new();
+    if members {
+        entries.push(("95 % of members".to_owned(), Pen { width: 9.0, ..Pen::new(FAN, 1.0) }));
+    }
+    for (what, pens) in [("predicted", &PREDICTED), ("measured", &MEASURED)].into_iter().take(1 + usize::from(measured))
+    {
+        // all after the first insertion share their pens
+        let shown = passes.iter().filter(|pass| pass.number < 2);
+        entries.extend(shown.map(|pass| (format!("{what}, {}", way(pass, passes)), pen(pens, pass))));
+    }
+    entries
+}
+
+/// What a way is called.
+pub(super) fn way(pass: &Pass, passes: &[Pass]) -> String {
+    let word = if pass.back { "retraction" } else { "insertion" };
+    let most = passes.iter().map(|pass| pass.number).max().unwrap_or(0);
+    match (pass.number, most) {
+        (0, 0) => word.to_owned(),
+        (0, _) => format!("first {word}"),
+        (_, 1) => format!("second {word}"),
+        _ => format!("later {word}s"),
+    }
 }
 
 fn heading(picture: &mut Picture, run: &Run) {
     let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };
     let room = SIDES[1] - SIDES[0];
-    picture.text([SIDES[0], 36.0], fitted(&format!("{}: force over depth", run.scene), title, room), title);
+    let mark = Type { size: 12.0, ..label(Anchor::End) };
+    let own = identity(run);
+    picture.text([SIDES[1], 36.0], own.clone(), mark);
+    let room_left = room - text_width(&own, mark.size, mark.bold) - 16.0;
+    picture.text([SIDES[0], 36.0], fitted(&format!("{}: force over depth", run.scene), title, room_left), title);
     let force = Scale::of_force(run);
     let m = run.force_metrics();
     let mut line = format!("{}, {} nodes", run.method, run.nodes);
@@ -148,6 +195,16 @@ fn heading(picture: &mut Picture, run: &Run) {
     for (y, text) in [(60.0, line.as_str()), (78.0, first), (95.0, second)] {
         picture.text([SIDES[0], y], fitted(text, typ, room), typ);
     }
+}
+
+/// Which run it is: command, and the checksum that `metrics.json` has.
+fn identity(run: &Run) -> String {
+    let short: String = run.checksum.chars().take(12).collect();
+    [run.command.as_str(), short.as_str()]
+        .into_iter()
+        .filter(|word| !word.is_empty())
+        .collect::<Vec<_>>()
+        .join(", run ")
 }
 
 /// A text in two lines if it is wider than `room` px, at the last space that leaves the first within it.

@@ -2,8 +2,8 @@
 //!
 //! Text, figures and tables stand in the page itself; its script draws the curves and the deformed sample.
 
-use super::{ReportError, embed, line_plot, settings::settings_html, strain, svg::escaped, tables};
-use crate::compare::Run;
+use super::{ReportError, embed, force_plot::way, line_plot, settings::settings_html, strain, svg::escaped, tables};
+use crate::compare::{Pass, Run};
 use std::fmt::Write as _;
 
 /// Name of the page, for errors.
@@ -62,8 +62,7 @@ fn body(run: &Run, drawn: bool) -> String {
     tables::verdict(&mut html, run);
     tables::cards(&mut html, run);
     let measured = run.answers.iter().any(|a| a.residual_n().is_some());
-    let legs = run.legs();
-    let back = legs.retraction < legs.end;
+    let passes = run.passes();
     if drawn {
         html.push_str("<div class=\"pair\">\n");
     }
@@ -73,7 +72,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-depth",
         "Force over depth",
         "Against the motion of the tip; hover or tap to read.",
-        &legend(measured, back, run.ensemble.is_some()),
+        &legend(measured, &passes, run.ensemble.is_some()),
         &fallback,
     );
     if drawn {
@@ -87,7 +86,7 @@ fn body(run: &Run, drawn: bool) -> String {
         "force-time",
         "Force over time",
         "Shaded by phase. Click to show that moment of the sample.",
-        &legend(measured, false, run.ensemble.is_some()),
+        &legend(measured, &[], run.ensemble.is_some()),
         &without_scripts(line_plot::force(run)),
     );
     chart(
@@ -144,21 +143,29 @@ fn chart(html: &mut String, id: &str, heading: &str, about: &str, legend: &str, 
     );
 }
 
-fn legend(measured: bool, legs: bool, members: bool) -> String {
+/// Names of the curves; with several ways, those of each.
+fn legend(measured: bool, passes: &[Pass], members: bool) -> String {
     let entry = |colour: &str, class: &str, text: &str| {
         format!("<li><i class=\"{class}\" style=\"border-color:var(--{colour})\"></i>{text}</li>")
     };
-    let mut items = vec![entry("accent", "", "predicted")];
+    let mut items = Vec::new();
     if members {
         items.push(entry("accent", "fan", "95 % of members"));
     }
-    if legs {
-        items.push(entry("accent-2", "dash", "predicted, retraction"));
-    }
-    if measured {
-        items.push(entry("measured", "", "measured"));
-        if legs {
-            items.push(entry("measured-2", "", "measured, retraction"));
+    // way in and way out of the first insertion, then of the others
+    let of = [
+        ("predicted", ["accent", "accent-2", "again", "again-2"]),
+        ("measured", ["measured", "measured-2", "measured-again", "measured-again-2"]),
+    ];
+    for (what, colours) in of.into_iter().take(1 + usize::from(measured)) {
+        if passes.len() < 2 {
+            items.push(entry(colours[0], "", what));
+            continue;
+        }
+        for pass in passes.iter().filter(|pass| pass.number < 2) {
+            let colour = colours[2 * pass.number.min(1) + usize::from(pass.back)];
+            let dash = if what == "predicted" && (pass.back || pass.number > 0) { "dash" } else { "" };
+            items.push(entry(colour, dash, &format!("{what}, {}", way(pass, passes))));
         }
     }
     format!("<ul class=\"legend\">{}</ul>", items.concat())

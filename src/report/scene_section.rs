@@ -4,7 +4,7 @@ use super::{
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, INK, MUTED, Panel, label},
     regions,
-    section::Section,
+    section::{Plane, Section},
 };
 use crate::scene::{InstrumentKind, Scene};
 use crate::twin::{Body, REST};
@@ -14,11 +14,11 @@ const WIDTH: u32 = 960;
 const SIDES: [f64; 2] = [84.0, 720.0];
 const TOP: f64 = 84.0;
 
-/// The picture of a scene's body, cut by the plane y = entry.y; lengths in mm.
+/// The picture of a scene's body, cut by the plane in which the instrument moves; lengths in mm.
 pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
-    let y = scene.instrument.map_or(0.0, |i| i.entry[1].get());
+    let plane = Plane::of(scene.instrument.as_ref());
     let cloud = &body.cloud;
-    let section = Section::new(&cloud.points, &cloud.cells, &cloud.surface, y);
+    let section = Section::new(&cloud.points, &cloud.cells, &cloud.surface, &plane);
     let region = body.regions(scene);
     let node = |i: u32| section.nodes.get(i as usize).map(|&n| cloud.points[n as usize]);
     let place = |i: u32| -> [f64; 2] {
@@ -27,10 +27,10 @@ pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
             let [a, b] = [e.a, e.b].map(|n| node(n).unwrap_or_default());
             [0, 1, 2].map(|k| a[k] + e.t * (b[k] - a[k]))
         });
-        [1e3 * p[0], 1e3 * p[2]]
+        [1e3 * plane.along(&p), 1e3 * p[2]]
     };
     let corners = || cloud.points.iter();
-    let x = Axis::holding(corners().map(|p| 1e3 * p[0]), 8, 0.05);
+    let x = Axis::holding(corners().map(|p| 1e3 * plane.along(p)), 8, 0.05);
     let z = Axis::holding(corners().map(|p| 1e3 * p[2]), 6, 0.12);
     let height = (SIDES[1] - SIDES[0]) * (z.max - z.min) / (x.max - x.min);
     let panel = Panel { frame: [SIDES[0], TOP, SIDES[1], TOP + height], x, y: z };
@@ -46,10 +46,10 @@ pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
         // the raster leaves hairlines between neighbours
         picture.line([corners[0], corners[1], corners[2], corners[0]], Pen::new(Colour(r, g, b, 1.0), 0.6));
     }
-    tool(&mut picture, &panel, scene, body.top);
+    tool(&mut picture, &panel, scene, body.top, &plane);
     // neighbours' names stand above and below
     for (target, below) in scene.targets.iter().zip([-7.0, 15.0].into_iter().cycle()) {
-        let at = panel.at(1e3 * target.position[0], 1e3 * target.position[2]);
+        let at = panel.at(1e3 * plane.along(&target.position), 1e3 * target.position[2]);
         picture.dot(at, 4.0, INK);
         picture.text(
             [at[0] + 6.0, at[1] + below],
@@ -57,14 +57,15 @@ pub(super) fn scene_section(scene: &Scene, body: &Body) -> Picture {
             Type { size: 12.0, colour: INK, ..label(Anchor::Start) },
         );
     }
-    captions(&mut picture, scene, TOP + height);
+    captions(&mut picture, scene, TOP + height, plane.azimuth);
     picture
 }
 
 /// Where the instrument goes.
-fn tool(picture: &mut Picture, panel: &Panel, scene: &Scene, top: f64) {
+fn tool(picture: &mut Picture, panel: &Panel, scene: &Scene, top: f64, plane: &Plane) {
     let Some(instrument) = &scene.instrument else { return };
-    let (x, slope) = (instrument.entry[0].get(), instrument.slope()[0]);
+    let level = |[x, y]: [f64; 2]| plane.along(&[x, y, 0.0]);
+    let (x, slope) = (level(instrument.entry.map(|m| m.get())), level(instrument.slope()));
     let depth = scene.motion.as_ref().map_or(0.0, |m| m.depth.get());
     let at = |x: f64, z: f64| panel.at(1e3 * x, 1e3 * z);
     match &instrument.kind {
@@ -81,13 +82,22 @@ fn tool(picture: &mut Picture, panel: &Panel, scene: &Scene, top: f64) {
     }
 }
 
-fn captions(picture: &mut Picture, scene: &Scene, bottom: f64) {
+fn captions(picture: &mut Picture, scene: &Scene, bottom: f64, azimuth: f64) {
+    let across = if azimuth == 0.0 {
+        "x".to_owned()
+    } else {
+        format!("the direction {:.0} degrees from x", azimuth.to_degrees())
+    };
     let title = Type { size: 19.0, bold: true, colour: INK, anchor: Anchor::Start };
     picture.text([SIDES[0], 36.0], format!("{}: cut along the instrument", scene.name), title);
-    picture.text([SIDES[0], 60.0], "z over x in mm, undeformed; dashed: the needle's path", label(Anchor::Start));
+    picture.text(
+        [SIDES[0], 60.0],
+        format!("z over {across} in mm, undeformed; dashed: the needle's path"),
+        label(Anchor::Start),
+    );
     picture.text(
         [0.5 * (SIDES[0] + SIDES[1]), bottom + 44.0],
-        "x in mm",
+        format!("{across} in mm"),
         Type { colour: MUTED, ..label(Anchor::Middle) },
     );
     let named = scene.regions.iter().map(|r| format!("{} ({})", r.name, r.material));

@@ -1,9 +1,11 @@
 //! What the 3D view shows: the sample's surface, and half of it with the cut through the instrument's axis.
 //!
-//! The cut is made once, in the undeformed sample, by the plane y = entry.y. Its corners lie on edges of cells and
+//! The cut is made once, in the undeformed sample, by an upright plane: y = entry.y, or that which an oblique needle moves in. Its corners lie on edges of cells and
 //! follow the field between the two nodes, so the cut shows the same material points at every moment.
 
 use std::collections::BTreeMap;
+
+use crate::scene::Instrument;
 
 /// A vertex on the edge between two nodes: (1 - t) a + t b.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,21 +24,58 @@ pub(super) struct Section {
     pub on_edges: Vec<OnEdge>,
     /// Whole surface.
     pub surface: Vec<[u32; 3]>,
-    /// Surface of the half y >= entry.y.
+    /// Surface of the half behind the plane.
     pub half: Vec<[u32; 3]>,
-    /// The cut that closes the half, seen from y < entry.y.
+    /// The cut that closes the half, seen from before the plane.
     pub cut: Vec<[u32; 3]>,
     /// Cell that each triangle of `surface`, of `half` and of `cut` is of.
     pub cell: [Vec<u32>; 3],
 }
 
+/// An upright plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Plane {
+    /// A point of it, x and y.
+    entry: [f64; 2],
+    /// Direction of it from the x axis about z, rad, in (-pi/2, pi/2].
+    pub azimuth: f64,
+}
+
+impl Plane {
+    /// That in which the instrument moves; across y where it moves upright, and without one.
+    pub fn of(instrument: Option<&Instrument>) -> Self {
+        let Some(instrument) = instrument else { return Self { entry: [0.0; 2], azimuth: 0.0 } };
+        let [x, y] = instrument.slope();
+        // either way along it is the same plane
+        let azimuth = if x == 0.0 && y == 0.0 {
+            0.0
+        } else if x < 0.0 {
+            (-y).atan2(-x)
+        } else {
+            y.atan2(x)
+        };
+        Self { entry: instrument.entry.map(|m| m.get()), azimuth }
+    }
+
+    /// How far a point is behind it.
+    fn behind(&self, p: &[f64; 3]) -> f64 {
+        let (sin, cos) = self.azimuth.sin_cos();
+        cos * (p[1] - self.entry[1]) - sin * (p[0] - self.entry[0])
+    }
+
+    /// How far a point is along it: x, where the plane is across y.
+    pub fn along(&self, p: &[f64; 3]) -> f64 {
+        let (sin, cos) = self.azimuth.sin_cos();
+        cos * p[0] + sin * p[1]
+    }
+}
+
 impl Section {
-    /// Cuts a mesh by the plane y = `y`.
-    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], surface: &[[u32; 3]], y: f64) -> Self {
-        let span = points.iter().map(|p| (p[1] - y).abs()).fold(0.0, f64::max);
+    /// Cuts a mesh by a plane.
+    pub fn new(points: &[[f64; 3]], cells: &[[u32; 4]], surface: &[[u32; 3]], plane: &Plane) -> Self {
+        let span = points.iter().map(|p| plane.behind(p).abs()).fold(0.0, f64::max);
         // Nodes as good as on the plane count as on it: else the cut has slivers.
-        let height =
-            |i: u32| if (points[i as usize][1] - y).abs() < 1e-9 * span { 0.0 } else { points[i as usize][1] - y };
+        let height = |i: u32| Some(plane.behind(&points[i as usize])).filter(|h| h.abs() >= 1e-9 * span).unwrap_or(0.0);
         let mut cutter = Cutter { height, section: Self::default(), drawn: BTreeMap::new(), corners: BTreeMap::new() };
         let of_face = faces(cells, surface);
         for triangle in surface {
@@ -198,7 +237,7 @@ mod tests {
         let (points, cells) = cube();
         let surface = boundary(&cells);
         for y in [-0.9, -0.25, 0.0, 0.7] {
-            let section = Section::new(&points, &cells, &surface, y);
+            let section = Section::new(&points, &cells, &surface, &Plane { entry: [0.0, y], azimuth: 0.0 });
             assert!((area(&section, &points, &section.surface) - 24.0).abs() < 1e-12);
             assert!((area(&section, &points, &section.cut) - 4.0).abs() < 1e-12, "cut at {y}");
             let half = 4.0 + 4.0 * 2.0 * (1.0 - y);
@@ -212,8 +251,29 @@ mod tests {
         let (above, above_cells) = cube();
         points.extend(above.iter().map(|p| [p[0], p[1] + 2.0, p[2]]));
         cells.extend(above_cells.iter().map(|c| c.map(|i| i + 8)));
-        let section = Section::new(&points, &cells, &[], 1.0);
+        let section = Section::new(&points, &cells, &[], &Plane { entry: [0.0, 1.0], azimuth: 0.0 });
         assert!(section.on_edges.is_empty(), "all corners are nodes");
         assert!((area(&section, &points, &section.cut) - 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_oblique_needle_lies_in_its_plane() {
+        let scene = crate::scene::Scene::preset("needle_insertion").unwrap();
+        let tilted = |azimuth: &str| {
+            let keys = [
+                ("instrument.tilt_rad", "0.3"),
+                ("instrument.azimuth_rad", azimuth),
+                ("discretisation.dimension", "full"),
+            ];
+            let keys = keys.map(|(key, value)| crate::scene::Override::text(key, value, "test"));
+            let instrument = scene.with(&keys).unwrap().instrument.unwrap();
+            let [x, y] = instrument.slope();
+            (Plane::of(Some(&instrument)), [0.01 * x, 0.01 * y, 0.0])
+        };
+        for azimuth in ["0.0", "0.7", "-1.2", "2.5", "3.0"] {
+            let (plane, tip) = tilted(azimuth);
+            assert!(plane.behind(&tip).abs() < 1e-12 && plane.along(&tip).abs() > 2e-3, "{azimuth}");
+        }
+        assert_eq!(Plane::of(scene.instrument.as_ref()).azimuth, 0.0);
     }
 }

@@ -23,8 +23,15 @@ pub(super) fn verdict(html: &mut String, run: &Run) {
     let mut reasons: Vec<String> = fit.reasons.clone();
     reasons.extend(run.losses.iter().cloned());
     let poses = |n: u64| if n == 1 { "1 pose was".to_owned() } else { format!("{} poses were", count(n)) };
+    // offline nobody waits for an answer
+    let blameless = reasons.is_empty() && !(run.live && run.missed_deadlines + run.coalesced_poses > 0);
     if run.missed_deadlines > 0 {
-        reasons.push(format!("{} answered after the next one had come", poses(run.missed_deadlines)));
+        let late = if run.live {
+            "answered after the next one had come"
+        } else {
+            "computed for longer than the time to the next one"
+        };
+        reasons.push(format!("{} {late}", poses(run.missed_deadlines)));
     }
     if run.coalesced_poses > 0 {
         reasons.push(format!("{} skipped for a newer one", poses(run.coalesced_poses)));
@@ -38,8 +45,8 @@ pub(super) fn verdict(html: &mut String, run: &Run) {
         }
         (None, Explains::No) => ("bad", sentence(&fit)),
         (None, Explains::InPart) => ("warn", sentence(&fit)),
-        (None, Explains::Yes) => (if reasons.is_empty() { "good" } else { "warn" }, sentence(&fit)),
-        (None, Explains::NoMeasurement) if reasons.is_empty() => ("good", "Finished; every check passed.".to_owned()),
+        (None, Explains::Yes) => (if blameless { "good" } else { "warn" }, sentence(&fit)),
+        (None, Explains::NoMeasurement) if blameless => ("good", "Finished; every check passed.".to_owned()),
         (None, Explains::NoMeasurement) => ("warn", "Finished, with remarks.".to_owned()),
     };
     let _ = writeln!(html, "<div class=\"verdict {class}\"><strong>{}</strong>", escaped(&text));
@@ -156,7 +163,7 @@ pub(super) fn targets(run: &Run) -> String {
     let deepest = run.targets.iter().filter(|t| t.depth_m.is_finite()).max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
     let depth = deepest.map_or_else(String::new, |t| format!("At {} mm deep", significant(1e3 * t.depth_m, 3)));
     let mut html = format!(
-        "<div class=\"wide\"><table class=\"scroll\">\n<thead><tr><th>x, y, z in mm</th><th class=\"number\">At the start</th>\
+        "<div class=\"wide\"><table class=\"scroll named\">\n<thead><tr><th>x, y, z in mm</th><th class=\"number\">At the start</th>\
          <th class=\"number\">{depth}</th><th class=\"number\">Farthest by</th></tr></thead>\n<tbody>\n"
     );
     let place = |p: [f64; 3]| p.map(|c| format!("{:.2}", 1e3 * c + 0.0).replace('-', "−")).join(", ");
@@ -168,7 +175,8 @@ pub(super) fn targets(run: &Run) -> String {
         let there = deepest.and_then(|row| row.positions.get(k).copied()).filter(finite);
         let _ = writeln!(
             html,
-            "<tr><th>{}</th><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{} mm</td></tr>",
+            "<tr><th>{}</th><td class=\"number\" data-name=\"At the start, mm\">{}</td><td class=\"number\" data-name=\"{depth}, mm\">{}</td>\
+             <td class=\"number\" data-name=\"Farthest by\">{} mm</td></tr>",
             escaped(name),
             place(start),
             there.map_or_else(|| "–".to_owned(), place),

@@ -10,6 +10,7 @@
 //! and nowhere else.
 
 mod advice;
+mod align;
 mod check;
 mod check_cells;
 mod check_materials;
@@ -43,6 +44,7 @@ mod value;
 mod values;
 mod words;
 
+pub use align::Align;
 pub use check::LARGEST_POISSON_RATIO;
 pub use correction::Correction;
 pub use correlation::Dependence;
@@ -96,6 +98,8 @@ section! {
         targets: Vec<Target>,
         /// What the cloud's answers lack against a finer one's; absent: nothing is corrected.
         correction: Option<Correction>,
+        /// How the recording lies to the model that the scene was calibrated on; absent: as it was recorded.
+        align: Option<Align>,
         /// Keys whose values are not known for sure, with their prior distributions.
         uncertainty: Vec<Uncertain>,
     }

@@ -73,7 +73,7 @@ section! {
     /// A mesh file and what its parts stand for.
     #[derive(Clone, Debug, PartialEq)]
     pub struct MeshFile => {
-        /// Mesh of tetrahedra, Gmsh .msh 4.1 ASCII or VTU, z up; its path, from the scene file's folder (with --set:
+        /// Mesh of tetrahedra, Gmsh .msh 4.1 or 2.2 or VTU, z up, or for an outline a closed surface as STL; its path, from the scene file's folder (with --set:
         /// from here).
         path: String = Key::text("sample.mesh"),
         /// Metres per unit of the mesh file: 0.001 for mm.

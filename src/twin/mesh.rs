@@ -1,5 +1,6 @@
 //! The body of a mesh file: does it fit the scene, and where does the instrument meet it?
 
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -10,6 +11,7 @@ use crate::scene::{Base, Cells, Instrument, InstrumentKind, MeshFile, RegionShap
 use mtled::approximation::table::tetrahedron;
 use mtled::cloud::{Axis, BASE, Cloud, TOP};
 
+use super::mesh_frame::{extents, oddities, shown, with_oddities};
 use super::{Body, BuildError, along};
 
 /// Least number of nodes under a plate or indenter.
@@ -25,7 +27,14 @@ const LAYERS_BELOW: f64 = 2.0;
 
 /// Reads the mesh and looks for the contact.
 pub(super) fn body(scene: &Scene, file: &MeshFile) -> Result<Body, BuildError> {
-    let (cloud, volumes, warnings) = read(scene, file)?;
+    let (cloud, volumes, mut warnings) = read(scene, file)?;
+    let odd = oddities(scene, file, &cloud);
+    warnings.extend(odd.iter().cloned());
+    found(scene, cloud, volumes, warnings).map_err(|error| with_oddities(error, &odd))
+}
+
+/// Looks for the contact in what was read.
+fn found(scene: &Scene, cloud: Cloud, volumes: Volumes, warnings: Vec<String>) -> Result<Body, BuildError> {
     fits(scene, [cloud.points.len(), cloud.cells.len()].map(|n| n as f64), "sample.mesh", "use a coarser mesh")?;
     targets(scene, &cloud)?;
     let [lowest, highest] = heights(&cloud);
@@ -92,6 +101,10 @@ pub(super) fn read(scene: &Scene, file: &MeshFile) -> Result<(Cloud, Volumes, Ve
         .map_err(|e| BuildError::Mesh { key: "sample.mesh".to_owned(), reason: e.to_string() })?;
     groups(scene, &volumes)?;
     let own = matches!(scene.sample.shape, Shape::Mesh(_));
+    if own && cloud.cells.is_empty() {
+        let reason = "a surface alone has no tetrahedra for nodes: \"outline\" fills it with the twin's own (with discretisation.spacing_m)";
+        return refuse("sample.shape", reason.to_owned());
+    }
     if own && scene.discretisation.cells != Cells::Tetrahedra && cloud.hexahedra.is_empty() {
         let reason = "the mesh has no hexahedra: mesh with hexahedra, or leave the key out".to_owned();
         return refuse("discretisation.cells", reason);
@@ -106,13 +119,18 @@ pub(super) fn deep_enough(scene: &Scene, mut body: Body) -> Result<Body, BuildEr
     match &scene.motion {
         Some(motion) if motion.depth.get() >= body.reach => refuse(
             "motion.depth_m",
-            format!("{} m is too deep: the mesh takes less than {:.6} m there", motion.depth.get(), body.reach),
+            format!(
+                "{} m is too deep: the mesh, {}, takes less than {:.6} m there",
+                motion.depth.get(),
+                shown(extents(&body.cloud)),
+                body.reach
+            ),
         ),
         _ => Ok(body),
     }
 }
 
-/// Has every volume group a region, and every region its group? One group may be of `[material]`.
+/// Has every region its group, and every volume a region? What is in none is of `[material]`, if that is one part.
 fn groups(scene: &Scene, volumes: &Volumes) -> Result<(), BuildError> {
     let listed = || volumes.names.join(", ");
     let mut named = Vec::new();
@@ -125,10 +143,15 @@ fn groups(scene: &Scene, volumes: &Volumes) -> Result<(), BuildError> {
         }
         named.push(group);
     }
-    let rest: Vec<_> = volumes.names.iter().filter(|name| !named.contains(name)).map(String::as_str).collect();
-    if rest.len() < 2 {
+    let open = |set: &&Vec<u32>| set.iter().all(|&g| !named.contains(&&volumes.names[g as usize]));
+    let parts: BTreeSet<&Vec<u32>> = volumes.sets.iter().filter(open).filter(|set| !set.is_empty()).collect();
+    if parts.len() < 2 {
         return Ok(());
     }
+    // what all of them are in tells none apart
+    let tells = |g: &&u32| parts.iter().any(|set| !set.contains(g));
+    let rest: BTreeSet<u32> = parts.iter().flat_map(|set| set.iter()).filter(tells).copied().collect();
+    let rest: Vec<&str> = rest.iter().map(|&g| volumes.names[g as usize].as_str()).collect();
     refuse(
         "sample.mesh",
         format!(

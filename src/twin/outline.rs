@@ -5,22 +5,40 @@ use crate::scene::{Grading, MeshFile, RegionShape, Scene};
 use mtled::cloud::{Cloud, Domain, Outline};
 
 use super::body::{Layout, filled};
+use super::mesh_frame::{oddities, with_oddities};
 use super::{Body, BuildError, mesh};
 
 /// Reads the mesh, fills it and looks for the contact.
 pub(super) fn body(scene: &Scene, file: &MeshFile, grading: &Grading) -> Result<Body, BuildError> {
-    let (mut mesh, volumes, warnings) = mesh::read(scene, file)?;
-    mesh::targets(scene, &mesh)?;
+    let (cloud, volumes, mut warnings) = mesh::read(scene, file)?;
+    let odd = oddities(scene, file, &cloud);
+    warnings.extend(odd.iter().cloned());
+    fill(scene, grading, cloud, volumes, warnings).map_err(|error| with_oddities(error, &odd))
+}
+
+fn fill(
+    scene: &Scene,
+    grading: &Grading,
+    mut mesh: Cloud,
+    volumes: Volumes,
+    warnings: Vec<String>,
+) -> Result<Body, BuildError> {
+    if !mesh.cells.is_empty() {
+        mesh::targets(scene, &mesh)?;
+    }
     let [lowest, highest] = mesh::heights(&mesh);
     let top = scene.instrument.as_ref().map_or(Ok(highest), |i| mesh::top(&mesh, i))?;
     mesh.points.iter_mut().for_each(|p| p[2] -= lowest);
     let outline = Outline::new(&mesh, groups(scene, &volumes), top - lowest);
+    if mesh.cells.is_empty() {
+        within(scene, &outline, lowest)?;
+    }
     let domain = Domain::Outline(&outline);
     let layout = Layout::new(&lowered(scene, lowest), &domain, grading);
     let mut cloud = filled(scene, &domain, &layout.spacing)?;
     let size = [cloud.points.len(), cloud.cells.len()].map(|n| n as f64);
     mesh::fits(scene, size, "discretisation.spacing_m", "use a larger spacing")?;
-    let volumes = Volumes { of_cell: of_cells(&cloud, &outline, &volumes), names: volumes.names };
+    let volumes = Volumes { of_cell: of_cells(&cloud, &outline, &volumes), ..volumes };
     cloud.points.iter_mut().for_each(|p| p[2] += lowest);
     let mut body = Body {
         top,
@@ -40,13 +58,27 @@ pub(super) fn body(scene: &Scene, file: &MeshFile, grading: &Grading) -> Result<
     mesh::deep_enough(scene, body)
 }
 
+/// Every target lies inside a surface.
+fn within(scene: &Scene, outline: &Outline, lowest: f64) -> Result<(), BuildError> {
+    for (i, target) in scene.targets.iter().enumerate() {
+        let [x, y, z] = target.position;
+        if outline.cell_at([x, y, z - lowest]).is_none() {
+            let reason =
+                format!("target \"{}\" at {:?} m lies outside the surface of the mesh", target.name, target.position);
+            return mesh::refuse(&format!("targets.{i}.position_m"), reason);
+        }
+    }
+    Ok(())
+}
+
 /// Number of each cell's region: groups of one material have no interface that matters.
 fn groups(scene: &Scene, volumes: &Volumes) -> Vec<u32> {
-    let named = |name: &String| {
-        let of = |r: &crate::scene::Region| matches!(&r.shape, RegionShape::Group { group } if group == name);
+    let first = |volume: u32| {
+        let of =
+            |r: &crate::scene::Region| matches!(&r.shape, RegionShape::Group { group } if volumes.is_in(volume, group));
         scene.regions.iter().position(of).map_or(0, |i| i as u32 + 1)
     };
-    let number: Vec<u32> = volumes.names.iter().map(named).collect();
+    let number: Vec<u32> = (0..volumes.sets.len() as u32).map(first).collect();
     let one = |g: &Option<u32>| g.map_or(0, |g| number[g as usize]);
     volumes.of_cell.iter().map(one).collect()
 }
@@ -67,7 +99,7 @@ fn lowered(scene: &Scene, by: f64) -> Scene {
     scene
 }
 
-/// Volume group of each of the cloud's cells: that of the mesh at its middle.
+/// Volume of each of the cloud's cells: that of the mesh at its middle.
 fn of_cells(cloud: &Cloud, outline: &Outline, volumes: &Volumes) -> Vec<Option<u32>> {
     let group = |c: &[u32; 4]| {
         let p = c.map(|n| cloud.points[n as usize]);

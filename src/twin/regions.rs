@@ -50,7 +50,7 @@ pub(super) fn of_cells<const K: usize>(
     let holds = |cell: usize, centre: [f64; 3], region: usize| match (&shapes[region], &scene.regions[region].shape) {
         (Some(solid), _) => solid.signed(centre) <= 0.0,
         (None, RegionShape::Group { group }) => {
-            volumes.of_cell.get(cell).copied().flatten().is_some_and(|g| volumes.names[g as usize] == *group)
+            volumes.of_cell.get(cell).copied().flatten().is_some_and(|volume| volumes.is_in(volume, group))
         }
         _ => false,
     };

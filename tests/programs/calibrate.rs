@@ -229,3 +229,82 @@ fn what_cannot_be_fitted_is_refused_with_the_remedy() {
     let (exit, _, said) = run(&["no/such/bag", "--fit", MODULUS]);
     assert!(exit == 1 && said.contains("no/such/bag"), "{said}");
 }
+
+/// Depths and forces of a shipped recording at common times, changed row by row, as a table.
+fn table(bag: &str, row: impl Fn(f64, f64, f64) -> Option<[f64; 3]>) -> (tempfile::TempDir, String) {
+    let recording = Recording::load(shipped(bag), &TopicNames::default()).unwrap();
+    let measured = recording.measured();
+    let rows = recording.depths.iter().filter_map(|s| row(s.time_s, s.depth_m, measured.at(s.time_s)?[2]));
+    let text: String = rows.map(|[t, d, f]| format!("{t},{d},{f}\n")).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.csv");
+    std::fs::write(&path, format!("time_s,depth_m,force_n\n{text}")).unwrap();
+    (folder, path.display().to_string())
+}
+
+fn replayed(arguments: &[&str]) -> (i32, Value, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_needle_twin"));
+    let done = command.arg("replay").args(arguments).args(["--threads", "1", "--json"]).output().unwrap();
+    let said = String::from_utf8_lossy(&done.stderr).into_owned();
+    (done.status.code().unwrap(), serde_json::from_slice(&done.stdout).unwrap_or_default(), said)
+}
+
+#[test]
+fn the_calibrated_scene_replays_with_the_residual_that_was_reported() {
+    let (folder, table) = table("compression", |t, d, f| Some([t, d + 8e-4, f + 0.05 + 2e-4 * t]));
+    let out = folder.path().join("fit").display().to_string();
+    let (result, said) = json(&[&table, "--scene", "compression", "--fit", MODULUS, "--out", &out]);
+    assert!(said.contains("0.7") || said.contains("0.8"), "the contact is said: {said}");
+    let align = &result["align"];
+    assert!((number(&align["contact_depth_m"]) - 8e-4).abs() < 4e-5, "{align}");
+    assert!(
+        (number(&align["force_zero_n"]) - 0.05).abs() < 2e-3 && number(&align["force_drift_n_per_s"]) > 1e-4,
+        "{align}"
+    );
+    let scene = format!("{out}/scene.toml");
+    let (code, metrics, said) = replayed(&[&table, "--scene", &scene]);
+    let (rmse, reported) = (number(&metrics["force"]["rmse_n"]), number(&result["rmse_n"]));
+    println!("replayed {rmse} N, reported {reported} N: {said}");
+    assert_eq!((code, &metrics["verdict"]["explains"]), (0, &Value::from("yes")), "{said}");
+    assert!((rmse / reported - 1.0).abs() < 0.1 && said.contains("[align]"), "{rmse} {reported} {said}");
+    // what is found from there is what was found
+    let (again, _) = json(&[&table, "--scene", &scene, "--fit", MODULUS]);
+    assert!(
+        (number(&again["align"]["contact_depth_m"]) / number(&align["contact_depth_m"]) - 1.0).abs() < 0.05,
+        "{again}"
+    );
+    assert!((number(&again["load_cell"]["offset_n"]["value"]) - 0.05).abs() < 2e-3, "{again}");
+    assert!((number(&again["fit"][MODULUS]["value"]) / number(&result["fit"][MODULUS]["value"]) - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn a_ramp_from_contact_gives_an_interval_and_says_what_it_left_out() {
+    let peak = std::cell::Cell::new(0.0_f64);
+    let (_folder, table) = table("compression", |t, d, f| {
+        let rises = d > 0.0 && d >= peak.get() - 1e-4;
+        peak.set(peak.get().max(d));
+        (rises && t < 4.0).then_some([t, d, f])
+    });
+    let (result, said) = json(&[&table, "--scene", "compression", "--fit", MODULUS]);
+    let fit = &result["fit"][MODULUS];
+    println!("{fit} {said}");
+    let [low, high] = [0, 1].map(|i| number(&fit["interval_95"][i]));
+    assert!(low <= 1678.0 && 1678.0 <= high && high - low < 200.0, "{fit}");
+    assert_eq!(result["drift_left_out_for"], serde_json::json!([MODULUS]));
+    assert!(said.contains("--load-cell drift") && !said.contains("prony"), "{said}");
+    // asked for, it is fitted, and what cures is named
+    let (_, out, said) = run(&[&table, "--scene", "compression", "--fit", MODULUS, "--load-cell", "drift", "--json"]);
+    let result: Value = serde_json::from_str(&out).unwrap();
+    assert!(result["fit"][MODULUS]["interval_95"].is_null(), "{result}");
+    assert!(said.contains("--load-cell offset") && !said.contains("fit fewer") && !said.contains("prony"), "{said}");
+}
+
+#[test]
+fn a_modulus_in_another_unit_is_named_and_not_the_force() {
+    for (modulus, unit) in [("0.001678", "MPa"), ("1.678", "kPa")] {
+        let (code, _, said) = replayed(&[&shipped("compression"), "--set", &format!("{MODULUS}={modulus}")]);
+        assert_eq!(code, 1, "{said}");
+        let named = format!("{MODULUS} = {modulus} Pa is likely meant in {unit}");
+        assert!(said.contains(&named) && said.contains("1678") && !said.contains("the force is likely"), "{said}");
+    }
+}

@@ -38,6 +38,159 @@ fn cube_msh() -> String {
     text + "$EndElements\n"
 }
 
+/// Numbers as bytes, one after the other.
+#[derive(Default)]
+struct Bytes(Vec<u8>);
+
+impl Bytes {
+    fn text(mut self, text: &str) -> Self {
+        self.0.extend(text.bytes());
+        self
+    }
+
+    fn ints(mut self, numbers: &[i32]) -> Self {
+        self.0.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
+        self
+    }
+
+    fn sizes(mut self, numbers: &[u64]) -> Self {
+        self.0.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
+        self
+    }
+
+    fn reals(mut self, numbers: &[f64]) -> Self {
+        self.0.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
+        self
+    }
+}
+
+const NAMES: &str = "$PhysicalNames\n3\n2 1 \"base\"\n2 2 \"contact\"\n3 3 \"soft tissue\"\n$EndPhysicalNames\n";
+/// Corners of the triangles of base and contact.
+const FACES: [[usize; 3]; 4] = [[0, 1, 3], [0, 2, 3], [4, 5, 7], [4, 6, 7]];
+
+/// The cube as Gmsh writes it in bytes, version 4.1.
+fn cube_msh_binary() -> Vec<u8> {
+    let tag = |n: usize| 10 * (n as u64 + 1);
+    let mut file = Bytes::default().text("$MeshFormat\n4.1 1 8\n").ints(&[1]).text("\n$EndMeshFormat\n").text(NAMES);
+    file = file.text("$Entities\n").sizes(&[1, 0, 2, 1]).ints(&[1]).reals(&[0.0; 3]).sizes(&[0]);
+    for surface in [1, 2] {
+        file = file.ints(&[surface]).reals(&[0.0; 6]).sizes(&[1]).ints(&[surface]).sizes(&[0]);
+    }
+    file = file.ints(&[1]).reals(&[0.0; 6]).sizes(&[1]).ints(&[3]).sizes(&[2]).ints(&[1, -2]).text("\n$EndEntities\n");
+    file = file
+        .text("$Nodes\n")
+        .sizes(&[1, 8, 10, 80])
+        .ints(&[3, 1, 0])
+        .sizes(&[8])
+        .sizes(&[0, 1, 2, 3, 4, 5, 6, 7].map(tag));
+    file = (0..8).fold(file, |file, i| file.reals(&corner(i))).text("\n$EndNodes\n$Elements\n").sizes(&[3, 10, 1, 10]);
+    for (surface, faces) in [(1, &FACES[..2]), (2, &FACES[2..])] {
+        file = file.ints(&[2, surface, 2]).sizes(&[2]);
+        file = faces.iter().fold(file, |file, f| file.sizes(&[1]).sizes(&f.map(tag)));
+    }
+    file = file.ints(&[3, 1, 4]).sizes(&[6]);
+    file = CUBE.iter().zip(6..).fold(file, |file, (c, name)| file.sizes(&[name]).sizes(&c.map(tag)));
+    file.text("\n$EndElements\n").0
+}
+
+/// The cube as older programs write it, version 2.2; `twice`: every cell is in a second group too.
+fn cube_msh_old(binary: bool, twice: bool) -> Vec<u8> {
+    let tag = |n: usize| 10 * (n as i32 + 1);
+    let faces = FACES.iter().zip([1, 1, 2, 2]).map(|(f, group)| (2, group, f.map(tag).to_vec()));
+    let cells = |group| CUBE.iter().map(move |c| (4, group, c.map(tag).to_vec()));
+    let elements: Vec<_> = faces.chain(cells(3)).chain(cells(4).take(if twice { 6 } else { 0 })).collect();
+    let names = if twice { NAMES.replace("\n3\n2 1", "\n4\n3 4 \"all\"\n2 1") } else { NAMES.to_owned() };
+    let mut file = Bytes::default().text(if binary { "$MeshFormat\n2.2 1 8\n" } else { "$MeshFormat\n2.2 0 8\n" });
+    file = if binary { file.ints(&[1]).text("\n") } else { file };
+    file = file.text("$EndMeshFormat\n").text(&names).text("$Nodes\n8\n");
+    for i in 0..8 {
+        let [x, y, z] = corner(i);
+        file = if binary {
+            file.ints(&[tag(i)]).reals(&[x, y, z])
+        } else {
+            file.text(&format!("{} {x} {y} {z}\n", tag(i)))
+        };
+    }
+    file = file.text(&format!("$EndNodes\n$Elements\n{}\n", elements.len()));
+    for (i, (kind, group, corners)) in (1..).zip(&elements) {
+        let corners: Vec<i32> = corners.clone();
+        let text: String = corners.iter().map(|n| format!(" {n}")).collect();
+        file = if binary {
+            file.ints(&[*kind, 1, 2, i, *group, 7]).ints(&corners)
+        } else {
+            file.text(&format!("{i} {kind} 2 {group} 7{text}\n"))
+        };
+    }
+    file.text("$EndElements\n").0
+}
+
+#[test]
+fn a_cube_in_bytes_and_of_an_older_version_is_the_same_cube() {
+    let cube = load("cube.msh", cube_msh().as_bytes()).unwrap();
+    assert_eq!(load("cube.msh", &cube_msh_binary()).unwrap(), cube);
+    assert_eq!(load("cube.msh", &cube_msh_old(false, false)).unwrap(), cube);
+    assert_eq!(load("cube.msh", &cube_msh_old(true, false)).unwrap(), cube);
+    assert_eq!(load("cube.msh", &cube_msh_old(true, true)).unwrap(), cube, "a cell in two groups is one cell");
+    for whole in [cube_msh_binary(), cube_msh_old(true, false), cube_msh_old(false, true)] {
+        let end = whole.len() - "$EndElements\n".len();
+        for end in (0..end).step_by(7) {
+            assert!(load("cube.msh", &whole[..end]).is_err(), "cut at {end}");
+        }
+    }
+}
+
+#[test]
+fn a_volume_in_two_groups_is_in_both_whatever_their_tags() {
+    let two = |first: &str, second: &str| {
+        cube_msh()
+            .replace("3\n2 1 \"base\"", &format!("4\n3 4 \"{second}\"\n2 1 \"base\""))
+            .replace("soft tissue", first)
+            .replace("1 0 0 0 10 10 10 1 3 2 1 2", "1 0 0 0 10 10 10 2 3 4 2 1 2")
+    };
+    for content in [two("tumour", "organ").into_bytes(), two("organ", "tumour").into_bytes(), cube_msh_old(false, true)]
+    {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("cube.msh");
+        fs::write(&path, content).unwrap();
+        let (_, volumes, _) = mesh::load_with_volumes(&path, &WANTED).unwrap();
+        assert_eq!(volumes.names.len(), 2);
+        for cell in &volumes.of_cell {
+            assert!(volumes.names.iter().all(|name| volumes.is_in(cell.unwrap(), name)), "{volumes:?}");
+        }
+    }
+}
+
+/// The cube with its coordinates changed, under a plate, at a unit.
+fn body(at: impl Fn([f64; 3]) -> [f64; 3], unit: &str) -> Result<Vec<String>, String> {
+    let (nodes, end) = (cube_msh().find("\n80\n0 0 0").unwrap() + 4, cube_msh().find("$EndNodes").unwrap());
+    let places: String = (0..8).map(|i| format!("{}\n", at(corner(i)).map(|x| x.to_string()).join(" "))).collect();
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("cube.msh");
+    fs::write(&path, format!("{}{places}{}", &cube_msh()[..nodes], &cube_msh()[end..])).unwrap();
+    let scene = on_mesh("compression", &path, &[("sample.mesh_unit_m", unit), ("motion.depth_m", "0.002")]);
+    needle_twin::twin::Body::new(&scene).map(|body| body.warnings).map_err(|e| e.to_string())
+}
+
+#[test]
+fn a_mesh_in_another_unit_or_frame_is_named() {
+    let said = |found: Result<Vec<String>, String>| found.map_or_else(|e| e, |warnings| warnings.join("; "));
+    // four nodes under a plate are too few for a force, so an error is what carries it
+    let right = said(body(|p| p, "0.001"));
+    assert!(!right.contains("mesh_unit_m") && !right.contains("is up"), "{right}");
+    let large = said(body(|p| p, "1.0"));
+    assert!(large.contains("mesh_unit_m = 0.001") && large.contains("10 x 10 x 10 mm"), "{large}");
+    let turned: [(&str, fn([f64; 3]) -> [f64; 3]); 4] = [
+        ("y is up", |[x, y, z]| [x, z, -y]),
+        ("-z is up", |[x, y, z]| [x, -y, -z]),
+        ("x is up", |[x, y, z]| [z, y, -x]),
+        ("-y is up", |[x, y, z]| [x, -z, y]),
+    ];
+    for (words, turn) in turned {
+        let turned = said(body(turn, "0.001"));
+        assert!(turned.contains(words) && turned.contains("mesh.points = mesh.points"), "{turned}");
+    }
+}
+
 /// The cube as VTU, its arrays in one of VTK's forms.
 fn cube_vtu(format: &str) -> Vec<u8> {
     let points: Vec<f64> = (0..8).flat_map(corner).collect();
@@ -138,9 +291,9 @@ fn gmsh_files_that_are_refused_say_why() {
     };
     let two = "$EndNodes\n";
     for (content, parts) in [
-        (other("4.1 0 8", "2.2 0 8"), vec!["cube.msh:2", "\"2.2\"", "Mesh.MshFileVersion = 4.1"]),
+        (other("4.1 0 8", "3 0 8"), vec!["cube.msh:2", "\"3\"", "Mesh.MshFileVersion = 4.1"]),
         (other("4.1 0 8", "4 0 8"), vec!["cube.msh:2", "\"4\"", "Mesh.MshFileVersion = 4.1"]),
-        (other("4.1 0 8", "4.1 1 8"), vec!["cube.msh:2", "binary", "Mesh.Binary = 0"]),
+        (other("4.1 0 8", "4.1 1 8"), vec!["byte order", "Mesh.Binary = 0"]),
         (b"solid cube\n".to_vec(), vec!["not a Gmsh mesh", "$MeshFormat"]),
         (Vec::new(), vec!["not a Gmsh mesh"]),
         (other("\"base\"", "\"bottom\""), vec!["no surface group \"base\"", "base_group", "bottom, contact"]),
@@ -164,7 +317,11 @@ fn gmsh_files_that_are_refused_say_why() {
         (other(two, "$EndNodes\n$Nodes\n0 0 0 0\n$EndNodes\n"), vec!["a second section $Nodes"]),
         (other("11 1 11\n", "10 1 11\n"), vec!["a block of 6 elements after 5", "only 10"]),
         (cube.as_bytes()[..cube.find("$Elements").unwrap()].to_vec(), vec!["no section $Elements"]),
-        ([cube.as_bytes(), b"\xff\xfe"].concat(), vec!["UTF-8"]),
+        ([cube.as_bytes(), b"\xff\xfe"].concat(), vec!["where a section"]),
+        (
+            other("\"base\"", "\"b\u{e4}se\"").iter().map(|b| if *b == 0xc3 { 0xff } else { *b }).collect(),
+            vec!["cube.msh:6", "UTF-8"],
+        ),
     ] {
         let message = load("cube.msh", &content).unwrap_err();
         for part in ["cube.msh"].iter().chain(&parts) {
@@ -179,7 +336,16 @@ fn gmsh_files_that_are_refused_say_why() {
     assert!(load("cube.msh", end.as_bytes()).unwrap_err().contains("Mesh.SaveAll = 1"));
     let message = mesh::load(Path::new("no/such.msh"), &WANTED).unwrap_err().to_string();
     assert!(message.contains("no/such.msh: can't be read"), "{message}");
-    assert!(load("cube.stl", b"").unwrap_err().contains("neither .msh nor .vtu"));
+    assert!(load("cube.obj", b"").unwrap_err().contains("neither .msh, .vtu nor .stl"));
+    for (content, part) in [
+        ("", "no triangle"),
+        ("solid a\nfacet", "\"normal\""),
+        ("solid a\nendsolid a\n", "no triangle"),
+        ("v 1 2 3", "not an STL"),
+    ] {
+        let message = load("cube.stl", content.as_bytes()).unwrap_err();
+        assert!(message.contains(part), "{content:?}: {message}");
+    }
 }
 
 #[test]

@@ -297,3 +297,76 @@ fn mesh_of_cylinder(folder: &TempDir, across: usize, up: usize, bent: &dyn Fn([f
     fs::write(&path, text).unwrap();
     path
 }
+
+/// The organ without its parts, from a file in mm.
+fn organ(mesh: &Path) -> Scene {
+    let text = format!(
+        "[sample]\nshape = \"outline\"\nmesh = \"{}\"\nmesh_unit_m = 0.001\n[material]\nshear_modulus_pa = 2000\n\
+         poisson_ratio = 0.49\ndensity_kg_per_m3 = 1000\n[instrument]\nkind = \"indenter\"\ndiameter_m = 0.008\n[motion]\n\
+         depth_m = 0.002\n[discretisation]\nspacing_m = 0.006\nedge_refinement = 0.25\ngrowth = 0.4\n",
+        mesh.display()
+    );
+    Scene::from_toml(&text, "organ").unwrap()
+}
+
+/// A segmentation is a closed surface without cells: filled it is what a mesh of it gives, with its surfaces named or not.
+#[test]
+fn a_closed_surface_alone_is_an_outline() {
+    let path = Path::new(LESION).with_extension("msh");
+    let wanted = needle_twin::mesh::Wanted { unit_m: 0.001, base: "base", contact: Some("contact") };
+    let (cloud, _) = needle_twin::mesh::load(&path, &wanted).unwrap();
+    let folder = TempDir::new().unwrap();
+    let mut named = String::new();
+    let name_of = |face: u8| match face {
+        mtled::cloud::BASE => "base",
+        mtled::cloud::TOP => "contact",
+        _ => "rest",
+    };
+    for name in ["base", "contact", "rest"] {
+        let _ = writeln!(named, "solid {name}");
+        for (t, _) in cloud.surface.iter().zip(&cloud.surface_faces).filter(|(_, face)| name_of(**face) == name) {
+            let corner = |n: u32| cloud.points[n as usize].map(|x| (1e3 * x).to_string()).join(" ");
+            let vertices: String = t.map(|n| format!("vertex {}\n", corner(n))).concat();
+            let _ = write!(named, "facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet\n");
+        }
+        let _ = writeln!(named, "endsolid {name}");
+    }
+    let mut bytes = [0_u8; 80].to_vec();
+    bytes.extend((cloud.surface.len() as u32).to_le_bytes());
+    for t in &cloud.surface {
+        bytes.extend([0_u8; 12]);
+        bytes.extend(t.iter().flat_map(|n| cloud.points[*n as usize]).flat_map(|x| ((1e3 * x) as f32).to_le_bytes()));
+        bytes.extend([0_u8; 2]);
+    }
+    let (text, binary, open) =
+        (folder.path().join("text.stl"), folder.path().join("binary.stl"), folder.path().join("open.stl"));
+    fs::write(&text, &named).unwrap();
+    fs::write(&binary, &bytes).unwrap();
+    let (start, end) = (named.find("facet normal").unwrap(), named.find("endfacet").unwrap() + 9);
+    fs::write(&open, [&named[..start], &named[end..]].concat()).unwrap();
+    let whole: f64 = cloud.volumes().iter().sum();
+    let mut forces = Vec::new();
+    for file in [&text, &binary] {
+        let scene = organ(file);
+        let body = Body::new(&scene).unwrap();
+        let share = body.cloud.volumes().iter().sum::<f64>() / whole;
+        let answers = coarse::travel(&mut Twin::new(&scene).unwrap(), 0.0, 0.002, 20);
+        forces.push(answers.last().unwrap().force_n[2]);
+        println!(
+            "{}: {} nodes, {share:.4} of the volume, {:?} N, {:?}",
+            file.display(),
+            body.cloud.points.len(),
+            forces,
+            body.warnings
+        );
+        assert!((share - 1.0).abs() < 0.04 && share < 1.0, "{share}");
+        assert_eq!(body.warnings.iter().any(|w| w.contains("names no surfaces")), file == &binary);
+    }
+    assert!(forces[0] > 0.0 && (forces[1] / forces[0] - 1.0).abs() < 0.05, "{forces:?}");
+    let refused = Body::new(&organ(&open)).unwrap_err().to_string();
+    assert!(refused.contains("not closed") && refused.contains("fill holes"), "{refused}");
+    let as_mesh = Scene::from_toml(&organ(&text).to_toml().replace("\"outline\"", "\"mesh\""), "organ");
+    let refused =
+        as_mesh.map_err(|e| e.to_string()).and_then(|scene| Body::new(&scene).map(drop).map_err(|e| e.to_string()));
+    assert!(refused.as_ref().is_err_and(|e| e.contains("outline") || e.contains("sample.shape")), "{refused:?}");
+}

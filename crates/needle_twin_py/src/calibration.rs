@@ -3,12 +3,14 @@
 use needle_twin::compare::uncertainty::FORCE_ERROR;
 use needle_twin::compare::{self, scale};
 use needle_twin::report;
+use needle_twin::scene::Scene;
 use needle_twin::study::calibrate::{self as fitting, HoldOut, LoadCell, Task, Wanted};
+use needle_twin::study::layers::of_recording;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::{BuildError, CalibrationError, RecordingError};
+use crate::error::{BuildError, CalibrationError, RecordingError, in_python};
 use crate::run::scene_of;
 use crate::watch::{Stop, detached};
 use crate::{array, recording, scene};
@@ -18,13 +20,14 @@ use crate::{array, recording, scene};
 pub struct Calibration {
     found: fitting::Calibration,
     source: String,
+    prediction: Option<fitting::Prediction>,
 }
 
 #[pymethods]
 impl Calibration {
     /// What `calibration.json` says, as a dict: `fit` has value and standard error of each key; `verdict` says whether to believe them.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array::json(py, &report::calibration_json(&self.found, &self.source, None))
+        array::json(py, &report::calibration_json(&self.found, &self.source, self.prediction.as_ref()))
     }
 
     /// Value of each key that was asked for.
@@ -84,11 +87,12 @@ impl Calibration {
 /// Finds the values of scene keys with which the twin's force comes nearest to the recorded one.
 ///
 /// `fit`: keys as on the command line, "material.shear_modulus_pa" or with bounds "instrument.deformation_coefficient=0.2..0.8". `load_cell`: what of it is
-/// estimated alongside: "drift" (zero and drift), "offset" (zero) or "exact" (nothing). `hold_out`: what is not fitted: "none", "retraction" or "half".
-/// `recording`, `scene`, `changes`, `threads`, `force` as for `replay`.
+/// estimated alongside: "auto" (zero and, where the recording can tell it, drift), "drift" (both), "offset" (zero) or "exact" (nothing). `hold_out`: what is not fitted: "none", "retraction" or "half".
+/// `predict`: another recording, to be predicted with the values found in `predict_scene` (or the scene that it names, or else the fitted one);
+/// `to_dict()["prediction"]` says how well. `recording`, `scene`, `changes`, `threads`, `force` as for `replay`.
 #[pyfunction]
-#[pyo3(signature = (recording, fit, scene = None, *, changes = None, load_cell = "drift", hold_out = "none",
-    force_error = FORCE_ERROR, threads = 0, force = false))]
+#[pyo3(signature = (recording, fit, scene = None, *, changes = None, load_cell = "auto", hold_out = "none",
+    force_error = FORCE_ERROR, threads = 0, force = false, predict = None, predict_scene = None))]
 #[allow(clippy::too_many_arguments)] // keywords of a Python function
 pub fn calibrate(
     py: Python<'_>,
@@ -101,6 +105,8 @@ pub fn calibrate(
     force_error: f64,
     threads: usize,
     force: bool,
+    predict: Option<&Bound<'_, PyAny>>,
+    predict_scene: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Calibration> {
     let wanted = wanted(&fit)?;
     let (load_cell, part) = (cell(load_cell)?, part(hold_out)?);
@@ -110,8 +116,8 @@ pub fn calibrate(
         )));
     }
     recording::with(recording, |given| {
-        let recorded = &given.recording;
-        let scene = scene_of(recorded.scene.as_deref(), scene, changes)?;
+        let scene = scene_of(given.recording.scene.as_deref(), scene, changes)?;
+        let recorded = given.recording.aligned(&scene);
         let (readings, measured) = (recorded.readings(given.pose_wanted), recorded.measured());
         let task = Task {
             scene: &scene,
@@ -129,12 +135,66 @@ pub fn calibrate(
             if let Some(what) =
                 scale::mistaken(&twin, &readings, &measured, recorded.scene.as_deref()).filter(|_| !force)
             {
-                return Err(RecordingError::new_err(what));
+                return Err(RecordingError::new_err(in_python(&what)));
             }
-            fitting::calibrate(&task, stop, &mut |_| {}).map_err(|e| CalibrationError::new_err(e.to_string()))
+            fitting::calibrate(&task, stop, &mut |_| {}).map_err(failed)
         };
         let found = detached(py, threads, work)??;
-        Ok(Calibration { found, source: recorded.source.clone() })
+        let other = predict.map(|other| predicted(py, &found, &scene, other, predict_scene, threads));
+        Ok(Calibration { prediction: other.transpose()?, found, source: recorded.source.clone() })
+    })
+}
+
+fn failed(error: fitting::CalibrateError) -> PyErr {
+    CalibrationError::new_err(in_python(&error.to_string()))
+}
+
+/// Another recording with the values found.
+fn predicted(
+    py: Python<'_>,
+    found: &fitting::Calibration,
+    fitted: &Scene,
+    other: &Bound<'_, PyAny>,
+    given: Option<&Bound<'_, PyAny>>,
+    threads: usize,
+) -> PyResult<fitting::Prediction> {
+    recording::with(other, |other| {
+        let named = other.recording.scene.as_deref();
+        // the fitted recording's alignment is its own
+        let scene = match (given, named) {
+            (None, None) => Scene { align: None, ..fitted.clone() },
+            _ => scene_of(named, given, None)?,
+        };
+        let recorded = other.recording.aligned(&scene);
+        let (readings, measured) = (recorded.readings(other.pose_wanted), recorded.measured());
+        let work = |stop: &mut Stop| fitting::predict(found, &scene, &readings, &measured, &recorded.source, stop);
+        detached(py, threads, work)?.map_err(failed)
+    })
+}
+
+/// Friction, cutting and puncture forces of so many layers and where they begin, from a recording of an insertion, the way out and a second
+/// insertion that goes as deep: no run of the twin. Depth 0 is the surface; the needle is that of `scene`.
+///
+/// Returns a dict, as `needle_twin calibrate --layers` prints it.
+#[pyfunction]
+#[pyo3(signature = (recording, number, scene = None, *, changes = None))]
+pub fn layers<'py>(
+    py: Python<'py>,
+    recording: &Bound<'py, PyAny>,
+    number: usize,
+    scene: Option<&Bound<'py, PyAny>>,
+    changes: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    if !(1..=16).contains(&number) {
+        return Err(PyValueError::new_err(format!("number = {number}: from 1 to 16 layers")));
+    }
+    recording::with(recording, |given| {
+        let scene = scene_of(given.recording.scene.as_deref(), scene, changes)?;
+        let recorded = given.recording.aligned(&scene);
+        let readings = recorded.readings(given.pose_wanted);
+        let found = of_recording(&scene, &readings, &recorded.measured(), number);
+        let found = found.map_err(|e| CalibrationError::new_err(in_python(&e.to_string())))?;
+        array::json(py, &report::layers_json(&found, &recorded.source))
     })
 }
 
@@ -151,10 +211,13 @@ fn wanted(fit: &[String]) -> PyResult<Vec<Wanted>> {
 
 fn cell(word: &str) -> PyResult<LoadCell> {
     match word {
+        "auto" => Ok(LoadCell::Auto),
         "drift" => Ok(LoadCell::Drift),
         "offset" => Ok(LoadCell::Offset),
         "exact" => Ok(LoadCell::Exact),
-        _ => Err(PyValueError::new_err(format!("load_cell = \"{word}\": \"drift\", \"offset\" or \"exact\""))),
+        _ => {
+            Err(PyValueError::new_err(format!("load_cell = \"{word}\": \"auto\", \"drift\", \"offset\" or \"exact\"")))
+        }
     }
 }
 

@@ -70,3 +70,26 @@ pub fn halt(halt: &Halt) -> PyErr {
         _ => Diverged::new_err(halt.to_string()),
     }
 }
+
+/// A message of the command line in Python's words: `--position-unit mm` is `position_unit=`, `--set KEY=VALUE` is `changes={...}`.
+pub fn in_python(message: &str) -> String {
+    let mut parts = message.split("--");
+    let mut text = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let end = part.find(|c: char| !(c.is_ascii_lowercase() || c == '-')).unwrap_or(part.len());
+        let (option, rest) = part.split_at(end);
+        // a dash in a sentence is none
+        let name = option.trim_end_matches('-');
+        match name {
+            "" => text += "--",
+            "set" => text += "changes=",
+            "force" => text += "force=True",
+            "force-column" | "force-topic" => text += "force=",
+            "position-topic" => text += "position=",
+            _ => text += &format!("{}=", name.replace('-', "_")),
+        }
+        text += &option[name.len()..];
+        text += rest;
+    }
+    text
+}

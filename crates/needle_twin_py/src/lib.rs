@@ -13,6 +13,7 @@ mod error;
 mod recording;
 mod run;
 mod scene;
+mod tune;
 mod twin;
 mod watch;
 
@@ -34,5 +35,7 @@ fn _needle_twin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(run::solve, module)?)?;
     module.add_function(wrap_pyfunction!(run::replay, module)?)?;
     module.add_function(wrap_pyfunction!(calibration::calibrate, module)?)?;
+    module.add_function(wrap_pyfunction!(calibration::layers, module)?)?;
+    module.add_function(wrap_pyfunction!(tune::tune, module)?)?;
     error::register(module)
 }

@@ -8,7 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::array;
-use crate::error::RecordingError;
+use crate::error::{RecordingError, in_python};
 
 /// A recording: the instrument's place and the measured force over time, from a rosbag2 folder, an .mcap file, or tables as text (CSV, TSV).
 ///
@@ -27,8 +27,8 @@ pub struct Recording {
 impl Recording {
     #[new]
     #[pyo3(signature = (paths, *, position = None, position_unit = None, position_sign = 1, force = None, force_unit = None,
-        force_sign = 1, time = Vec::new(), time_unit = None, rate_hz = None, time_offset_s = 0.0, pose_columns = None,
-        marker_columns = Vec::new(), gauge_length_m = None, separator = None, decimal_comma = None, header_line = None, comment = None,
+        force_sign = 1, time = Texts::default(), time_unit = None, rate_hz = None, time_offset_s = 0.0, pose_columns = None,
+        marker_columns = Texts::default(), gauge_length_m = None, separator = None, decimal_comma = None, header_line = None, comment = None,
         measured_cp = None, joint = "insertion", frame_id = "sample"))]
     #[allow(clippy::too_many_arguments)] // keywords, one for each option of the command line
     fn new(
@@ -39,12 +39,12 @@ impl Recording {
         force: Option<String>,
         force_unit: Option<String>,
         force_sign: i32,
-        time: Vec<String>,
+        time: Texts,
         time_unit: Option<String>,
         rate_hz: Option<f64>,
         time_offset_s: f64,
         pose_columns: Option<[String; 3]>,
-        marker_columns: Vec<String>,
+        marker_columns: Texts,
         gauge_length_m: Option<f64>,
         separator: Option<char>,
         decimal_comma: Option<bool>,
@@ -65,11 +65,11 @@ impl Recording {
             position: quantity("position", position, position_unit, position_sign)?,
             force: quantity("force", force, force_unit, force_sign)?,
             time_offset_s,
-            time,
+            time: time.0,
             time_unit: time_unit.into_iter().collect(),
             rate_hz: positive("rate_hz", rate_hz)?,
             pose: pose_columns,
-            markers: marker_columns,
+            markers: marker_columns.0,
             gauge_length_m: positive("gauge_length_m", gauge_length_m)?,
             layout: TableLayout { separator, decimal_comma, header_line, comment, block: None },
             ..Selection::default()
@@ -141,7 +141,7 @@ impl Recording {
     #[pyo3(signature = (folder, scene = None))]
     fn save(&self, folder: PathBuf, scene: Option<&str>) -> PyResult<PathBuf> {
         let written = self.recording.write(&folder, scene);
-        written.map(|made| made.folder).map_err(|e| RecordingError::new_err(e.to_string()))
+        written.map(|made| made.folder).map_err(|e| RecordingError::new_err(in_python(&e.to_string())))
     }
 
     fn __repr__(&self) -> String {
@@ -159,7 +159,8 @@ impl Recording {
 impl Recording {
     fn open(files: &[PathBuf], selection: &Selection, pose_wanted: bool) -> PyResult<Self> {
         let read = input::Recording::open(files, selection);
-        read.map(|recording| Self { recording, pose_wanted }).map_err(|e| RecordingError::new_err(e.to_string()))
+        read.map(|recording| Self { recording, pose_wanted })
+            .map_err(|e| RecordingError::new_err(in_python(&e.to_string())))
     }
 }
 
@@ -169,6 +170,19 @@ pub fn with<T>(given: &Bound<'_, PyAny>, work: impl FnOnce(&Recording) -> PyResu
         return work(recording.get());
     }
     work(&Recording::open(&files(given)?, &Selection::default(), false)?)
+}
+
+/// One text or several.
+#[derive(Default)]
+pub struct Texts(Vec<String>);
+
+impl<'py> FromPyObject<'_, 'py> for Texts {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let one = given.extract::<String>().map(|one| vec![one]);
+        one.or_else(|_| given.extract::<Vec<String>>()).map(Self)
+    }
 }
 
 /// One path or several.

@@ -11,7 +11,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::{self, BuildError, NeedleTwinError, RecordingError, SceneError};
+use crate::error::{self, BuildError, NeedleTwinError, RecordingError, SceneError, in_python};
 use crate::watch::{Stop, detached};
 use crate::{array, recording, scene};
 
@@ -200,13 +200,13 @@ pub fn replay(
     seed: u64,
 ) -> PyResult<Run> {
     recording::with(recording, |given| {
-        let recorded = &given.recording;
-        let scene = scene_of(recorded.scene.as_deref(), scene, changes)?;
+        let scene = scene_of(given.recording.scene.as_deref(), scene, changes)?;
+        let recorded = given.recording.aligned(&scene);
         let measured = recorded.measured();
         let readings = recorded.readings(given.pose_wanted);
         let look = |twin: &needle_twin::twin::Twin, readings: &[Reading]| {
             let found = scale::mistaken(twin, readings, &measured, recorded.scene.as_deref());
-            found.filter(|_| !force).map_or(Ok(()), |what| Err(RecordingError::new_err(what)))
+            found.filter(|_| !force).map_or(Ok(()), |what| Err(RecordingError::new_err(in_python(&what))))
         };
         let prepare = |collector: &mut Collector| {
             recorded.losses.iter().for_each(|loss| collector.lost(loss.to_string()));

@@ -2,7 +2,7 @@
 
 use needle_twin::twin::{self, Motion, Phase, Pose, StampedPose};
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::error::{self, BuildError};
@@ -200,6 +200,27 @@ impl Twin {
     fn pose_at_depth(&self, depth_m: f64) -> ([f64; 3], [f64; 3]) {
         let Pose { tip, axis } = self.twin.pose_at_depth(depth_m);
         (tip, axis)
+    }
+
+    /// A second twin in the same state, on one thread; it shares the model. Results don't depend on the threads.
+    fn __copy__(&self) -> Self {
+        Self { twin: self.twin.double(), last: self.last }
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.__copy__()
+    }
+
+    /// As its scene, for worker processes. A state can't be pickled: send the poses again, or copy the twin in its own process.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (scene::Scene, usize))> {
+        let this = slf.borrow();
+        if this.last.is_some() {
+            return Err(PyTypeError::new_err(
+                "a twin can be pickled before its first pose only: pickle its scene and send the poses again (twin.reset() undeforms it; \
+                 copy.copy(twin) has the state, in this process)",
+            ));
+        }
+        Ok((slf.get_type().into_any(), (this.scene(), this.twin.threads())))
     }
 
     fn __repr__(&self) -> String {

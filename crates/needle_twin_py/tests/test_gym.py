@@ -37,3 +37,30 @@ def test_the_same_seed_is_the_same_episode(env):
         return [env.step(np.array([1.0, 0.0]))[1] for _ in range(20)]
 
     assert episode() == episode()
+
+
+def test_every_target_of_the_default_task_can_be_reached():
+    scene = needle_twin.Scene("needle_insertion", {"discretisation.spacing_m": 0.003})
+    for lateral in [False, True]:
+        env = needle_twin.gym.NeedleInsertion(scene=scene if not lateral else "needle_insertion", lateral=lateral)
+        for seed in range(40 if not lateral else 3):
+            seen, _ = env.reset(seed=seed)
+            beside, deep = seen["target_m"][:2], seen["target_m"][2]
+            # on the path, or along the one direction that an action has
+            assert abs(beside[1]) <= env._tolerance and (lateral or abs(beside[0]) <= env._tolerance)
+            assert -deep < env._twin.reach_m
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_controller_arrives_at_the_default_targets(seed):
+    env = needle_twin.gym.NeedleInsertion(scene=needle_twin.Scene("needle_insertion", {"discretisation.spacing_m": 0.003}))
+    seen, _ = env.reset(seed=seed)
+    reached = cut = False
+    while not (reached or cut):
+        seen, _, reached, cut, info = env.step(np.array([np.clip(-200.0 * seen["target_m"][2], -1.0, 1.0), 0.0]))
+    assert reached, info
+
+
+def test_targets_that_no_action_reaches_are_refused():
+    with pytest.raises(ValueError, match="lateral=True"):
+        needle_twin.gym.NeedleInsertion(target_offset_m=1e-3)

@@ -58,11 +58,41 @@ def test_a_bag_names_its_scene(bag):
 def test_what_is_wrong_with_a_recording_is_said(table, tmp_path):
     with pytest.raises(needle_twin.RecordingError, match="nowhere"):
         needle_twin.Recording(tmp_path / "nowhere")
-    with pytest.raises(needle_twin.RecordingError, match="--position"):
+    with pytest.raises(needle_twin.RecordingError, match="position=") as said:
         needle_twin.Recording(table, position="Depth")
+    assert "--" not in str(said.value)
     with pytest.raises(needle_twin.RecordingError):
         needle_twin.replay(needle_twin.Recording(table, position_unit="m"), "compression", changes=COARSE)
     with pytest.raises(ValueError, match="1 or -1"):
         needle_twin.Recording(table, force_sign=2)
     with pytest.raises(ValueError, match="twice"):
         needle_twin.calibrate(table, ["material.shear_modulus_pa"] * 2, "compression")
+
+
+def test_one_column_may_be_one_text(table):
+    one = needle_twin.Recording(table, position="Compression (mm)", force="Load (N)", time="Time (s)")
+    several = needle_twin.Recording(table, position="Compression (mm)", force="Load (N)", time=["Time (s)"])
+    assert np.array_equal(one.time_s, several.time_s) and len(one.time_s) > 100
+
+
+def test_a_contact_that_was_found_is_carried_over(table, tmp_path):
+    shifted = tmp_path / "shifted.csv"
+    rows = np.loadtxt(table, delimiter=",", skiprows=1) + np.array([0.0, 0.6, 0.03])
+    np.savetxt(shifted, rows, delimiter=",", header="Time (s),Compression (mm),Load (N)", comments="")
+    found = needle_twin.calibrate(shifted, ["material.shear_modulus_pa"], "compression", changes=COARSE)
+    assert found.scene["align.contact_depth_m"] == pytest.approx(6e-4, abs=5e-5)
+    run = needle_twin.replay(shifted, found.scene)
+    assert run.metrics["force"]["rmse_n"] == pytest.approx(found.rmse_n, rel=0.1) and run.metrics["verdict"]["explains"] == "yes"
+
+
+def test_another_recording_is_predicted(table):
+    found = needle_twin.calibrate(table, ["material.shear_modulus_pa"], "compression", changes=COARSE, predict=table)
+    prediction = found.to_dict()["prediction"]
+    assert prediction["carried"] == ["material.shear_modulus_pa"] and prediction["nrmse"] < 0.02 < prediction["nrmse_before"]
+
+
+def test_layers_need_a_way_out(table):
+    with pytest.raises(needle_twin.CalibrationError, match="needle"):
+        needle_twin.layers(table, 1, "compression")
+    with pytest.raises(ValueError, match="1 to 16"):
+        needle_twin.layers(table, 0, "layered_tissue")

@@ -1,4 +1,6 @@
+import copy
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -130,3 +132,29 @@ needle_twin.solve(scene)
             except subprocess.TimeoutExpired:
                 continue
         assert b"KeyboardInterrupt" in child.stderr.read()
+
+
+def test_a_copy_goes_its_own_way(small):
+    twin = needle_twin.Twin(small)
+    [twin.step(0.01 * i, 1e-5 * i) for i in range(1, 21)]
+    for other in [copy.copy(twin), copy.deepcopy(twin)]:
+        a, b = other.step(0.21, 2.1e-4), copy.copy(twin).step(0.21, 2.1e-4)
+        assert np.array_equal(a.force_n, b.force_n) and a.predicted_n > 0.0
+    assert twin.steps < other.steps
+
+
+def test_a_twin_is_pickled_as_its_scene(small):
+    twin = needle_twin.Twin(small)
+    other = pickle.loads(pickle.dumps(twin))
+    assert other.scene == twin.scene and other.step(0.1, 1e-4).predicted_n == twin.step(0.1, 1e-4).predicted_n
+    with pytest.raises(TypeError, match="before its first pose"):
+        pickle.dumps(twin)
+    twin.reset()
+    assert pickle.loads(pickle.dumps(twin)).nodes == twin.nodes
+
+
+def test_a_tolerance_that_is_none_is_refused(small):
+    with pytest.raises(ValueError, match="0.02 for 2 %"):
+        needle_twin.tune(small, tolerance=2.0)
+    with pytest.raises(needle_twin.NeedleTwinError, match="motion"):
+        needle_twin.tune(needle_twin.Scene.from_toml(small.to_toml().split("[motion]")[0]))

@@ -26,6 +26,7 @@ pub(super) fn run(heard: &Observations, scene: &Scene, source: &str) -> Run {
         instrument: scene.instrument,
         scene_toml: scene.to_toml(),
         command: "demo".to_owned(),
+        live: true,
         min_jacobian: 1.0,
         ..Run::default()
     };

@@ -147,6 +147,11 @@ fn configure(start: &Start) -> Result<(Scene, Arc<Parameters>), NodeError> {
     if let Some(tolerance) = start::last_override(given, &node, declared::TOLERANCE).filter(|t| *t > 0.0) {
         scene.set("stepping.tolerance", &tolerance.to_string())?;
     }
+    if scene.align.is_some() {
+        tracing::warn!(
+            "[align] is of a recording: the node takes depths, forces and stamps as they come (zero the sensors, or ~/tare)"
+        );
+    }
     let mut declarations = declared::declarations();
     declarations.extend(scene_parameters::declarations(&scene));
     let (parameters, warnings) = Parameters::declare(declarations, given, &node)?;

@@ -145,10 +145,12 @@ impl<'a> Job<'a> {
     /// What is fitted, with what is wrong with the recording.
     pub(super) fn prepared(&self, candidate: &Candidate, recording: &Recording) -> Result<Prepared<'a>, String> {
         let entry = self.entry();
+        let scene = self.scene(candidate, Some(recording))?;
+        let recording = recording.aligned(&scene);
         let prepared = Prepared {
-            scene: self.scene(candidate, Some(recording))?,
+            scene,
             wanted: entry.wanted(candidate)?,
-            readings: readings(recording, entry.to_depth_m),
+            readings: readings(&recording, entry.to_depth_m),
             measured: recording.measured(),
             load_cell: load_cell(entry.load_cell.as_deref())?,
             part: entry.fit_to_depth_m.map_or(HoldOut::Nothing, HoldOut::Beyond),
@@ -180,7 +182,8 @@ impl<'a> Job<'a> {
         let fit = calibrated(candidate, &found, readings);
         let Some(from_m) = self.entry().choose_from_depth_m else { return Ok(fit) };
         // nothing deeper than what is fitted is looked at for the choice
-        let fitted: Vec<Reading> = self::readings(recording, self.entry().fit_to_depth_m.or(self.entry().to_depth_m));
+        let fitted: Vec<Reading> =
+            self::readings(&recording.aligned(scene), self.entry().fit_to_depth_m.or(self.entry().to_depth_m));
         let task = Task { readings: &fitted, part: HoldOut::Beyond(from_m), ..prepared.task() };
         let found = calibrate(&task, &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
         let forward = found.held_out_rmse_n().map(|rmse| rmse / fit.peak_n).filter(|x| x.is_finite());
@@ -217,9 +220,10 @@ impl Prepared<'_> {
 fn load_cell(word: Option<&str>) -> Result<LoadCell, String> {
     match word {
         None | Some("drift") => Ok(LoadCell::Drift),
+        Some("auto") => Ok(LoadCell::Auto),
         Some("offset") => Ok(LoadCell::Offset),
         Some("exact") => Ok(LoadCell::Exact),
-        Some(other) => Err(format!("load_cell = \"{other}\": drift, offset or exact")),
+        Some(other) => Err(format!("load_cell = \"{other}\": auto, drift, offset or exact")),
     }
 }
 

@@ -50,7 +50,7 @@ impl Recorded<'_> {
         let free = match self.task.load_cell {
             LoadCell::Exact => 0,
             LoadCell::Offset => 1,
-            LoadCell::Drift => 2,
+            LoadCell::Drift | LoadCell::Auto => 2,
         };
         take_load_cell_off(column, &self.at_fitted(&self.forces.time_s), free);
     }

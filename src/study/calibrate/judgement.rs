@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::problem::Recorded;
-use super::unknown::Sought;
+use super::unknown::{self, Sought};
 use super::{CalibrateError, Calibration, Estimate, Forces, Task};
 use crate::compare::rows::Rows;
 use crate::compare::uncertainty::{Uncertainty, correlation};
@@ -70,6 +70,7 @@ pub(super) fn judged(
         alignment: None,
         realigned: [false; 2],
         refused: problem.refused(),
+        drift_left_out_for: Vec::new(),
     };
     let drift = problem.sought.iter().position(|s| *s == Sought::Drift);
     calibration.verdict.over_holes(task.measured.holes());
@@ -98,7 +99,9 @@ fn verdict(rows: &Rows, across: &[(String, Rows)], fitted: usize, force_error: f
 
 /// Gives no error to what can't be believed, and says why.
 fn withhold(calibration: &mut Calibration, drift: Option<usize>, many: Option<&str>, rows: &Rows) {
-    let beyond = drift.and_then(|k| excessive(&calibration.estimates[k], rows));
+    let mixed = |k: &usize| calibration.indistinguishable.iter().any(|g| g.contains(&calibration.estimates[*k].name));
+    // a drift that could as well be something else says nothing of the load cell
+    let beyond = drift.filter(|k| !mixed(k)).and_then(|k| excessive(&calibration.estimates[k], rows));
     let all = match calibration.verdict.explains {
         Explains::No | Explains::InPart => Some("the model does not explain the readings".to_owned()),
         _ if calibration.refused > 0 => Some(format!("{} poses were refused", calibration.refused)),
@@ -113,10 +116,22 @@ fn withhold(calibration: &mut Calibration, drift: Option<usize>, many: Option<&s
         let group = together.iter().find(|group| group.contains(&e.name));
         e.withheld = all.clone().or_else(|| {
             if let Some(group) = group {
-                return Some(format!("the data can't tell apart: {}", group.join(", ")));
+                return Some(format!("the data can't tell apart: {}", group.join(", ")) + cure(group));
             }
             e.at_bound().then(|| format!("it ended at its bound {}", e.value))
         });
+    }
+}
+
+/// The option by which what can't be told apart is fewer; empty where there is none.
+pub(super) fn cure(group: &[String]) -> &'static str {
+    let has = |key: &str| group.iter().any(|name| name == key);
+    if has(unknown::DRIFT_KEY) {
+        "; --load-cell offset leaves the load cell's drift out"
+    } else if has(unknown::OFFSET_KEY) {
+        "; --load-cell exact takes the load cell at its word"
+    } else {
+        ""
     }
 }
 

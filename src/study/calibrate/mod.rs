@@ -35,7 +35,7 @@ use std::ops::Range;
 
 use crate::compare::alignment::Alignment;
 use crate::compare::{Depths, Verdict, Watch};
-use crate::scene::{Override, Scene};
+use crate::scene::{Align, Metres, Override, Scene, Seconds};
 
 pub use curve_table::CurveTable;
 pub use error::CalibrateError;
@@ -131,6 +131,8 @@ pub struct Calibration {
     pub realigned: [bool; 2],
     /// Poses that the twin refused.
     pub refused: usize,
+    /// What the load cell's drift could not be told from, for which it was left out ([`LoadCell::Auto`]); empty where it was not.
+    pub drift_left_out_for: Vec<String>,
 }
 
 impl Calibration {
@@ -164,7 +166,7 @@ impl Calibration {
         };
         let contact = of([unknown::CONTACT_KEY; 2]);
         let clock = of([unknown::CLOCK_KEY; 2]);
-        let zero = of([unknown::ZERO_KEY, "load_cell.offset_n"]);
+        let zero = of([unknown::ZERO_KEY, unknown::OFFSET_KEY]);
         self.alignment =
             seen.or_else(|| (contact.is_some() || clock.is_some()).then(Alignment::default)).map(|seen| Alignment {
                 contact_depth_m: contact.unwrap_or(seen.contact_depth_m),
@@ -173,6 +175,37 @@ impl Calibration {
                 ..seen
             });
         self
+    }
+
+    /// Estimates and alignment of the recording as it was recorded: with what the scene's `[align]` had taken out of it.
+    fn of_recording(mut self, sought: &[Sought], scene: &Scene) -> Self {
+        for (e, sought) in self.estimates.iter_mut().zip(sought) {
+            let before = sought.aligned(scene);
+            e.value += before;
+            e.start += before;
+            e.bounds = e.bounds.map(|bound| bound + before);
+        }
+        if let Some(seen) = &mut self.alignment {
+            seen.contact_depth_m.value += Sought::Contact.aligned(scene);
+            seen.time_offset_s.value += Sought::Clock.aligned(scene);
+            seen.force_zero_n.value += Sought::Zero { asked: false }.aligned(scene);
+        }
+        self
+    }
+
+    /// What is to be done where the data can't tell a group apart.
+    #[must_use]
+    pub fn remedy(&self, group: &[String]) -> String {
+        let keys: Vec<&str> = self.estimates[..self.keys].iter().map(|e| e.name.as_str()).collect();
+        let several = group.iter().filter(|name| keys.contains(&name.as_str())).count() > 1;
+        match (judgement::cure(group), several) {
+            ("", true) => "fit fewer of them, or fix one by --set from another test".to_owned(),
+            ("", false) => {
+                "fix it by --set from another test, or take a recording that also has the approach and the way out"
+                    .to_owned()
+            }
+            (cure, _) => cure.trim_start_matches("; ").to_owned(),
+        }
     }
 
     /// The estimate of a name.
@@ -191,12 +224,28 @@ pub fn calibrate(
     watch: &mut dyn Watch,
     tell: &mut dyn FnMut(&str),
 ) -> Result<Calibration, CalibrateError> {
+    let found = searched(task, watch, tell)?;
+    let drifts = |group: &Vec<String>| group.iter().any(|name| name == unknown::DRIFT_KEY);
+    let Some(group) = found.indistinguishable.iter().find(|g| drifts(g)).filter(|_| task.load_cell == LoadCell::Auto)
+    else {
+        return Ok(found);
+    };
+    tell("without the load cell's drift");
+    let again = searched(&Task { load_cell: LoadCell::Offset, ..task.clone() }, watch, tell)?;
+    let others: Vec<String> = group.iter().filter(|name| *name != unknown::DRIFT_KEY).cloned().collect();
+    Ok(Calibration { runs: found.runs + again.runs, drift_left_out_for: others, ..again })
+}
+
+/// With just what the task asks for of the load cell.
+fn searched(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> Result<Calibration, CalibrateError> {
     let sought = Sought::all(task.wanted, task.load_cell);
     let mut problem = Recorded::new(task, sought, watch, tell);
     let Searched { mut unknowns, begun, solution, realigned, left_out } = search(&mut problem, task)?;
     unknowns.iter_mut().zip(begun).for_each(|(u, start)| u.start = start);
     let changes = problem.changes(&solution.x);
-    let scene = task.scene.with(&changes)?;
+    // with the steps of the runs, or it would replay otherwise
+    let mut scene = problem.common.posed(&task.scene.with(&changes)?);
+    scene.align = align(&problem, task.scene, &solution.x);
     let forces = problem.forces(&solution.x)?;
     let found = Calibration {
         left_out,
@@ -204,7 +253,19 @@ pub fn calibrate(
         ..judgement::judged(task, scene, &solution, &unknowns, forces, &mut problem)?
     };
     let seen = aligned(&mut problem, &solution.x)?;
-    Ok(found.with_alignment(seen))
+    Ok(found.with_alignment(seen).of_recording(&problem.sought, task.scene))
+}
+
+/// How the recording lies to the model with the values x: what was taken out of it before, and what the search has found.
+fn align(problem: &Recorded, scene: &Scene, x: &[f64]) -> Option<Align> {
+    let of = |wanted: fn(&Sought) -> bool| problem.sought.iter().position(wanted).map_or(0.0, |k| x[k]);
+    let found = Align {
+        contact_depth: Metres(of(|s| *s == Sought::Contact)),
+        time_offset: Seconds(of(|s| *s == Sought::Clock)),
+        zero_n: of(|s| matches!(s, Sought::Zero { .. })),
+        drift_n_per_s: of(|s| *s == Sought::Drift),
+    };
+    Some(scene.align.unwrap_or(Align::NONE).then(found)).filter(|align| *align != Align::NONE)
 }
 
 /// The fitted keys that a scene has, with their values: to carry them over to another scene.
@@ -214,5 +275,7 @@ pub fn carried(calibration: &Calibration, scene: &Scene) -> Vec<Override> {
     let tied =
         calibration.tied.iter().filter_map(|(key, other)| Some((key.as_str(), calibration.estimate(other)?.value)));
     let all = keys.map(|e| (e.name.as_str(), e.value)).chain(tied).filter(|(key, _)| scene.get(key).is_some());
+    // an alignment is the fitted recording's own
+    let all = all.filter(|(key, _)| !key.starts_with("align."));
     all.map(|(key, value)| Override::typed(key, value, "calibrate")).collect()
 }

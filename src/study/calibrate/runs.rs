@@ -42,7 +42,7 @@ impl Common {
     }
 
     /// The scene as it is run: more steps are for the first poses alone, where contact begins with an impulse.
-    fn posed(&self, scene: &Scene) -> Scene {
+    pub fn posed(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         let stepping = &mut scene.stepping;
         let steps = self.steps.unwrap_or(0).min(stepping.max_steps_per_pose);

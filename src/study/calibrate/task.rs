@@ -38,13 +38,15 @@ pub enum LoadCell {
     Offset,
     /// The same, and its change with time.
     Drift,
+    /// The same, unless the recording can't tell the change with time from what is sought: then the reading without load alone.
+    Auto,
 }
 
 impl LoadCell {
     /// How many of drift and zero are known.
     pub(super) const fn known(self) -> usize {
         match self {
-            Self::Drift => 0,
+            Self::Drift | Self::Auto => 0,
             Self::Offset => 1,
             Self::Exact => 2,
         }
@@ -54,7 +56,8 @@ impl LoadCell {
 /// What is to be found from what.
 #[derive(Clone, Debug)]
 pub struct Task<'a> {
-    /// The scene; its own values are where the search begins.
+    /// The scene; its own values are where the search begins. What its `[align]` says is taken out of the recording already
+    /// ([`crate::input::Recording::aligned`]), and what is found is added to it.
     pub scene: &'a Scene,
     /// The recorded motion.
     pub readings: &'a [Reading],

@@ -2,7 +2,7 @@
 
 use super::{CalibrateError, LoadCell, Wanted};
 use crate::compare::least_squares;
-use crate::scene::{Kind, LARGEST_POISSON_RATIO, Scene, keys};
+use crate::scene::{Align, Kind, LARGEST_POISSON_RATIO, Scene, keys};
 
 /// Where a key's range has an end that isn't allowed, the search keeps this share of the start away from it.
 const OFF_THE_END: f64 = 1e-3;
@@ -32,6 +32,8 @@ pub(super) enum Sought {
 pub(super) const CONTACT_KEY: &str = "align.contact_depth_m";
 pub(super) const CLOCK_KEY: &str = "align.time_offset_s";
 pub(super) const ZERO_KEY: &str = "align.force_zero_n";
+pub(super) const OFFSET_KEY: &str = "load_cell.offset_n";
+pub(super) const DRIFT_KEY: &str = "load_cell.drift_n_per_s";
 /// Keys of a recording that can be asked for.
 const ALIGN: [&str; 3] = [CONTACT_KEY, CLOCK_KEY, ZERO_KEY];
 
@@ -48,7 +50,7 @@ impl Sought {
         if load_cell != LoadCell::Exact && !all.contains(&Self::Zero { asked: true }) {
             all.push(Self::Zero { asked: false });
         }
-        if load_cell == LoadCell::Drift {
+        if matches!(load_cell, LoadCell::Drift | LoadCell::Auto) {
             all.push(Self::Drift);
         }
         all
@@ -60,8 +62,8 @@ impl Sought {
             Self::Contact => CONTACT_KEY,
             Self::Clock => CLOCK_KEY,
             Self::Zero { asked: true } => ZERO_KEY,
-            Self::Zero { asked: false } => "load_cell.offset_n",
-            Self::Drift => "load_cell.drift_n_per_s",
+            Self::Zero { asked: false } => OFFSET_KEY,
+            Self::Drift => DRIFT_KEY,
         }
     }
 
@@ -79,9 +81,23 @@ impl Sought {
         }
     }
 
+    /// What the scene's `[align]` says of it; 0 of all else.
+    pub fn aligned(&self, scene: &Scene) -> f64 {
+        let align = scene.align.unwrap_or(Align::NONE);
+        match self {
+            Self::Key(_) => 0.0,
+            Self::Contact => align.contact_depth.get(),
+            Self::Clock => align.time_offset.get(),
+            Self::Zero { .. } => align.zero_n,
+            Self::Drift => align.drift_n_per_s,
+        }
+    }
+
     /// Start, bounds and size of it.
     pub fn unknown(&self, scene: &Scene, wanted: &[Wanted]) -> Result<least_squares::Unknown, CalibrateError> {
         let bounds = wanted.iter().find(|w| w.key == self.name()).and_then(|w| w.bounds);
+        // what the scene says is out of the recording already
+        let bounds = bounds.map(|bounds| bounds.map(|bound| bound - self.aligned(scene)));
         let free = |(scale, largest_step): (f64, f64)| {
             let bounds = bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             least_squares::Unknown { start: 0.0_f64.clamp(bounds[0], bounds[1]), bounds, scale, largest_step }
@@ -89,6 +105,7 @@ impl Sought {
         if let (Some([low, high]), true) = (bounds, ALIGN.contains(&self.name()))
             && low >= high
         {
+            let [low, high] = [low, high].map(|bound| bound + self.aligned(scene));
             let reason = format!("the bounds {low} to {high} hold nothing between them");
             return Err(CalibrateError::Key { key: self.name().to_owned(), reason });
         }

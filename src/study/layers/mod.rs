@@ -17,6 +17,8 @@ mod fit;
 mod told;
 
 use crate::compare::crossing::{Crossing, Crossings};
+use crate::compare::{self, At, ForceSeries};
+use crate::scene::Scene;
 use fit::Fit;
 
 /// Way between two turns of the recorded depth, in diameters of the needle.
@@ -116,6 +118,31 @@ pub fn layers(readings: &[Reading], diameter: f64, layers: usize) -> Result<Foun
         found.alone.clone_from(&found.cannot_tell);
     }
     Ok(found)
+}
+
+/// Layers straight from a recording's readings, made with the needle of a scene.
+///
+/// # Errors
+/// [`LayersError::NoNeedle`] if the scene has none; otherwise as [`layers`].
+pub fn of_recording(
+    scene: &Scene,
+    readings: &[compare::Reading],
+    measured: &ForceSeries,
+    number: usize,
+) -> Result<Found, LayersError> {
+    let diameter = scene.instrument.and_then(|i| i.needle_diameter_m()).ok_or(LayersError::NoNeedle)?;
+    let top = scene.sample.shape.height().map_or(0.0, |h| h.get());
+    let force = |r: &compare::Reading| {
+        let force = measured.at(r.time_s)?;
+        Some(match r.at {
+            At::Depth(depth) => [r.time_s, depth, force[2]],
+            At::Pose(pose) => {
+                let against = -(0..3).map(|k| force[k] * pose.axis[k]).sum::<f64>();
+                [r.time_s, top - pose.tip[2], against]
+            }
+        })
+    };
+    layers(&readings.iter().filter_map(force).collect::<Vec<_>>(), diameter, number)
 }
 
 /// Insertions and ways out in turn, the first from where the depth begins to grow: turns of more than a way, m.

@@ -7,6 +7,7 @@ use super::path::Axis;
 use super::quality::six_volumes;
 use super::tree::Tree;
 use super::vector::{Point, add, cross, dot, norm, scale, sub};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 
 /// Cosine of the angle between the normals of two triangles from which their edge is a crease: 40 degrees.
@@ -44,6 +45,8 @@ pub struct Outline {
     top: f64,
     volume: f64,
     volumes: Tree,
+    /// Of a surface alone: its walls by the columns over their shadows on z = 0.
+    columns: Tree,
     /// Walls of each face, [`BETWEEN`] last.
     trees: Vec<(u8, Tree)>,
     /// What each group asks for at its boundary within the body.
@@ -60,8 +63,10 @@ struct Inclusion {
 
 impl Outline {
     /// Of a mesh with the group of each cell (any numbers), and z where an instrument meets it. What lies lowest must lie on z = 0.
+    /// Of a mesh without cells its surface, which has to be closed, bounds the body; it is one cell then.
     #[must_use]
     pub fn new(mesh: &Cloud, group: Vec<u32>, top: f64) -> Self {
+        let group = if mesh.cells.is_empty() { vec![0] } else { group };
         let at = |n: u32| mesh.points[n as usize];
         let surface = mesh.surface.iter().zip(&mesh.surface_faces);
         let mut walls: Vec<Wall> = surface.map(|(t, &face)| Wall { corners: t.map(at), face }).collect();
@@ -72,7 +77,8 @@ impl Outline {
         let [low, high] = bounds(&mesh.points);
         Self {
             creases: creases(mesh, &between),
-            volume: mesh.volumes().iter().sum(),
+            volume: if mesh.cells.is_empty() { enclosed(&walls) } else { mesh.volumes().iter().sum() },
+            columns: if mesh.cells.is_empty() { columns(&walls, [low, high]) } else { Tree::default() },
             trees: trees(&walls),
             inclusions: inclusions(&walls[outer..], &sides, outer, &mesh.volumes(), &group),
             volumes: Tree::new(&of_cells),
@@ -101,6 +107,9 @@ impl Outline {
     /// The mesh's cell that holds a point.
     #[must_use]
     pub fn cell_at(&self, p: Point) -> Option<u32> {
+        if self.cells.is_empty() {
+            return self.encloses(p).then_some(0);
+        }
         let holds = |cell: u32| {
             let c = self.cells[cell as usize].map(|n| self.points[n as usize]);
             let whole = six_volumes(&c);
@@ -111,6 +120,21 @@ impl Outline {
             })
         };
         self.volumes.find(p, 1e-9 * self.top, holds)
+    }
+
+    /// Whether a surface alone has the point inside: it is above a point an odd number of times.
+    fn encloses(&self, [x, y, z]: Point) -> bool {
+        // a little aside, so that no edge stands above the point
+        let off = 1e-7 * (self.bounds.1[2] - self.bounds.0[2]);
+        let p = [x + off, y + 0.618 * off, z];
+        let above = Cell::new(false);
+        self.columns.find(p, 0.0, |i| {
+            if self.walls[i as usize].height([p[0], p[1]]).is_some_and(|height| height > z) {
+                above.set(!above.get());
+            }
+            false
+        });
+        above.get()
     }
 
     /// Group at a point; `None` outside.
@@ -288,6 +312,21 @@ impl Wall {
         let inside = whole != 0.0 && [u, v, w].iter().all(|part| part / whole >= INSIDE);
         inside.then(|| (u * a[2] + v * b[2] + w * c[2]) / whole)
     }
+}
+
+/// Volume within a closed surface that looks outward.
+fn enclosed(walls: &[Wall]) -> f64 {
+    walls.iter().map(|Wall { corners: [a, b, c], .. }| dot(*a, cross(*b, *c))).sum::<f64>() / 6.0
+}
+
+/// A tree in which each wall is as high as the body.
+fn columns(walls: &[Wall], [low, high]: [Point; 2]) -> Tree {
+    let column = |wall: &Wall| {
+        let [mut from, mut to] = bounds(&wall.corners);
+        (from[2], to[2]) = (low[2] - high[2].abs(), 2.0 * high[2].abs());
+        [from, to]
+    };
+    Tree::new(&walls.iter().map(column).collect::<Vec<_>>())
 }
 
 fn squared(p: Point, q: Point) -> f64 {

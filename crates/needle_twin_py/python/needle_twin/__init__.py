@@ -16,7 +16,8 @@ Units are SI. Frame `sample`: origin at the centre of the sample's bottom face, 
 - `Twin`: a pose in, a `Prediction` out; `Twin.look_ahead`: what a further motion would bring.
 - `Ensemble`: many twins in step, with other values of what isn't known for sure; a pose in, a `ForceBand` out.
 - `solve`, `replay`: whole runs; a `Run` has curves, metrics, verdict, and `save` writes the report.
-- `Recording`: bags and tables; `calibrate`: values of scene keys from a recording.
+- `Recording`: bags and tables; `calibrate`: values of scene keys from a recording; `layers`: friction and cutting of layers.
+- `tune`: a scene that is as coarse and fast as a tolerance and a rate of poses ask.
 - `needle_twin.gym`: an environment for controllers (needs gymnasium).
 
 Exceptions are subclasses of `NeedleTwinError`; each message says what is wrong, where, and what to do.
@@ -40,9 +41,11 @@ from ._needle_twin import (
     Twin,
     __version__,
     calibrate,
+    layers,
     presets,
     replay,
     solve,
+    tune,
 )
 
 __all__ = [
@@ -63,7 +66,9 @@ __all__ = [
     "Twin",
     "__version__",
     "calibrate",
+    "layers",
     "presets",
     "replay",
     "solve",
+    "tune",
 ]

@@ -83,7 +83,7 @@ class Twin:
     @property
     def scene(self) -> Scene: ...
     @property
-    def dimension(self) -> Literal["axisymmetric", "full"]: ...
+    def dimension(self) -> Literal["axisymmetric", "mirrored", "full"]: ...
     @property
     def dimension_because(self) -> str: ...
     @property
@@ -162,12 +162,12 @@ class Recording:
         force: str | None = None,
         force_unit: str | None = None,
         force_sign: Literal[1, -1] = 1,
-        time: Sequence[str] = (),
+        time: str | Sequence[str] = (),
         time_unit: str | None = None,
         rate_hz: float | None = None,
         time_offset_s: float = 0.0,
         pose_columns: Sequence[str] | None = None,
-        marker_columns: Sequence[str] = (),
+        marker_columns: str | Sequence[str] = (),
         gauge_length_m: float | None = None,
         separator: str | None = None,
         decimal_comma: bool | None = None,
@@ -276,9 +276,26 @@ def calibrate(
     scene: Scene | Path | None = None,
     *,
     changes: Mapping[str, Value] | None = None,
-    load_cell: Literal["drift", "offset", "exact"] = "drift",
+    load_cell: Literal["auto", "drift", "offset", "exact"] = "auto",
     hold_out: Literal["none", "retraction", "half"] = "none",
     force_error: float = ...,
     threads: int = 0,
     force: bool = False,
+    predict: Recording | Path | None = None,
+    predict_scene: Scene | Path | None = None,
 ) -> Calibration: ...
+def layers(
+    recording: Recording | Path,
+    number: int,
+    scene: Scene | Path | None = None,
+    *,
+    changes: Mapping[str, Value] | None = None,
+) -> dict[str, Any]: ...
+def tune(
+    scene: Scene | Path,
+    *,
+    tolerance: float = 0.02,
+    pose_hz: float = 1000.0,
+    changes: Mapping[str, Value] | None = None,
+    threads: int = 0,
+) -> tuple[Scene, dict[str, Any]]: ...

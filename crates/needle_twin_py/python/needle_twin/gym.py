@@ -31,6 +31,9 @@ class NeedleInsertion(gymnasium.Env):
 
     Reward: how much nearer the tip came, in mm, less `force_weight` times the force's size in N. An episode ends where the tip is within
     `tolerance_m` of the target, and is cut off after `max_steps` or where the twin refuses to go on (info["halt"] says why).
+
+    Targets lie between `target_depth_m` on the needle's path, and with `lateral=True` up to `target_offset_m` to its side along x, where the needle
+    can go. `target_offset_m` without `lateral=True` must be within the tolerance: no action would reach more.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -40,7 +43,7 @@ class NeedleInsertion(gymnasium.Env):
         scene: Scene | str = "needle_insertion",
         *,
         target_depth_m: tuple[float, float] = (3e-3, 7e-3),
-        target_offset_m: float = 5e-4,
+        target_offset_m: float | None = None,
         period_s: float = 0.01,
         max_speed_m_per_s: float = 5e-3,
         tolerance_m: float = 3e-4,
@@ -49,6 +52,13 @@ class NeedleInsertion(gymnasium.Env):
         lateral: bool = False,
         threads: int = 0,
     ) -> None:
+        if target_offset_m is None:
+            target_offset_m = 5e-4 if lateral else 0.0
+        if not lateral and target_offset_m > tolerance_m:
+            raise ValueError(
+                f"target_offset_m = {target_offset_m}: without lateral=True the needle stays on its path and comes no nearer than that to a "
+                f"target at its side; at most tolerance_m = {tolerance_m}"
+            )
         base = scene if isinstance(scene, Scene) else Scene(scene)
         changes: dict[str, Any] = {"discretisation.dimension": "full"} if lateral else {}
         self._scene = base.changed(changes) if changes else base
@@ -81,8 +91,8 @@ class NeedleInsertion(gymnasium.Env):
         self._steps = 0
         self._force = np.zeros(3)
         tip, _ = self._twin.pose_at_depth(self.np_random.uniform(*self._depths))
-        angle, distance = self.np_random.uniform(0.0, 2.0 * np.pi), self._offset * np.sqrt(self.np_random.uniform())
-        wanted = np.array(tip) + distance * np.array([np.cos(angle), np.sin(angle), 0.0])
+        # sideways the needle goes along x alone
+        wanted = np.array(tip) + self.np_random.uniform(-self._offset, self._offset) * np.array([1.0, 0.0, 0.0])
         # the point of the tissue that lies there at rest: of the nearest of those that the twin shows, weighed by distance
         near = np.argsort(np.linalg.norm(self._points - wanted, axis=1))[:4]
         weight = 1.0 / (np.linalg.norm(self._points[near] - wanted, axis=1) + 1e-9)
