@@ -202,6 +202,7 @@ fn fan(polygon: &[u32]) -> Vec<[u32; 3]> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     /// Six tetrahedra of the cube [-1, 1]^3 about its diagonal from (-1, -1, -1) to (1, 1, 1).

@@ -179,7 +179,8 @@ fn a_mesh_in_another_unit_or_frame_is_named() {
     assert!(!right.contains("mesh_unit_m") && !right.contains("is up"), "{right}");
     let large = said(body(|p| p, "1.0"));
     assert!(large.contains("mesh_unit_m = 0.001") && large.contains("10 x 10 x 10 mm"), "{large}");
-    let turned: [(&str, fn([f64; 3]) -> [f64; 3]); 4] = [
+    type Turn = fn([f64; 3]) -> [f64; 3];
+    let turned: [(&str, Turn); 4] = [
         ("y is up", |[x, y, z]| [x, z, -y]),
         ("-z is up", |[x, y, z]| [x, -y, -z]),
         ("x is up", |[x, y, z]| [z, y, -x]),

@@ -114,7 +114,7 @@ pub(super) fn format_of(cells: &[&str], read: impl Fn(&str, &str) -> Option<i64>
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
+#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use super::*;
 
