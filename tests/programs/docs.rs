@@ -1,5 +1,5 @@
 //! What the pages say of the repository is there: links, anchors, images, paths, the table of
-//! constants. And a page of the handbook stays short enough to be read.
+//! constants.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -7,9 +7,6 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-/// Most words of a page of the handbook.
-const MOST_WORDS: usize = 1500;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -131,23 +128,6 @@ fn paths_that_pages_and_comments_name_exist() {
         wrong.extend(missing.map(|path| format!("{}: {path}", file.display())));
     }
     assert!(wrong.is_empty(), "paths that are not there:\n{}", wrong.join("\n"));
-}
-
-/// Words of a text; the lines of a table are none.
-fn words(text: &str) -> usize {
-    text.split_whitespace().filter(|word| word.contains(char::is_alphanumeric)).count()
-}
-
-#[test]
-fn a_page_of_the_handbook_is_short() {
-    let handbook =
-        files(&root().join("docs"), ".md").into_iter().filter(|page| page.parent() == Some(&root().join("docs")));
-    let long: Vec<String> = handbook
-        .map(|page| (words(&read(&page)), page))
-        .filter(|(words, _)| *words >= MOST_WORDS)
-        .map(|(words, page)| format!("{}: {words} words", page.display()))
-        .collect();
-    assert!(long.is_empty(), "pages of {MOST_WORDS} words and more:\n{}", long.join("\n"));
 }
 
 /// Rows of the table of constants, file, name, value: | `src/twin/pace.rs` `LAG` | 6.0 | ...
