@@ -22,7 +22,8 @@ pub(super) fn text(bytes: Vec<u8>) -> String {
     }
 }
 
-/// Whether all bytes beyond ASCII come in pairs of GB 2312, most of them Chinese characters: an accent of Latin-1 stands alone.
+/// Whether all bytes beyond ASCII come in pairs of GB 2312, most of them characters of its first level, the common ones: an accent of
+/// Latin-1 mostly stands alone, and two in a row (as in German) are of the second level.
 fn is_chinese(bytes: &[u8]) -> bool {
     let (mut rest, mut characters, mut all) = (bytes, 0_usize, 0_usize);
     while let [first, tail @ ..] = rest {
@@ -36,7 +37,7 @@ fn is_chinese(bytes: &[u8]) -> bool {
         }
         rest = tail;
         all += 1;
-        characters += usize::from((0xb0..=0xf7).contains(first));
+        characters += usize::from((0xb0..=0xd7).contains(first));
     }
     2 * characters > all
 }

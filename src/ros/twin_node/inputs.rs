@@ -216,8 +216,12 @@ impl<'a> Intake<'a> {
         if message.header.stamp.is_zero() {
             self.doubt(Doubt::Unstamped("measured_cf"), || UNSTAMPED.to_owned());
         }
+        let stamp_nanos = stamp_or_now(self.shared, message.header.stamp);
+        #[allow(clippy::cast_precision_loss)] // a span, shown to people
+        let ahead_s = self.shared.clock.now_nanos().map(|now| (stamp_nanos - now) as f64 * 1e-9);
+        self.shared.lock().ahead_s[1] = ahead_s;
         Some(Reading {
-            stamp_nanos: stamp_or_now(self.shared, message.header.stamp),
+            stamp_nanos,
             received,
             force_n: message.wrench.force.into(),
             torque_nm: message.wrench.torque.into(),
@@ -318,7 +322,9 @@ impl<'a> Intake<'a> {
         }
         self.last_stamp = Some(nanos);
         let handoff = self.inbox.put_pose(arrival.pose);
-        self.shared.lock().pose(handoff, arrival.age_s, arrival.now);
+        let mut live = self.shared.lock();
+        live.ahead_s[0] = Some(-arrival.age_s);
+        live.pose(handoff, arrival.age_s, arrival.now);
     }
 
     /// One publisher on one topic at a time: two sensors of the same needle would make it jump.

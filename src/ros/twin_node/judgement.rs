@@ -136,6 +136,9 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
             judgement.add(TwinStatus::HEALTH_WARN, format!("{} {words}", doubt.topic()));
         }
     }
+    if let Some(reason) = clocks_differ(live) {
+        judgement.add(TwinStatus::HEALTH_WARN, reason);
+    }
     if let Some(reason) = load_cell_problem(live) {
         judgement.add(TwinStatus::HEALTH_WARN, reason.to_owned());
     }
@@ -171,6 +174,21 @@ pub(super) fn judge(live: &Live, shared: &Shared, settings: &Settings, around: &
         judgement.add(TwinStatus::HEALTH_WARN, format!("{failed} messages not taken: a reliable reader is behind"));
     }
     judgement
+}
+
+/// Clocks of sensors that differ by more than this can't be compared by their stamps, s: readings so far apart are not interpolated.
+const CLOCKS_DIFFER_S: f64 = 0.1;
+
+/// Why stamps of load cell and poses can't be compared.
+fn clocks_differ(live: &Live) -> Option<String> {
+    let [Some(pose_s), Some(cell_s)] = live.ahead_s else { return None };
+    let (ahead_s, side) = if cell_s > pose_s { (cell_s - pose_s, "ahead of") } else { (pose_s - cell_s, "behind") };
+    (ahead_s > CLOCKS_DIFFER_S).then(|| {
+        format!(
+            "the stamps of measured_cf are {ahead_s:.3} s {side} those of the poses: readings and predictions of different moments are \
+             compared. Synchronise the clocks of the sensors"
+        )
+    })
 }
 
 /// Skipped poses and their effect on the force: while the tissue lags behind the instrument, the forces on instrument and

@@ -196,6 +196,8 @@ pub(super) struct Live {
     pub last_pose: Option<LastPose>,
     /// When simulated time last went on.
     pub last_clock: Option<Instant>,
+    /// How far the stamps of the newest pose and reading were ahead of the node's clock when they came, s.
+    pub ahead_s: [Option<f64>; 2],
     /// Why a measurement is no evidence, and when that was last seen.
     pub doubts: BTreeMap<Doubt, (String, Instant)>,
     /// Largest change of the force over depth along the scene's own motion, N/m; 0 until it is known.

@@ -54,7 +54,8 @@ fn joints_of_another_robot_on_the_topic_are_no_fault() {
         intake.joint_state(&joint(10 + i, 0, &["insertion"], &[0.001]), from(1));
         intake.joint_state(&joint(10 + i, 0, &["gripper"], &[0.1]), from(2));
     }
-    assert_eq!((shared.lock().rejected, shared.lock().received), (0, 5));
+    let live = shared.lock();
+    assert_eq!((live.rejected, live.received), (0, 5));
 }
 
 #[test]
