@@ -1,10 +1,12 @@
 //! Scenes by name or path: the one place that reads scene files.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::Path;
 
-use super::{PRESETS, Preset, Scene, SceneError, Shape};
+use xxhash_rust::xxh3::xxh3_128;
+
+use super::{MeshFile, PRESETS, Preset, Sample, Scene, SceneError, Shape};
 
 /// Longer than any scene; what is longer isn't one.
 const LONGEST: u64 = 1 << 20;
@@ -29,6 +31,15 @@ pub fn from_text(text: &str, origin: &str) -> Result<Scene, SceneError> {
         mesh.path = std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned();
     }
     Ok(scene)
+}
+
+impl Sample {
+    /// Digest of the mesh file's content, which no key says; empty without one. One that can't be read has a digest of that.
+    #[must_use]
+    pub fn mesh_digest(&self) -> String {
+        let content = |mesh: &MeshFile| fs::read(&mesh.path).unwrap_or_else(|error| error.to_string().into_bytes());
+        self.shape.mesh().map_or_else(String::new, |mesh| format!("{:032x}", xxh3_128(&content(mesh))))
+    }
 }
 
 /// Text of a scene and what messages call it.

@@ -1,7 +1,5 @@
 //! `[sample]`: the tissue sample's geometry.
 
-use xxhash_rust::xxh3::xxh3_128;
-
 use super::instrument::FRICTION;
 use super::section::{choice, section};
 use super::{Key, Metres, Range};
@@ -82,16 +80,6 @@ section! {
         base_group: String = Key::text("sample.base_group").or("base"),
         /// Group of the mesh's surface that the instrument may touch.
         contact_group: String = Key::text("sample.contact_group").or("contact"),
-    }
-}
-
-impl Sample {
-    /// Digest of the mesh file's content, which no key says; empty without one. One that can't be read has a digest of that.
-    #[must_use]
-    pub fn mesh_digest(&self) -> String {
-        let content =
-            |mesh: &MeshFile| std::fs::read(&mesh.path).unwrap_or_else(|error| error.to_string().into_bytes());
-        self.shape.mesh().map_or_else(String::new, |mesh| format!("{:032x}", xxh3_128(&content(mesh))))
     }
 }
 

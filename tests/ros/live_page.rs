@@ -91,7 +91,10 @@ fn a_viewer_sees_the_twin_and_commands_it_with_the_token() {
 
     say(&mut viewer, &json!({ "ask": "tare", "token": token }));
     let refused = until(&mut viewer, "reply", |_| true);
-    assert!(refused["done"] == false && refused["message"].as_str().unwrap().contains("load-cell"), "{refused}");
+    assert!(
+        refused["done"] == false && refused["message"].as_str().unwrap().contains("inside the sample"),
+        "{refused}"
+    );
     // outside of the tissue, with a load cell that reads 0.5 N, it is done, and what is measured after that is nothing
     peer.ask(json!({"op": "advertise", "topic": "/measured_cf", "type": "geometry_msgs/msg/WrenchStamped"}));
     assert_eq!(peer.ask(json!({"op": "wait_matched", "topics": ["/measured_cf"]}))["missing"], json!([]));

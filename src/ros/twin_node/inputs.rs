@@ -199,8 +199,7 @@ impl<'a> Intake<'a> {
         match taken {
             Ok(place) => self.accept(source, origin.received, stamp, place),
             // Joints of other machines on one topic are no loss while the needle's are there.
-            Err(Refusal::NoSuchJoint { .. }) if self.poses.source().is_some_and(|followed| followed.topic == topic) => {
-            }
+            Err(Refusal::NoSuchJoint { .. }) if self.poses.source().is_some_and(|followed| followed != source) => {}
             Err(refusal) => self.reject(Reject::from(&refusal), || format!("{topic}: {refusal}")),
         }
     }
