@@ -105,7 +105,13 @@ impl Hazard {
                     Stream::Command => "command, to the driver",
                     Stream::Clock => "/clock",
                 };
-                [stream, fault.words()]
+                // the time itself, not the stamps of somebody's clock
+                let fault = match (self, fault) {
+                    (Self::Message(Stream::Clock, _), Fault::Ahead) => "10 s ahead",
+                    (Self::Message(Stream::Clock, _), Fault::Behind) => "10 s behind",
+                    _ => fault.words(),
+                };
+                [stream, fault]
             }
             Self::Frozen(process) => [process.words(), "frozen and thawed"],
             Self::Killed(process) => [process.words(), "killed"],
