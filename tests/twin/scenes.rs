@@ -139,6 +139,7 @@ fn every_key_can_be_set_to_what_it_is() {
     let keys: Vec<_> = full.iter().map(|(k, v)| Override::text(k, v, "test")).collect();
     scenes.push(Scene::preset("compression").unwrap().with(&keys).unwrap());
     scenes.push(corrected(&whole));
+    scenes.push(whole.with(&[Override::text("align.contact_depth_m", "0.001", "test")]).unwrap());
     for key in KEYS.iter() {
         let path = match key.section() {
             "targets" => format!("targets.1.{}", key.field()),
@@ -292,11 +293,17 @@ fn every_default_is_allowed() {
             let selector = keys::find(&element).unwrap_or_else(|| panic!("{selector}"));
             assert!(matches!(selector.kind, Kind::Word(all) if words.iter().all(|word| all.contains(word))));
         }
-        let named_unit =
-            [("_pa", "Pa"), ("_kg_per_m3", "kg/m3"), ("_m_per_s", "m/s"), ("_n_per_m", "N/m"), ("_j_per_m2", "J/m2")]
-                .into_iter()
-                .chain([("_hz", "Hz"), ("_s", "s"), ("_m", "m"), ("_n", "N")])
-                .find(|(suffix, _)| key.path.ends_with(suffix));
+        let named_unit = [
+            ("_pa", "Pa"),
+            ("_kg_per_m3", "kg/m3"),
+            ("_m_per_s", "m/s"),
+            ("_n_per_m", "N/m"),
+            ("_n_per_s", "N/s"),
+            ("_j_per_m2", "J/m2"),
+        ]
+        .into_iter()
+        .chain([("_hz", "Hz"), ("_s", "s"), ("_m", "m"), ("_n", "N")])
+        .find(|(suffix, _)| key.path.ends_with(suffix));
         if let Some((_, unit)) = named_unit {
             assert_eq!(key.unit, unit, "{}: the name carries the unit", key.path);
         }
