@@ -272,6 +272,7 @@ fn tissue_that_is_not_as_modelled_slows_it_and_stops_it() {
     ]});
     peer.ask(serde_json::json!({
         "op": "call", "service": "/rig/set_parameters", "type": "rcl_interfaces/srv/SetParameters", "request": stiffer,
+        "quiet": true, // whether the answer comes is the contract of other tests
     }));
     let begun = Instant::now();
     let depth_m = loop {

@@ -265,7 +265,7 @@ impl Seen {
     }
 
     /// Whether the loop did what it has to. The stop itself takes the guard's timeout, a cycle, the driver's timeout and braking; a machine
-    /// that is busy makes it longer, and that is told, not judged.
+    /// that is busy makes it longer, and that is shown, not judged.
     fn holds(&self, hazard: Hazard) -> bool {
         let twin =
             !hazard.concerns_twin() || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.heals()));
