@@ -3,11 +3,11 @@
 //! A reading that repeats to the last bit is no fault by itself, since a coarse or noiseless sensor does it too. Two things tell:
 //!
 //! - **Noise.** A sensor that scatters repeats a value n times in a row with a probability that falls like p^n, so that the longest run of
-//!   equal readings so far bounds the next one. [`RUN`] times that bound, and [`SPARE`] readings more, does not come from noise. It is
+//!   equal readings so far bounds the next one. `RUN` times that bound, and `SPARE` readings more, does not come from noise. It is
 //!   used once the sensor has shown that it scatters, which is a change of sign between successive differences: the force of a needle that
 //!   moves steadily changes without them.
-//! - **Motion.** (Load cells.) The prediction has moved by more than the cell resolves, and the reading has not: a suspicion after [`SUSPECTED`], which is
-//!   reason enough not to go on, and a finding after [`FOUND`], from which on readings are left out.
+//! - **Motion.** (Load cells.) The prediction has moved by more than the cell resolves, and the reading has not: a suspicion after `SUSPECTED`, which is
+//!   reason enough not to go on, and a finding after `FOUND`, from which on readings are left out.
 //!
 //! What was found stands until a reading differs: a prediction that passes the value by chance proves nothing.
 
