@@ -8,8 +8,8 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 
 use coarse::scene;
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Phase, StampedPose, Team, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Phase, StampedPose, Team, Twin};
 
 /// The system's allocator, counting while told to. Freed memory counts too: a real-time loop must do neither.
 struct Counting;

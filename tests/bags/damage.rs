@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::common::random::Random;
-use needle_twin::input::{Recording, TopicNames};
+use needle_recording::{Recording, TopicNames};
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Float64;
 use rosbag2_mcap::{BagError, BagReader, BagWriter, Loss, Qos, WriterOptions, check};

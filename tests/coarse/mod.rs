@@ -1,9 +1,9 @@
 //! Coarse scenes, and poses for them, for tests of the twin.
 #![allow(dead_code, clippy::unwrap_used)] // each test file takes what it needs; a test may fail loudly
 
-use needle_twin::compare::{Answer, Watch};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Pose, Prediction, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Pose, Prediction, StampedPose, Twin};
+use needle_estimate::compare::{Answer, Watch};
 
 /// Takes no notice of a run.
 pub struct Quiet;

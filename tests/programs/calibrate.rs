@@ -4,12 +4,13 @@
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use needle_twin::compare::uncertainty::FORCE_ERROR;
-use needle_twin::compare::{Answer, At, ForceSeries, Reading, Watch};
-use needle_twin::input::{Recording, TopicNames};
+use needle_core::scene::Scene;
+use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_estimate::compare::{Answer, Watch};
+use needle_recording::{At, ForceSeries, Reading};
+use needle_recording::{Recording, TopicNames};
 use needle_twin::rig::make::{RigRecording, RigScene};
-use needle_twin::scene::Scene;
-use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
 use serde_json::Value;
 
 const MODULUS: &str = "material.shear_modulus_pa";

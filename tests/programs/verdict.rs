@@ -7,14 +7,15 @@ use std::time::Instant;
 
 use crate::wrong::{self, Fault, recorded};
 use assert_cmd::Command;
-use needle_twin::compare::scale::mistaken;
-use needle_twin::compare::uncertainty::FORCE_ERROR;
-use needle_twin::compare::{Answer, At, Explains, ForceSeries, Reading, Watch};
-use needle_twin::input::Recording;
+use needle_core::scene::Scene;
+use needle_core::twin::Twin;
+use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
+use needle_estimate::compare::scale::mistaken;
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_estimate::compare::{Answer, Explains, Watch};
+use needle_recording::Recording;
+use needle_recording::{At, ForceSeries, Reading};
 use needle_twin::rig::make::RigScene;
-use needle_twin::scene::Scene;
-use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
-use needle_twin::twin::Twin;
 use rayon::prelude::*;
 use serde_json::Value;
 

@@ -2,11 +2,12 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::ros::{Peer, Program, TWIN, free_domain};
-use needle_twin::compare::identifier::{Cause, Identifier, Parameter, State};
-use needle_twin::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
-use needle_twin::input::{Recording, TopicNames};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Phase;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Phase;
+use needle_estimate::compare::identifier::{Cause, Identifier, Parameter, State};
+use needle_estimate::compare::{self, Collector, Keep, Run};
+use needle_recording::{At, ForceSeries, Reading};
+use needle_recording::{Recording, TopicNames};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use crate::coarse::{alone, at_depth, scene, travel};
-use needle_twin::scene::{Override, Scene, SceneError};
-use needle_twin::twin::{Halt, Pose, Prediction, StampedPose, Twin};
+use needle_core::scene::{Override, Scene, SceneError};
+use needle_core::twin::{Halt, Pose, Prediction, StampedPose, Twin};
 
 const DEPTH: f64 = 5e-3;
 

@@ -2,12 +2,12 @@
 //! is right.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::compare::ensemble::assimilate::{Assimilated, HORIZON_S, Observed, Tracked, assimilate};
-use needle_twin::compare::ensemble::{self, Crew, Member, Size};
-use needle_twin::compare::{At, ForceSeries, Reading};
-use needle_twin::input::{DepthSample, Recording, TopicNames};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::study::reference;
+use needle_core::scene::{Override, Scene};
+use needle_estimate::compare::ensemble::assimilate::{Assimilated, HORIZON_S, Observed, Tracked, assimilate};
+use needle_estimate::compare::ensemble::{self, Crew, Member, Size};
+use needle_recording::{At, ForceSeries, Reading};
+use needle_recording::{DepthSample, Recording, TopicNames};
+use needle_studies::reference;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};

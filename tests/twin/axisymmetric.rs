@@ -5,8 +5,8 @@
 use crate::clouds;
 use crate::clouds::norm;
 use crate::coarse::{digits, press, travel};
-use needle_twin::scene::{Override, Scene, Target};
-use needle_twin::twin::{Phase, StampedPose, Twin};
+use needle_core::scene::{Override, Scene, Target};
+use needle_core::twin::{Phase, StampedPose, Twin};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse;
-use needle_twin::scene::{Override, Scene, file};
-use needle_twin::twin::{Body, Twin};
+use needle_core::scene::{Override, Scene, file};
+use needle_core::twin::{Body, Twin};
 
 const LESION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/meshes/lesion.toml");
 const HEXAHEDRA: (&str, &str) = ("discretisation.cells", "hexahedra");

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::coarse::{alone, at_depth, digits, press, travel};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Pose, Prediction, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Pose, Prediction, StampedPose, Twin};
 use std::f64::consts::PI;
 
 const MU: f64 = 1678.0;

@@ -5,9 +5,9 @@
 use std::sync::LazyLock;
 
 use crate::coarse::alone;
-use needle_twin::scene::{Override, Scene};
-use needle_twin::study::correction::{Learnt, learn};
-use needle_twin::twin::{Prediction, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Prediction, StampedPose, Twin};
+use needle_studies::correction::{Learnt, learn};
 
 const PROBLEM: [(&str, &str); 6] = [
     ("instrument.tilt_rad", "0.26"),

@@ -9,8 +9,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, rest, travel};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Pose, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Pose, StampedPose, Twin};
 
 const HEIGHT: f64 = 0.017;
 const BALL: f64 = 0.01;

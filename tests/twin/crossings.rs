@@ -4,7 +4,7 @@
 //! shares no code with the twin (`tests/references/rod.py`). Each is gone into ten times at 5 mm/s, read at 1 kHz.
 #![allow(clippy::unwrap_used)]
 
-use needle_twin::compare::crossing::{Crossing, Crossings};
+use needle_estimate::compare::crossing::{Crossing, Crossings};
 use needle_twin::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
 
 const SPEED: f64 = 5e-3;

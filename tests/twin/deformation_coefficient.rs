@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, at_depth, travel};
-use needle_twin::scene::Scene;
-use needle_twin::twin::Twin;
+use needle_core::scene::Scene;
+use needle_core::twin::Twin;
 
 const HEAD: &str = "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017\n[material]\nmodel = \
     \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\ndensity_kg_per_m3 = 970.0\n\

@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use assert_cmd::Command;
-use needle_twin::compare::{self, At, Collector, Keep, Reading, Run};
-use needle_twin::scene::{Override, Scene};
+use needle_core::scene::{Override, Scene};
+use needle_estimate::compare::{self, Collector, Keep, Run};
+use needle_recording::{At, Reading};
 use serde_json::Value;
 
 use crate::coarse::Quiet;

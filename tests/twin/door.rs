@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::coarse::{alone, at_depth, scene, travel};
-use needle_twin::compare::ForceSeries;
-use needle_twin::scene::Scene;
-use needle_twin::twin::{Halt, Pose, StampedPose, Twin};
+use needle_core::scene::Scene;
+use needle_core::twin::{Halt, Pose, StampedPose, Twin};
+use needle_recording::ForceSeries;
 
 fn refusal(twin: &mut Twin, pose: StampedPose) -> String {
     match twin.follow(pose) {

@@ -1,9 +1,10 @@
 //! Contract of ensembles: each member is a run of its own, to the last bit, and nothing depends on the threads.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::compare::ensemble::{self, Crew, Driven, Member, MemberPath, Paths, Size};
-use needle_twin::compare::{self, At, Collector, Keep, Reading, Run};
-use needle_twin::scene::{Override, Prior, Scene};
+use needle_core::scene::{Override, Prior, Scene};
+use needle_estimate::compare::ensemble::{self, Crew, Driven, Member, MemberPath, Paths, Size};
+use needle_estimate::compare::{self, Collector, Keep, Run};
+use needle_recording::{At, Reading};
 
 use crate::coarse::{Quiet, alone};
 

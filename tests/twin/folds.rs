@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{self, alone, travel};
-use needle_twin::compare::{self, At, Collector, Keep, Reading};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Health, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Health, Twin};
+use needle_estimate::compare::{self, Collector, Keep};
+use needle_recording::{At, Reading};
 
 fn preset(name: &str, changes: &[(&str, &str)]) -> Scene {
     let changes: Vec<_> = changes.iter().map(|(path, value)| Override::text(path, value, "test")).collect();

@@ -5,8 +5,8 @@ use crate::clouds;
 use crate::clouds::{METHODS, internal_force, minus, norm, settings, uniform};
 use crate::coarse::{press, scene, travel};
 use mtled::approximation::table::Approximation;
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Twin;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Twin;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 

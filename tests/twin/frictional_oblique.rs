@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::alone;
-use needle_twin::scene::Scene;
-use needle_twin::twin::{Pose, StampedPose, Twin};
+use needle_core::scene::Scene;
+use needle_core::twin::{Pose, StampedPose, Twin};
 
 const SAMPLE: &str = "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017\n[material]\nmodel = \
     \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\ndensity_kg_per_m3 = 970.0\n[instrument]\nkind = \

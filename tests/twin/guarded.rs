@@ -5,12 +5,12 @@
 //! and every insertion reads these curves. A sample's force is proportional to its stiffness.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::compare::ensemble::assimilate::Observed;
-use needle_twin::compare::ensemble::{self, Assimilation, Crew, Size};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{StampedPose, Twin};
+use needle_estimate::compare::ensemble::assimilate::Observed;
+use needle_estimate::compare::ensemble::{self, Assimilation, Crew, Size};
 use needle_twin::guard::{Guard, Heard, Orders, Outlook, Phase, Place, Sight};
 use needle_twin::rig::MotionLimits;
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{StampedPose, Twin};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -222,6 +222,7 @@ impl Campaign {
                 boundary: None,
                 odds,
                 goal_moves: true,
+                twin_offset_m: None,
             };
             depth_m = guard.tick(&sight).unwrap_or(depth_m);
         }

@@ -10,7 +10,7 @@ use mtled::material::Law;
 use mtled::solver::{Advance, Role, Solver, SolverSettings};
 use mtled::solver::{Kernel, Pool};
 use mtled::solver::{Precision, VolumeRatio};
-use needle_twin::twin::Twin;
+use needle_core::twin::Twin;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 

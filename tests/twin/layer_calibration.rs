@@ -2,12 +2,12 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{Quiet, alone};
-use needle_twin::compare::uncertainty::FORCE_ERROR;
-use needle_twin::compare::{At, ForceSeries, Reading};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
-use needle_twin::study::composites::Composite;
-use needle_twin::twin::{StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{StampedPose, Twin};
+use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_recording::{At, ForceSeries, Reading};
+use needle_studies::composites::Composite;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};

@@ -4,9 +4,9 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{self, Quiet, alone, rest, travel};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::study::verification::Verification;
-use needle_twin::twin::Twin;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Twin;
+use needle_studies::verification::Verification;
 
 const EQUAL_LAYERS: &str = r#"
 [materials.same]
@@ -57,7 +57,7 @@ fn a_skin_under_a_blunt_needle_is_within_2_percent() {
 fn the_order_of_materials_moves_no_force() {
     let of = |first: [&str; 2]| {
         let text =
-            needle_twin::study::composites::Composite::find("layered_indentation").unwrap().scene().unwrap().to_toml();
+            needle_studies::composites::Composite::find("layered_indentation").unwrap().scene().unwrap().to_toml();
         let mut scene = Scene::from_toml(&text, "layers").unwrap();
         scene.materials.sort_by_key(|m| first.iter().position(|f| *f == m.name));
         let mut twin = alone(|| Twin::new(&scene).unwrap());

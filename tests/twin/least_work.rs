@@ -3,9 +3,10 @@
 
 use crate::coarse;
 use crate::coarse::{alone, at_depth, travel};
-use needle_twin::compare::{self, Answer, At, Collector, Keep, Reading, Run, Watch};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Twin, Work};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Twin, Work};
+use needle_estimate::compare::{self, Answer, Collector, Keep, Run, Watch};
+use needle_recording::{At, Reading};
 
 struct Unwatched;
 

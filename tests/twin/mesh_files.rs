@@ -8,9 +8,9 @@ use std::path::Path;
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use mtled::cloud::{BASE, Cloud, SIDE, TOP};
-use needle_twin::mesh::{self};
-use needle_twin::scene::Scene;
-use needle_twin::twin::Twin;
+use needle_core::mesh::{self};
+use needle_core::scene::Scene;
+use needle_core::twin::Twin;
 use proptest::prelude::*;
 use tempfile::TempDir;
 
@@ -168,7 +168,7 @@ fn body(at: impl Fn([f64; 3]) -> [f64; 3], unit: &str) -> Result<Vec<String>, St
     let path = folder.path().join("cube.msh");
     fs::write(&path, format!("{}{places}{}", &cube_msh()[..nodes], &cube_msh()[end..])).unwrap();
     let scene = on_mesh("compression", &path, &[("sample.mesh_unit_m", unit), ("motion.depth_m", "0.002")]);
-    needle_twin::twin::Body::new(&scene).map(|body| body.warnings).map_err(|e| e.to_string())
+    needle_core::twin::Body::new(&scene).map(|body| body.warnings).map_err(|e| e.to_string())
 }
 
 #[test]

@@ -7,9 +7,9 @@ use std::path::Path;
 use crate::coarse::{self, alone};
 use crate::mesh_import::{WANTED, on_mesh};
 use mtled::cloud::{BASE, Cloud, TOP};
-use needle_twin::mesh;
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Twin;
+use needle_core::mesh;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Twin;
 use tempfile::TempDir;
 
 /// Cells along each edge of a cube of 20 mm.
@@ -249,8 +249,10 @@ fn volume_groups_of_hexahedra_are_regions() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("cube.msh");
     fs::write(&path, msh(&cells(Kinds::Hexahedra))).unwrap();
-    let text =
-        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scene/presets/compression.toml")).unwrap();
+    let text = fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/needle_core/src/scene/presets/compression.toml"),
+    )
+    .unwrap();
     let regions = "\n[materials.stiff]\nmodel = \"neo_hookean\"\nshear_modulus_pa = 8000.0\npoisson_ratio = 0.49\n\
                    density_kg_per_m3 = 970.0\n[[regions]]\nname = \"half\"\nshape = \"group\"\ngroup = \"upper\"\nmaterial = \"stiff\"\n";
     let sample = format!("shape = \"mesh\"\nmesh = \"{}\"\nmesh_unit_m = 0.001", path.display());

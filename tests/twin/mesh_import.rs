@@ -9,10 +9,9 @@ use std::path::{Path, PathBuf};
 
 use crate::common::python::run_script;
 use assert_cmd::Command;
-use needle_twin::mesh::{self, Wanted};
-use needle_twin::report;
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Twin;
+use needle_core::mesh::{self, Wanted};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Twin;
 use tempfile::TempDir;
 
 pub const WANTED: Wanted<'_> = Wanted { unit_m: 0.001, base: "base", contact: Some("contact") };
@@ -89,9 +88,9 @@ fn an_organ_is_solved_and_its_scene_can_be_moved() {
 #[test]
 fn a_mesh_of_three_volume_groups_is_shipped_and_its_regions_are_met_by_the_needle() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/meshes/lesion.toml");
-    let scene = needle_twin::scene::file::load(path.to_str().unwrap()).unwrap();
+    let scene = needle_core::scene::file::load(path.to_str().unwrap()).unwrap();
     let mut twin = Twin::new(&scene).unwrap();
-    let name = |depth: f64| twin.along().name(depth, needle_twin::twin::Phase::Penetration).to_owned();
+    let name = |depth: f64| twin.along().name(depth, needle_core::twin::Phase::Penetration).to_owned();
     assert_eq!([0.005, 0.015, 0.0205].map(name), ["sample", "tumour", "sample"]);
     let regions: std::collections::BTreeSet<u8> = twin.cell_regions().iter().copied().collect();
     assert_eq!(regions.len(), 3, "organ, tumour and vessel");
@@ -146,7 +145,7 @@ fn our_own_vtu_is_read_back() {
     let folder = TempDir::new().unwrap();
     let run = synthetic_run::needle(10.0);
     let path = folder.path().join("final.vtu");
-    fs::write(&path, report::final_vtu(&run).unwrap()).unwrap();
+    fs::write(&path, needle_report::final_vtu(&run).unwrap()).unwrap();
     let mesh = mesh::read(&path, &[]).unwrap();
     assert_eq!((mesh.points, mesh.cells), (run.final_state.points, run.final_state.cells));
     assert_eq!(mesh.known_groups, ["jacobian", "von_mises_pa"]);

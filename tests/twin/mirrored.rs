@@ -3,8 +3,8 @@
 
 use crate::coarse;
 use crate::coarse::{alone, at_depth, press, travel};
-use needle_twin::scene::{Dimension, Override, Scene, Word as _};
-use needle_twin::twin::{Halt, Pose, Prediction, StampedPose, Twin};
+use needle_core::scene::{Dimension, Override, Scene, Word as _};
+use needle_core::twin::{Halt, Pose, Prediction, StampedPose, Twin};
 
 fn with(preset: &str, changes: &[(&str, &str)]) -> Result<Scene, String> {
     let changes: Vec<_> = changes.iter().map(|(path, value)| Override::text(path, value, "test")).collect();

@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::alone;
-use needle_twin::scene::{Override, Scene};
-use needle_twin::study::composites::Composite;
-use needle_twin::twin::{StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{StampedPose, Twin};
+use needle_studies::composites::Composite;
 
 const DEPTH: &str = "regions.top.to_depth_m";
 

@@ -3,8 +3,8 @@
 
 use crate::coarse;
 use crate::coarse::{alone, at_depth, travel};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Twin;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Twin;
 
 const DEPTH: f64 = 3e-3;
 

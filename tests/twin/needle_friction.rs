@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, at_depth, digits, travel};
-use needle_twin::scene::{Dimension, Override, Scene};
-use needle_twin::twin::{Event, Health, Phase, Prediction, Twin};
+use needle_core::scene::{Dimension, Override, Scene};
+use needle_core::twin::{Event, Health, Phase, Prediction, Twin};
 
 const SAMPLE: &str = "[sample]\nshape = \"cylinder\"\ndiameter_m = 0.030\nheight_m = 0.017\n[material]\nmodel = \
     \"neo_hookean\"\nshear_modulus_pa = 1678.0\npoisson_ratio = 0.49\ndensity_kg_per_m3 = 970.0\n";
@@ -287,7 +287,7 @@ fn one_pose_through_three_layers_brings_all_of_their_events() {
         seen
     };
     let [once, often] = [run(1), run(300)];
-    let said = |all: &[needle_twin::twin::Happening]| -> Vec<(&str, u8)> {
+    let said = |all: &[needle_core::twin::Happening]| -> Vec<(&str, u8)> {
         all.iter().map(|h| (h.event.kind(), h.event.region())).collect()
     };
     assert_eq!(said(&once), [("puncture", 1), ("layer", 0), ("puncture", 2)], "{once:?}");

@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{at_depth, rest, scene, travel};
-use needle_twin::twin::{Halt, Prediction, StampedPose, Twin};
+use needle_core::twin::{Halt, Prediction, StampedPose, Twin};
 
 const DEPTH: f64 = 2.5e-3;
 
@@ -182,8 +182,8 @@ fn an_oblique_needle_leaves_nothing_behind() {
 
 #[test]
 fn a_path_that_leaves_the_sample_is_refused() {
-    let scene = needle_twin::scene::Scene::preset("needle_insertion").unwrap();
-    let change = |path, value| needle_twin::scene::Override::text(path, value, "test");
+    let scene = needle_core::scene::Scene::preset("needle_insertion").unwrap();
+    let change = |path, value| needle_core::scene::Override::text(path, value, "test");
     let said = scene.with(&[change("instrument.tilt_rad", "0.6"), change("instrument.entry_x_m", "0.012")]);
     let said = said.unwrap_err().to_string();
     assert!(said.contains("instrument.tilt_rad") && said.contains("leaves the sample"), "{said}");

@@ -7,8 +7,8 @@
 
 use crate::coarse::alone;
 use crate::needle_sideways::{insert, targets};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Twin;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Twin;
 
 /// Small deformation coefficient of the tests: 40 um at the surface.
 const SMALL: f64 = 0.01;

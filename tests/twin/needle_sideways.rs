@@ -6,8 +6,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, digits, rest, travel};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Health, Prediction, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Health, Prediction, StampedPose, Twin};
 
 const REFERENCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/references/needle_sideways.csv");
 /// Lateral motion of the test, m, and lean (sine).

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, digits, press, travel};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Phase, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Phase, Twin};
 
 /// Capture radius of the preset, m.
 const RADIUS: f64 = 5e-4;

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::coarse;
-use needle_twin::scene::{Override, Scene, file};
-use needle_twin::twin::{Body, BuildError, Twin};
+use needle_core::scene::{Override, Scene, file};
+use needle_core::twin::{Body, BuildError, Twin};
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;
@@ -313,8 +313,8 @@ fn organ(mesh: &Path) -> Scene {
 #[test]
 fn a_closed_surface_alone_is_an_outline() {
     let path = Path::new(LESION).with_extension("msh");
-    let wanted = needle_twin::mesh::Wanted { unit_m: 0.001, base: "base", contact: Some("contact") };
-    let (cloud, _) = needle_twin::mesh::load(&path, &wanted).unwrap();
+    let wanted = needle_core::mesh::Wanted { unit_m: 0.001, base: "base", contact: Some("contact") };
+    let (cloud, _) = needle_core::mesh::load(&path, &wanted).unwrap();
     let folder = TempDir::new().unwrap();
     let mut named = String::new();
     let name_of = |face: u8| match face {

@@ -11,7 +11,7 @@ use mtled::cloud::{BASE, Cloud};
 use mtled::material::{Law, Prony};
 use mtled::solver::{Advance, Role, Solver, SolverSettings};
 use mtled::solver::{Precision, VolumeRatio};
-use needle_twin::twin::{Prediction, StampedPose, Twin};
+use needle_core::twin::{Prediction, StampedPose, Twin};
 
 const SHARES: [f64; 2] = [0.3, 0.2];
 const TIMES: [f64; 2] = [0.4, 3.0];

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::scenes::MINIMAL;
-use needle_twin::scene::keys::{self, KEYS};
-use needle_twin::scene::{Kind, Override, PRESETS, Scene, SceneError, Value};
+use needle_core::scene::keys::{self, KEYS};
+use needle_core::scene::{Kind, Override, PRESETS, Scene, SceneError, Value};
 use proptest::prelude::*;
 
 /// A scene with every number anywhere in its registry range, and words and counts at random. Sizes are drawn as

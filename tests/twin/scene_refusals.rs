@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::scenes::{assert_names, minimal_with, refusal};
-use needle_twin::scene::{InstrumentKind, Override, Scene, keys};
+use needle_core::scene::{InstrumentKind, Override, Scene, keys};
 
 #[test]
 fn unknown_keys_are_named_with_the_nearest() {

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use mtled::solver::Precision;
-use needle_twin::scene::keys::{self, KEYS};
-use needle_twin::scene::{
+use needle_core::scene::keys::{self, KEYS};
+use needle_core::scene::{
     Correction, Dimension, InstrumentKind, Kind, Method, Override, PRESETS, Scene, SceneError, Shape, Value,
     VolumeRatio, Word,
 };

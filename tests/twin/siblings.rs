@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{self, alone};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::study::composites::Composite;
-use needle_twin::twin::{Motion, Prediction, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Motion, Prediction, StampedPose, Twin};
+use needle_studies::composites::Composite;
 
 const HALF_PLANE: [(&str, &str); 1] = [("discretisation.dimension", "axisymmetric")];
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, scene, travel};
-use needle_twin::twin::{Halt, StampedPose, Trouble, Twin};
+use needle_core::twin::{Halt, StampedPose, Trouble, Twin};
 
 /// Largest stable frequency of the central difference, rad per step.
 const LIMIT: f64 = 2.0;

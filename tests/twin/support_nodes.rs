@@ -3,8 +3,8 @@
 
 use crate::clouds::norm;
 use crate::coarse::alone;
-use needle_twin::scene::{Override, Scene, Word as _};
-use needle_twin::twin::{StampedPose, Twin};
+use needle_core::scene::{Override, Scene, Word as _};
+use needle_core::twin::{StampedPose, Twin};
 
 const KEY: &str = "discretisation.points_per_support_node";
 /// The oblique needle with coarse surroundings and narrow supports.

@@ -8,7 +8,7 @@ use mtled::approximation::axisymmetric::AxisymmetricApproximation;
 use mtled::approximation::table::Approximation;
 use mtled::approximation::{ApproximationError, Basis, Settings, ShapeTable};
 use mtled::cloud::check::{Fault, check};
-use needle_twin::twin::Twin;
+use needle_core::twin::Twin;
 
 /// Supports that end just beyond the next nodes.
 fn tight(basis: Option<Basis>) -> Settings {

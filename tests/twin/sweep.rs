@@ -12,8 +12,8 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::coarse::alone;
 use crate::common::random::Random;
-use needle_twin::scene::{Kind, Override, Scene, keys};
-use needle_twin::twin::{Halt, StampedPose, Twin};
+use needle_core::scene::{Kind, Override, Scene, keys};
+use needle_core::twin::{Halt, StampedPose, Twin};
 
 /// Nodes of a model that is swept over.
 const NODES: f64 = 3000.0;

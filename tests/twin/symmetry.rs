@@ -3,8 +3,8 @@
 
 use crate::axisymmetric::twin;
 use crate::coarse::{at_depth, digits, travel};
-use needle_twin::scene::{Dimension, Override, Scene};
-use needle_twin::twin::{Halt, StampedPose, Twin};
+use needle_core::scene::{Dimension, Override, Scene};
+use needle_core::twin::{Halt, StampedPose, Twin};
 
 #[test]
 fn poses_that_break_the_symmetry_are_refused_with_the_way_out() {

@@ -1,10 +1,10 @@
 //! Contract of teams: siblings that take their poses together answer as they do alone, with the same bits.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::compare::ensemble::{self, Crew, Live, MemberPath, Paths, Size};
-use needle_twin::compare::{At, Reading};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Halt, Motion, Prediction, StampedPose, Team, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Halt, Motion, Prediction, StampedPose, Team, Twin};
+use needle_estimate::compare::ensemble::{self, Crew, Live, MemberPath, Paths, Size};
+use needle_recording::{At, Reading};
 
 use crate::coarse::{self, alone};
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{press, rest, scene, travel};
-use needle_twin::twin::{Pose, StampedPose, Twin};
+use needle_core::twin::{Pose, StampedPose, Twin};
 
 const HEIGHT: f64 = 0.017;
 

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{alone, at_depth, digits, scene, travel};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Event, Halt, Phase, Pose, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Event, Halt, Phase, Pose, StampedPose, Twin};
 
 fn field(twin: &Twin) -> Vec<[f64; 3]> {
     let mut u = Vec::new();

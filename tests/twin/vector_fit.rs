@@ -2,10 +2,11 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse::{Quiet, scene};
-use needle_twin::compare::{Answer, At, Collector, Explains, ForceSeries, Keep, Reading, Run, build, drive};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::study::calibrate::{Calibration, Estimate, HoldOut, LoadCell, Task, Wanted, calibrate};
-use needle_twin::twin::{Phase, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Phase, StampedPose, Twin};
+use needle_estimate::calibrate::{Calibration, Estimate, HoldOut, LoadCell, Task, Wanted, calibrate};
+use needle_estimate::compare::{Answer, Collector, Explains, Keep, Run, build, drive};
+use needle_recording::{At, ForceSeries, Reading};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};

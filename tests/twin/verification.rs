@@ -5,9 +5,9 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::coarse;
-use needle_twin::compare::{Answer, Watch};
-use needle_twin::scene::Override;
-use needle_twin::study::verification::{self, Verification};
+use needle_core::scene::Override;
+use needle_estimate::compare::{Answer, Watch};
+use needle_studies::verification::{self, Verification};
 
 struct Unwatched;
 
