@@ -3,6 +3,7 @@
 //! `cargo test --release --test programs verdict::the_interval -- --nocapture` makes the record of docs/lab/verdict.md.
 #![allow(clippy::unwrap_used)]
 
+use needle_estimate::compare::Unwatched;
 use std::time::Instant;
 
 use crate::wrong::{self, Fault, recorded};
@@ -10,9 +11,9 @@ use assert_cmd::Command;
 use needle_core::scene::Scene;
 use needle_core::twin::Twin;
 use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
+use needle_estimate::compare::Explains;
 use needle_estimate::compare::scale::mistaken;
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
-use needle_estimate::compare::{Answer, Explains, Watch};
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};
 use needle_twin::rig::make::RigScene;
@@ -21,15 +22,6 @@ use serde_json::Value;
 
 const MODULUS: &str = "material.shear_modulus_pa";
 const COEFFICIENT: &str = "instrument.deformation_coefficient";
-
-struct Still;
-
-impl Watch for Still {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-    fn stop(&self) -> bool {
-        false
-    }
-}
 
 enum Outcome {
     Refused(String),
@@ -58,7 +50,7 @@ fn outcome(recording: &Recording, scene: &str, key: &str) -> Outcome {
             part: HoldOut::Nothing,
             table: None,
         };
-        Outcome::Found(Box::new(calibrate(&task, &mut Still, &mut |_| {}).unwrap()))
+        Outcome::Found(Box::new(calibrate(&task, &mut Unwatched, &mut |_| {}).unwrap()))
     })
 }
 

@@ -2,12 +2,12 @@
 //! bits, and one that makes it in few steps is right to two per cent; the service answers within 50 ms.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::coarse;
-use crate::coarse::{alone, digits};
 use crate::ros::{Peer, Program, TWIN, free_domain};
 use needle_core::scene::{Override, Scene};
 use needle_core::twin::{Motion, Prediction, StampedPose, Twin};
 use serde_json::{Value, json};
+use testkit::coarse;
+use testkit::coarse::{alone, digits};
 
 /// One pose, at 2 mm/s and 200 Hz.
 fn pose(twin: &Twin, i: u32) -> StampedPose {

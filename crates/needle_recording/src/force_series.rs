@@ -134,6 +134,16 @@ mod tests {
         assert_eq!(series.at(0.015), Some(force(1.5)), "the sample that is no number is not there");
     }
 
+    #[test]
+    fn a_force_that_no_load_cell_gives_is_left_out_and_said() {
+        let samples =
+            vec![(0.0, [0.0, 0.0, 1.0]), (0.01, [0.0, 0.0, 1e200]), (0.02, [0.0, 0.0, 3.0]), (1e300, [0.0; 3])];
+        let series = ForceSeries::new(samples);
+        assert_eq!(series.at(0.01), Some([0.0, 0.0, 2.0]));
+        assert!(series.loss().unwrap().contains("2 readings"), "{:?}", series.loss());
+        assert_eq!(ForceSeries::new(vec![(0.0, [1.0; 3])]).loss(), None);
+    }
+
     proptest! {
         #[test]
         fn a_straight_line_comes_back(t in 0.0..1.0f64, n in 11usize..50) {

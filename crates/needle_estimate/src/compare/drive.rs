@@ -23,6 +23,18 @@ pub trait Watch {
     }
 }
 
+/// Watches nothing and stops nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unwatched;
+
+impl Watch for Unwatched {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        false
+    }
+}
+
 /// Builds the twin of a scene; the second value is the wall time that it took, s.
 ///
 /// # Errors

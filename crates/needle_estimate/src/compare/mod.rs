@@ -22,7 +22,7 @@ pub mod uncertainty;
 pub mod verdict;
 
 pub use collector::{Collector, Keep};
-pub use drive::{Watch, build, build_beside, build_on, drive};
+pub use drive::{Unwatched, Watch, build, build_beside, build_on, drive};
 use drive::{not_finite, stamped};
 pub use legs::{Legs, Pass};
 pub use metrics::{ForceMetrics, Latency};
