@@ -14,9 +14,14 @@
 #![forbid(unsafe_code)]
 
 pub mod cli;
+#[cfg(feature = "ros")]
 pub mod guard;
+#[cfg(feature = "page")]
 pub mod live;
+#[cfg(feature = "slicer")]
 pub mod openigtlink;
 pub mod rig;
+#[cfg(feature = "ros")]
 pub mod ros;
+#[cfg(any(feature = "page", feature = "slicer"))]
 mod served;

@@ -3,5 +3,9 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    ros2_guarded::serve(std::env::args_os()).unwrap_or_else(|| needle_twin::cli::run(std::env::args_os()))
+    #[cfg(feature = "ros")]
+    if let Some(code) = ros2_guarded::serve(std::env::args_os()) {
+        return code;
+    }
+    needle_twin::cli::run(std::env::args_os())
 }

@@ -126,7 +126,7 @@ fn info_json(bag: &BagReader) -> Value {
 fn info_text(bag: &BagReader) -> String {
     let mut out = String::new();
     let mut line = |key: &str, value: &str| {
-        let _ = writeln!(out, "{:<19}{}", format!("{key}:"), printable::line(value)); // a String takes anything
+        let _ = writeln!(out, "{:<19}{}", format!("{key}:"), terminal::line(value)); // a String takes anything
     };
     line("Files", &bag.file_names().collect::<Vec<_>>().join(", "));
     line("Bag size", &format!("{:.1} KiB", bag.size() as f64 / 1024.0));
@@ -143,7 +143,7 @@ fn info_text(bag: &BagReader) -> String {
     }
     for (number, t) in bag.topics().iter().enumerate() {
         let key = if number == 0 { "Topic information:" } else { "" };
-        let [name, type_name, encoding] = [&t.name, &t.type_name, &t.encoding].map(|text| printable::line(text));
+        let [name, type_name, encoding] = [&t.name, &t.type_name, &t.encoding].map(|text| terminal::line(text));
         let _ = writeln!(
             out,
             "{key:<19}Topic: {name} | Type: {type_name} | Count: {} | Serialization Format: {encoding}",
@@ -200,7 +200,7 @@ fn check_json(report: &CheckReport) -> String {
 }
 
 fn check_text(report: &CheckReport) -> String {
-    let lines = report.findings.iter().map(|f| format!("{}: {}\n", word(f.severity), printable::line(&f.text)));
+    let lines = report.findings.iter().map(|f| format!("{}: {}\n", word(f.severity), terminal::line(&f.text)));
     let what = if report.findings.is_empty() { "sound" } else { "read" };
     let (messages, topics) = (report.messages, report.topics);
     format!("{}{}: {what}, {messages} messages on {topics} topics\n", lines.collect::<String>(), report.bag)

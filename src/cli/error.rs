@@ -14,6 +14,7 @@ use needle_report::ReportError;
 use needle_studies::accuracy::StudyError;
 use needle_studies::sensitivity::RunsError;
 use needle_studies::speed::SpeedError;
+#[cfg(feature = "ros")]
 use ros2_node::start::NodeError;
 use rosbag2_mcap::BagError;
 
@@ -113,6 +114,7 @@ pub enum CliError {
         errors: usize,
     },
     /// A ROS 2 node can't be started or reached.
+    #[cfg(feature = "ros")]
     #[error(transparent)]
     Node(#[from] NodeError),
     /// The demo can't be played.

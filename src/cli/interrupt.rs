@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use ros2_guarded::signals::hangup_is_ignored;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// Exit codes of a program that SIGHUP, SIGINT or SIGTERM ended, as shells have them.
@@ -25,7 +24,7 @@ impl Interrupt {
             return interrupt;
         };
         // asked before a handler takes its place
-        let outlives = hangup_is_ignored();
+        let outlives = terminal::hangup_is_ignored();
         let listen = move || {
             runtime.block_on(async {
                 let (Ok(mut interrupt), Ok(mut terminate)) =

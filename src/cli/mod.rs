@@ -6,12 +6,14 @@ mod bag;
 mod batch;
 mod calibrate;
 mod curves;
+#[cfg(feature = "ros")]
 mod demo;
 mod error;
 mod import;
 mod interrupt;
 mod layers;
 mod members;
+#[cfg(feature = "ros")]
 mod nodes;
 mod options;
 mod output;
@@ -34,6 +36,7 @@ use clap::{Parser, Subcommand};
 
 pub use error::CliError;
 
+#[cfg(feature = "ros")]
 use crate::ros::{guard_node, rig_node, twin_node};
 use needle_core::scene::file as scene_file;
 
@@ -53,6 +56,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    #[cfg(feature = "ros")]
     Demo(demo::Arguments),
     Replay(replay::Arguments),
     Import(import::Arguments),
@@ -65,19 +69,23 @@ enum Command {
     Bag(bag::Arguments),
     Completions(shell::CompletionArguments),
     Man(shell::ManArguments),
+    #[cfg(feature = "ros")]
     /// Supervise an insertion: move the needle, watch the twin's prediction, stop when something is lost or out of bounds (a
     /// ROS 2 node; `guard --help`)
     #[command(disable_help_flag = true)]
     Guard(NodeArguments),
+    #[cfg(feature = "ros")]
     /// The program `twin_node`, for `demo`
     #[command(hide = true, disable_help_flag = true)]
     TwinNode(NodeArguments),
+    #[cfg(feature = "ros")]
     /// The program `rig_node`, for `demo`
     #[command(hide = true, disable_help_flag = true)]
     RigNode(NodeArguments),
 }
 
 /// Everything behind the sub-command is the node's own.
+#[cfg(feature = "ros")]
 #[derive(Debug, clap::Args)]
 struct NodeArguments {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
@@ -96,8 +104,11 @@ pub enum Outcome {
 /// Runs the program with its arguments (the first is the program's name) and gives the exit code of the process.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     match Arguments::try_parse_from(arguments) {
+        #[cfg(feature = "ros")]
         Ok(Arguments { command: Some(Command::TwinNode(node)) }) => ExitCode::from(twin_node::run(node.arguments)),
+        #[cfg(feature = "ros")]
         Ok(Arguments { command: Some(Command::RigNode(node)) }) => ExitCode::from(rig_node::run(node.arguments)),
+        #[cfg(feature = "ros")]
         Ok(Arguments { command: Some(Command::Guard(node)) }) => ExitCode::from(guard_node::run(node.arguments)),
         Ok(arguments) => exit_code(dispatch(arguments)),
         // Help and version end here too, as "errors" of exit code 0 that go to stdout.
@@ -110,6 +121,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
     match arguments.command {
+        #[cfg(feature = "ros")]
         Some(Command::Demo(arguments)) => demo::run(&arguments),
         Some(Command::Replay(arguments)) => replay::run(&arguments),
         Some(Command::Import(arguments)) => import::run(&arguments),
@@ -123,8 +135,14 @@ fn dispatch(arguments: Arguments) -> Result<Outcome, CliError> {
         Some(Command::Completions(arguments)) => shell::completions(&arguments),
         Some(Command::Man(arguments)) => shell::man(&arguments),
         // without a sub-command the demo shows what the program does
+        #[cfg(feature = "ros")]
         None => demo::run(&demo::Arguments::default()),
+        #[cfg(not(feature = "ros"))]
+        None => {
+            print(&<Arguments as clap::CommandFactory>::command().render_help().to_string()).map(|()| Outcome::Complete)
+        }
         // The nodes have exit codes of their own: `run` starts them.
+        #[cfg(feature = "ros")]
         Some(Command::Guard(_) | Command::TwinNode(_) | Command::RigNode(_)) => Ok(Outcome::Complete),
     }
 }
@@ -138,8 +156,7 @@ fn exit_code(result: Result<Outcome, CliError>) -> ExitCode {
         Err(error) => {
             let text = error.to_string();
             // The end of a node's log has lines of its own, each of which has been through the same door.
-            let text =
-                if matches!(error, CliError::Demo(_)) { printable::block(&text) } else { printable::line(&text) };
+            let text = if matches!(error, CliError::Demo(_)) { terminal::block(&text) } else { terminal::line(&text) };
             let _ = writeln!(io::stderr(), "error: {text}"); // a failure to write can't be reported either
             ExitCode::FAILURE
         }
@@ -149,12 +166,12 @@ fn exit_code(result: Result<Outcome, CliError>) -> ExitCode {
 /// Writes a result to stdout.
 fn print(text: &str) -> Result<(), CliError> {
     let mut stdout = io::stdout().lock();
-    stdout.write_all(printable::block(text).as_bytes()).and_then(|()| stdout.flush()).map_err(CliError::Stdout)
+    stdout.write_all(terminal::block(text).as_bytes()).and_then(|()| stdout.flush()).map_err(CliError::Stdout)
 }
 
 /// Writes a diagnostic to stderr.
 fn warn(message: &str) {
-    let _ = writeln!(io::stderr(), "warning: {}", printable::line(message)); // a failure to write can't be reported either
+    let _ = writeln!(io::stderr(), "warning: {}", terminal::line(message)); // a failure to write can't be reported either
 }
 
 #[cfg(test)]

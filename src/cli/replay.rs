@@ -48,6 +48,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
 }
 
 /// Plays a recording offline as another command (`demo --no-dds`), fields and all.
+#[cfg(feature = "ros")]
 pub(super) fn offline(scene: &Scene, recording: &Recording, command: &str) -> Result<Run, CliError> {
     let readings = recording.readings(false);
     let keep = Keep { fields: true, duration_s: duration_s(&readings), save_every_s: None };

@@ -1,6 +1,7 @@
 //! `needle_twin study`: what a discretisation costs, how near it comes to independent solutions, and what a closed loop does under faults.
 
 mod accuracy;
+#[cfg(feature = "ros")]
 mod hazards;
 mod sensitivity;
 mod speed;
@@ -40,6 +41,7 @@ enum Study {
     Stability(Stability),
     Speed(speed::Speed),
     Sensitivity(sensitivity::SensitivityArguments),
+    #[cfg(feature = "ros")]
     Hazards(hazards::Hazards),
 }
 
@@ -119,6 +121,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
         Study::Stability(stability) => stability.run(),
         Study::Speed(speed) => speed.run(),
         Study::Sensitivity(sensitivity) => sensitivity.run(),
+        #[cfg(feature = "ros")]
         Study::Hazards(hazards) => hazards.run(),
     }
 }

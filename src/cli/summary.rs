@@ -51,7 +51,7 @@ pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {
 pub(super) fn screen(lines: &[(&str, String)]) -> String {
     let mut out = String::new();
     for (label, text) in lines {
-        let _ = writeln!(out, "{label:>9}  {}", printable::line(text)); // writing to a String can't fail
+        let _ = writeln!(out, "{label:>9}  {}", terminal::line(text)); // writing to a String can't fail
     }
     out
 }

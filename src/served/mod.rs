@@ -3,5 +3,7 @@
 mod news;
 mod service;
 
-pub use news::{Newest, News, Seat};
+#[cfg(feature = "page")]
+pub use news::Newest;
+pub use news::{News, Seat};
 pub use service::{Service, accept, bind};

@@ -50,6 +50,7 @@ impl<T: Clone + PartialEq, const PLACES: usize> News<T, PLACES> {
     }
 
     /// Waits until nobody has a seat.
+    #[cfg(feature = "page")]
     pub async fn left(&self) {
         // an error is that the news are gone, and with them whoever looked
         let _ = self.taken.subscribe().wait_for(|n| *n == 0).await;

@@ -1,9 +1,9 @@
 //! `calibration.png` and `.svg`: measured force, the twin's before and after over depth; what is left over time.
 
 use super::{
+    fonts::fitted,
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, MUTED, Panel, VERMILION, label, legend},
-    raster::fitted,
     regions,
     unit::significant,
 };

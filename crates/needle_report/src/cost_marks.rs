@@ -2,10 +2,10 @@
 
 use super::{
     cost_plot::AREA,
+    fonts::text_width,
     picture::Anchor,
     picture::{Colour, Pen, Picture, Type},
     plot::{BLUE, INK, MUTED, VERMILION, label},
-    raster::text_width,
 };
 use needle_studies::accuracy::{Case, Steps};
 

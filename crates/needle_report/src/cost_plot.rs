@@ -2,10 +2,10 @@
 
 use super::{
     cost_marks::{MARK, legend, mark},
+    fonts::text_width,
     picture::{Anchor, Colour, Pen, Picture, Type},
     place::{Box4, place},
     plot::{FRAME, INK, MUTED, RULE, VERMILION, label},
-    raster::text_width,
 };
 use needle_studies::accuracy::{Case, Row, Steps, front, named};
 use needle_studies::composites::posed;

@@ -46,6 +46,12 @@ pub enum ReportError {
         /// Number of points.
         points: usize,
     },
+    /// The program has no raster pictures.
+    #[error("{}: this program was built without the feature plots and draws no PNG; give a name that ends in .svg", .path.display())]
+    NoPng {
+        /// The file.
+        path: PathBuf,
+    },
     /// A picture can't be drawn.
     #[error("{file}: can't be drawn ({reason}); please report it")]
     Picture {

@@ -1,10 +1,10 @@
 //! `force.png` and `force.svg`: predicted and measured force over depth, residual below.
 
 use super::{
+    fonts::{fitted, text_width},
     phases::over_depth,
     picture::{Anchor, Colour, Pen, Picture, Type},
     plot::{Axis, BLUE, End, INK, Panel, VERMILION, label, legend},
-    raster::{fitted, text_width},
     regions,
     thin::thin,
     unit::{Scale, significant},

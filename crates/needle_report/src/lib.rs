@@ -17,6 +17,7 @@ mod deformation_plot;
 mod embed;
 mod error;
 mod files;
+mod fonts;
 mod force_plot;
 mod layers_json;
 mod line_plot;
@@ -27,6 +28,7 @@ mod phases;
 mod picture;
 mod place;
 mod plot;
+#[cfg(feature = "plots")]
 mod raster;
 mod regions;
 mod reliability_plot;
@@ -69,6 +71,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Pixels of `force.png` per px of the picture: 1920 pixels wide.
+#[cfg(feature = "plots")]
 const PNG_SCALE: f32 = 2.0;
 
 /// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`, and with members and a measured
@@ -83,10 +86,9 @@ pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
         Rendered::new("force.csv", force_csv(run)),
         Rendered::new("targets.csv", targets_csv(run)),
         Rendered::new("final.vtu", final_vtu(run)?),
-        Rendered::new("force.svg", force_svg(run)),
-        Rendered::new("force.png", force_png(run)?),
         Rendered::new("report.html", report_html(run)?),
     ];
+    push_picture(&mut rendered, "force", &force_plot::force_plot(run))?;
     let forecasts = [
         ("forecast.csv", csv::forecast_csv(run)),
         ("keys.csv", csv::keys_csv(run)),
@@ -114,6 +116,7 @@ pub fn force_svg(run: &Run) -> String {
 ///
 /// # Errors
 /// [`ReportError::Picture`] if it can't be drawn.
+#[cfg(feature = "plots")]
 pub fn force_png(run: &Run) -> Result<Vec<u8>, ReportError> {
     force_plot::force_plot(run).to_png("force.png", PNG_SCALE)
 }
@@ -146,6 +149,7 @@ pub fn write_accuracy(out: &Path, rows: &[Row]) -> Result<Vec<PathBuf>, ReportEr
 
 fn push_picture(rendered: &mut Vec<Rendered>, name: &str, picture: &picture::Picture) -> Result<(), ReportError> {
     rendered.push(Rendered::new(format!("{name}.svg"), picture.to_svg()));
+    #[cfg(feature = "plots")]
     rendered.push(Rendered::new(format!("{name}.png"), picture.to_png("the PNG", PNG_SCALE)?));
     Ok(())
 }
@@ -157,7 +161,10 @@ fn push_picture(rendered: &mut Vec<Rendered>, name: &str, picture: &picture::Pic
 pub fn write_section(path: &Path, scene: &Scene, body: &Body) -> Result<(), ReportError> {
     let picture = scene_section::scene_section(scene, body);
     match path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        #[cfg(feature = "plots")]
         true => write_file(path, &picture.to_png("the PNG", PNG_SCALE)?),
+        #[cfg(not(feature = "plots"))]
+        true => Err(ReportError::NoPng { path: path.to_path_buf() }),
         false => write_file(path, picture.to_svg().as_bytes()),
     }
 }
@@ -178,11 +185,8 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), ReportError> {
 /// As [`write_all`].
 pub fn write_stability(out: &Path, rows: &[stability::Row]) -> Result<Vec<PathBuf>, ReportError> {
     let map = stability_map::stability_map(rows);
-    let rendered = [
-        Rendered::new("stability.csv", stability::csv(rows)),
-        Rendered::new("stability.svg", map.to_svg()),
-        Rendered::new("stability.png", map.to_png("stability.png", PNG_SCALE)?),
-    ];
+    let mut rendered = vec![Rendered::new("stability.csv", stability::csv(rows))];
+    push_picture(&mut rendered, "stability", &map)?;
     files::write(out, &rendered)
 }
 
@@ -193,10 +197,8 @@ pub fn write_stability(out: &Path, rows: &[stability::Row]) -> Result<Vec<PathBu
 pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBuf>, ReportError> {
     let mut rendered = vec![Rendered::new("verification.csv", verification::csv(all))];
     for one in all {
-        let (scene, picture) = (one.scene, verification_plot::verification_plot(one));
-        let png = picture.to_png("verification_SCENE.png", PNG_SCALE)?;
-        rendered.push(Rendered::new(format!("verification_{scene}.svg"), picture.to_svg()));
-        rendered.push(Rendered::new(format!("verification_{scene}.png"), png));
+        let name = format!("verification_{}", one.scene);
+        push_picture(&mut rendered, &name, &verification_plot::verification_plot(one))?;
     }
     files::write(out, &rendered)
 }
@@ -237,10 +239,7 @@ pub fn write_speed(
     rows: &[speed::Row],
 ) -> Result<Vec<PathBuf>, ReportError> {
     let picture = speed_plot::speed_plot(processor, bounds, rows);
-    let rendered = [
-        Rendered::new("speed.csv", speed::csv(rows)),
-        Rendered::new("speed.svg", picture.to_svg()),
-        Rendered::new("speed.png", picture.to_png("speed.png", PNG_SCALE)?),
-    ];
+    let mut rendered = vec![Rendered::new("speed.csv", speed::csv(rows))];
+    push_picture(&mut rendered, "speed", &picture)?;
     files::write(out, &rendered)
 }

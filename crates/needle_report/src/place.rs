@@ -1,6 +1,6 @@
 //! Places labels beside their points so that none covers another, or a point.
 
-use super::raster::text_width;
+use super::fonts::text_width;
 
 /// A rectangle: left, top, right, bottom, px.
 pub(super) type Box4 = [f64; 4];

@@ -1,8 +1,8 @@
 //! Drawing helpers that every plot shares: colours, axes with round ticks, panels, legends.
 
 use super::{
+    fonts::text_width,
     picture::{Anchor, Colour, Pen, Picture, Type},
-    raster::text_width,
 };
 
 // Told apart by colour-blind eyes and in grey print: lightness differs as well as hue.

@@ -11,7 +11,7 @@ import needle_twin.gym  # noqa: E402
 @pytest.fixture(scope="module")
 def env():
     scene = needle_twin.Scene("needle_insertion", {"discretisation.spacing_m": 0.003})
-    return gymnasium.make("needle_twin/NeedleInsertion-v0", scene=scene, max_steps=400, target_offset_m=1e-4).unwrapped
+    return gymnasium.make("needle_twin/NeedleInsertion-v0", scene=scene, max_steps=400).unwrapped
 
 
 def test_it_keeps_gymnasiums_rules(env):

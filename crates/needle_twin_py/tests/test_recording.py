@@ -77,7 +77,12 @@ def test_one_column_may_be_one_text(table):
 
 def test_a_contact_that_was_found_is_carried_over(table, tmp_path):
     shifted = tmp_path / "shifted.csv"
-    rows = np.loadtxt(table, delimiter=",", skiprows=1) + np.array([0.0, 0.6, 0.03])
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    # 0.6 mm through air at the same speed: where nothing is touched yet, the contact is known
+    (dt_s, step_mm), air = rows[2, :2] - rows[1, :2], np.random.default_rng(2)
+    n = round(0.6 / step_mm)
+    approach = np.column_stack([np.arange(n) * dt_s, np.arange(n) * step_mm, air.normal(0.0, 0.002, n)])
+    rows = np.vstack([approach, rows + np.array([n * dt_s, n * step_mm, 0.0])]) + np.array([0.0, 0.0, 0.03])
     np.savetxt(shifted, rows, delimiter=",", header="Time (s),Compression (mm),Load (N)", comments="")
     found = needle_twin.calibrate(shifted, ["material.shear_modulus_pa"], "compression", changes=COARSE)
     assert found.scene["align.contact_depth_m"] == pytest.approx(6e-4, abs=5e-5)

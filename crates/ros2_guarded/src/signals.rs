@@ -42,7 +42,7 @@ impl Signals {
         all.thread_block()?;
         let mut asked: SigSet = [SIGINT, SIGTERM].into_iter().collect();
         // one that is blocked is pending even if it is ignored
-        if !hangup_is_ignored() {
+        if !terminal::hangup_is_ignored() {
             asked.add(SIGHUP);
         }
         Ok(Self { asked: SignalFd::with_flags(&asked, SfdFlags::SFD_NONBLOCK | SfdFlags::SFD_CLOEXEC)? })
@@ -61,12 +61,4 @@ impl Signals {
             _ => None,
         }
     }
-}
-
-/// Whether the process is to outlive its terminal: `nohup` has it ignore SIGHUP from the start.
-#[must_use]
-pub fn hangup_is_ignored() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
-    ignored.is_some_and(|bits| bits >> (SIGHUP as u32 - 1) & 1 == 1)
 }

@@ -283,7 +283,7 @@ impl<S: Subscriber> Layer<S> for RosLayer {
         let record = Record {
             wall_nanos: i64::try_from(wall.as_nanos()).unwrap_or(i64::MAX),
             severity: Severity::of(*metadata.level()),
-            message: printable::line(&text.0).into_owned(),
+            message: terminal::line(&text.0).into_owned(),
             file: metadata.file().unwrap_or(""),
             line: metadata.line().unwrap_or(0),
         };

@@ -52,7 +52,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match start::start("guard", arguments).and_then(|start| guard(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("needle_twin guard: {}", printable::line(&error.to_string()));
+            eprintln!("needle_twin guard: {}", terminal::line(&error.to_string()));
             error.exit_code()
         }
     }

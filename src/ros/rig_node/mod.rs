@@ -64,7 +64,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match start::start("rig", arguments).and_then(|start| rig(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("rig_node: {}", printable::line(&error.to_string()));
+            eprintln!("rig_node: {}", terminal::line(&error.to_string()));
             error.exit_code()
         }
     }

@@ -11,14 +11,13 @@ use super::declared::{self, Settings};
 use super::force::ForceOutputs;
 use super::inbox::Inbox;
 use super::judgement::{Around, judge};
-use super::page::Page;
+use super::page::{Command, Page};
 use super::rivals::{self, Rivals};
 use super::shared::{Noted, Shared};
 use super::solver::Event;
 use super::status;
 use super::tissue::{Model, TissueOutputs};
 use super::warnings::Watch;
-use crate::live::Command;
 use ros2_guarded::Bell;
 use ros2_guarded::Health;
 use ros2_messages::diagnostic_msgs::DiagnosticArray;
@@ -279,7 +278,7 @@ impl Housekeeping {
         self.reset.answer(|_| self.reset(context, "~/reset"));
         self.tare.answer(|_| tare(&context.events, false));
         self.force_tare.answer(|_| tare(&context.events, true));
-        while let Some(asked) = context.page.as_ref().and_then(|page| page.asked.try_recv().ok()) {
+        while let Some(asked) = context.page.as_ref().and_then(Page::asked) {
             let TriggerResponse { success, message } = match &asked.command {
                 Command::Tare => tare(&context.events, false),
                 Command::Reset => self.reset(context, "asked for on the live page"),
@@ -297,7 +296,7 @@ impl Housekeeping {
 
     /// Notes the moment of the last answer, for viewers of the page and in the log, and so in a recording.
     fn mark(&self, text: &str) -> TriggerResponse {
-        let text = printable::line(text);
+        let text = terminal::line(text);
         let mut live = self.shared.lock();
         let Some(answer) = live.last else {
             return TriggerResponse { success: false, message: "no pose has been answered yet".to_owned() };

@@ -23,7 +23,9 @@ mod inputs;
 mod judgement;
 mod look_ahead;
 mod members;
+#[cfg_attr(not(feature = "slicer"), path = "without_openigtlink.rs")]
 mod openigtlink;
+#[cfg_attr(not(feature = "page"), path = "without_page.rs")]
 mod page;
 mod pictured;
 mod pulse;
@@ -110,7 +112,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match start::start("twin", arguments).and_then(|start| twin(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("twin_node: {}", printable::line(&error.to_string()));
+            eprintln!("twin_node: {}", terminal::line(&error.to_string()));
             error.exit_code()
         }
     }

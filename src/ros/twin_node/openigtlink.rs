@@ -12,7 +12,7 @@ use ros2_node::start::NodeError;
 
 /// A link that is served.
 pub(super) struct Link {
-    pub board: Arc<Board>,
+    board: Arc<Board>,
     _server: Server,
 }
 
@@ -46,14 +46,19 @@ impl Link {
         tracing::info!("OpenIGTLink: {}", server.address());
         Ok(Some(Self { board, _server: server }))
     }
-}
 
-/// Shows the sample.
-pub(super) fn model(board: &Board, model: &Model) {
-    board.model(&model.points, &model.surface, &model.target_names);
-}
+    /// Whether anybody looks.
+    pub fn is_watched(&self) -> bool {
+        self.board.is_watched()
+    }
 
-/// Shows the sample at a moment.
-pub(super) fn tissue(board: &Board, snapshot: &Snapshot) {
-    board.tissue(snapshot.stamp.nanos(), &snapshot.displacements, &snapshot.targets);
+    /// Shows the sample.
+    pub fn model(&self, model: &Model) {
+        self.board.model(&model.points, &model.surface, &model.target_names);
+    }
+
+    /// Shows the sample at a moment.
+    pub fn tissue(&self, snapshot: &Snapshot) {
+        self.board.tissue(snapshot.stamp.nanos(), &snapshot.displacements, &snapshot.targets);
+    }
 }

@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 use super::declared;
 use super::shared::{Banded, Compared, Live, Shared};
 use super::tissue::{Model, Snapshot};
-use crate::live::{self, Asked, Board, Server};
+use crate::live::{self, Asked, Server};
+pub(super) use crate::live::{Board, Command};
 use needle_core::scene::{Instrument, InstrumentKind, Scene};
 use needle_report::region_colour;
 use ros2_guarded::Bell;
@@ -26,8 +27,7 @@ const OLD_NANOS: i64 = 500_000_000;
 /// A page that is served.
 pub(super) struct Page {
     pub board: Arc<Board>,
-    /// What viewers ask for.
-    pub asked: Receiver<Asked>,
+    asked: Receiver<Asked>,
     /// A recording is made.
     recorded: bool,
     _server: Server,
@@ -61,6 +61,11 @@ impl Page {
         tracing::info!("live page: {} (read-only: {})", server.url_with_token(), server.url());
         let recorded = !parameters.get(RECORD).is_empty();
         Ok(Some(Self { board, asked, recorded, _server: server }))
+    }
+
+    /// What a viewer asks for, if one does.
+    pub fn asked(&self) -> Option<Asked> {
+        self.asked.try_recv().ok()
     }
 
     /// Shows phase, pace, latency, health.

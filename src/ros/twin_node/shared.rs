@@ -122,6 +122,7 @@ pub(super) struct Window {
 
 /// The last comparison with the load cell that was valid.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "page"), allow(dead_code))] // the page shows them
 pub(super) struct Compared {
     pub stamp_nanos: i64,
     pub depth_m: f64,
@@ -138,6 +139,7 @@ impl Compared {
 
 /// The members' band at a pose.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "page"), allow(dead_code))] // the page shows them
 pub(super) struct Banded {
     pub stamp_nanos: i64,
     pub low_n: f64,
@@ -146,6 +148,7 @@ pub(super) struct Banded {
 
 /// Something that happened, for whoever looks at the page.
 #[derive(Clone, Debug)]
+#[cfg_attr(not(feature = "page"), allow(dead_code))] // the page shows them
 pub(super) struct Noted {
     pub stamp_nanos: i64,
     pub depth_m: f64,

@@ -23,6 +23,7 @@ use ros2_node::qos;
 
 /// What never changes of a twin, copied out of it once.
 #[derive(Clone, Debug)]
+#[cfg_attr(not(feature = "page"), allow(dead_code))] // the page shows them
 pub(super) struct Model {
     pub id: u64,
     pub scene: String,

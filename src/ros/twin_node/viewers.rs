@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use super::openigtlink::Link;
+use super::page::{self, Board};
 use super::tissue::{Model, Snapshot};
-use super::{openigtlink, page};
 
 /// Where snapshots for viewers go.
 #[derive(Default)]
 pub(super) struct Viewers {
     /// The live page, if one is served.
-    pub page: Option<Arc<crate::live::Board>>,
+    pub page: Option<Arc<Board>>,
     /// The link, if one is served.
     pub link: Option<Link>,
 }
@@ -19,21 +19,18 @@ impl Viewers {
     /// Whether anybody looks.
     pub fn watch(&self) -> bool {
         self.page.as_ref().is_some_and(|board| board.is_watched())
-            || self.link.as_ref().is_some_and(|link| link.board.is_watched())
+            || self.link.as_ref().is_some_and(|link| link.is_watched())
     }
 
     /// Shows them a sample, undeformed.
     pub fn model(&self, model: &Model) {
         self.page.iter().for_each(|board| page::model(board, model));
-        self.link.iter().for_each(|link| openigtlink::model(&link.board, model));
+        self.link.iter().for_each(|link| link.model(model));
     }
 
     /// Shows them the sample at a moment.
     pub fn tissue(&self, snapshot: &Snapshot) {
         self.page.iter().filter(|board| board.is_watched()).for_each(|board| page::tissue(board, snapshot));
-        self.link
-            .iter()
-            .filter(|link| link.board.is_watched())
-            .for_each(|link| openigtlink::tissue(&link.board, snapshot));
+        self.link.iter().filter(|link| link.is_watched()).for_each(|link| link.tissue(snapshot));
     }
 }

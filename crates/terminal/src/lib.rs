@@ -39,6 +39,15 @@ const fn turns(c: char) -> bool {
     matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
+/// Whether the process is to outlive its terminal: `nohup` has it ignore SIGHUP from the start.
+#[must_use]
+pub fn hangup_is_ignored() -> bool {
+    const SIGHUP: u32 = 1;
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    ignored.is_some_and(|bits| bits >> (SIGHUP - 1) & 1 == 1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,37 @@
+//! Of a program that was built without OpenIGTLink.
+
+use std::sync::Arc;
+
+use super::declared;
+use super::shared::Shared;
+use super::tissue::{Model, Snapshot};
+use ros2_node::parameters::Parameters;
+use ros2_node::start::NodeError;
+
+/// There is none.
+pub(super) enum Link {}
+
+impl Link {
+    /// Refuses it.
+    ///
+    /// # Errors
+    /// [`NodeError::Usage`] if the parameters ask for it.
+    pub fn open(parameters: &Parameters, _: &Arc<Shared>) -> Result<Option<Self>, NodeError> {
+        if parameters.get(declared::OPENIGTLINK) {
+            return Err(NodeError::Usage("openigtlink: this program was built without the feature slicer".to_owned()));
+        }
+        Ok(None)
+    }
+
+    pub fn is_watched(&self) -> bool {
+        match *self {}
+    }
+
+    pub fn model(&self, _: &Model) {
+        match *self {}
+    }
+
+    pub fn tissue(&self, _: &Snapshot) {
+        match *self {}
+    }
+}

@@ -1,0 +1,76 @@
+//! Of a program that was built without the live page.
+
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::declared;
+use super::shared::Shared;
+use super::tissue::{Model, Snapshot};
+use needle_core::scene::Scene;
+use ros2_guarded::Bell;
+use ros2_messages::needle_twin::TwinStatus;
+use ros2_node::parameters::Parameters;
+use ros2_node::start::NodeError;
+
+/// There is none.
+pub(super) struct Page {
+    pub board: Arc<Board>,
+}
+
+/// Nobody looks at it.
+pub(super) enum Board {}
+
+/// Nobody asks.
+pub(super) struct Asked {
+    pub command: Command,
+}
+
+/// Of nobody.
+#[allow(dead_code)] // nobody sends one
+pub(super) enum Command {
+    Tare,
+    Reset,
+    Mark(String),
+}
+
+impl Board {
+    pub fn is_watched(&self) -> bool {
+        match *self {}
+    }
+}
+
+impl Asked {
+    pub fn answer(&self, _: bool, _: String) {}
+}
+
+impl Page {
+    /// Refuses it.
+    ///
+    /// # Errors
+    /// [`NodeError::Usage`] if the parameters ask for it.
+    pub fn open(parameters: &Parameters, _: &Arc<Shared>, _: Bell) -> Result<Option<Self>, NodeError> {
+        if parameters.get(declared::PAGE) {
+            return Err(NodeError::Usage("page: this program was built without the feature page".to_owned()));
+        }
+        Ok(None)
+    }
+
+    pub fn asked(&self) -> Option<Asked> {
+        None
+    }
+
+    pub fn status(&self, _: &TwinStatus, _: f64) {}
+}
+
+pub(super) fn model(board: &Board, _: &Model) {
+    match *board {}
+}
+
+pub(super) fn tissue(board: &Board, _: &Snapshot) {
+    match *board {}
+}
+
+pub(super) fn instrument(_: &Scene, _: &[[f64; 3]]) -> Value {
+    Value::Null
+}
