@@ -17,8 +17,8 @@
 //! prints depth and force, one line per millimetre: after the puncture the force rises steadily to about 0.066 N.
 use std::error::Error;
 
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Event, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Event, StampedPose, Twin};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut scene = Scene::preset("needle_insertion")?;

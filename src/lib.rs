@@ -1,66 +1,22 @@
-//! Digital twin of a needle-insertion test rig.
-//!
-//! A pose comes in, the scene turns it into constraints, the solver takes the steps that the pose is
-//! worth, and a prediction goes out: [`twin::Twin::step`].
+//! The product around the digital twin of a needle-insertion test rig: ROS 2 nodes, the simulated rig, live outputs and the
+//! command line. A program that wants the twin alone takes `needle_core`.
 //!
 //! ```text
-//! scene (TOML) ─► cloud ─► approximation ─► solver model            built once
-//!                                               ▲
-//! pose ─► instrument (pose → constraints) ──────┤                   every pose
-//!                                               ▼
-//!                         solver state ─► twin (pace, health, observation) ─► prediction
-//!                                                                               │
-//!        compare, input, rig, guard, study, report, served, live, openigtlink, ros, cli   ◄──┘   the outer ring
+//! mtled ◄─ needle_core ◄─ needle_recording ◄─ needle_estimate ◄─ needle_studies ◄─ needle_report ◄┐
+//!            ros2_messages ◄─ ros2_guarded ◄─ ros2_node ◄──────────────────────────── needle_twin ┘
 //! ```
 //!
-//! The inner ring (`scene` to `twin`) is numbers only: no sockets, no files but those of the scene, and no clock that a result depends on. The outer
-//! ring is input and output around the same [`twin::Twin`]. A room uses only rooms before it: scene, mesh, instrument, twin,
-//! compare, input, rig, guard, study, report, served, live, openigtlink, ros, cli (`tests/rooms.rs`).
-//!
-//! Crates of their own, useful without the twin: `mtled` (the method), `rosbag2_mcap` (bags), `ros2_guarded` (ROS 2 in a
-//! guarded process), `ros2_messages`.
-//!
-//! A preset, three poses, and the force of the tissue on the indenter:
-//!
-//! ```
-//! use needle_twin::scene::Scene;
-//! use needle_twin::twin::{StampedPose, Twin};
-//!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let scene = Scene::preset("indentation")?;
-//! let mut twin = Twin::new(&scene)?;
-//! let mut force_n = 0.0;
-//! for (time_s, depth_m) in [(0.1, 1e-4), (0.2, 2e-4), (0.3, 3e-4)] {
-//!     let pose = StampedPose { time_s, pose: twin.pose_at_depth(depth_m) };
-//!     let prediction = twin.step(pose)?;
-//!     // the force in frame `sample`: tissue that resists pushes the indenter upwards
-//!     force_n = prediction.force_n[2];
-//! }
-//! // 83 N/m is the stiffness of the finite-element reference near the surface
-//! assert!((force_n / (83.0 * 3e-4) - 1.0).abs() < 0.03, "{force_n} N");
-//! # Ok(())
-//! # }
-//! ```
+//! A room of this crate uses only rooms before it: rig, guard, served, live, openigtlink, ros, cli (`tests/rooms.rs`).
+//! What lies in a crate of its own is held by cargo.
 //!
 //! The handbook, `docs/README.md` in the repository, says how to use the programs.
 #![allow(non_snake_case)] // the code uses the formula's own symbols: F, P, J
 #![forbid(unsafe_code)]
 
 pub mod cli;
-pub mod compare;
 pub mod guard;
-pub mod input;
-pub mod instrument;
 pub mod live;
-pub mod mesh;
 pub mod openigtlink;
-pub mod report;
 pub mod rig;
 pub mod ros;
-pub mod scene;
 mod served;
-pub mod study;
-pub mod twin;
-
-/// Program and version, as bags name their writer.
-pub(crate) const WRITER: &str = concat!("needle_twin ", env!("CARGO_PKG_VERSION"));

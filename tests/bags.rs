@@ -1,6 +1,5 @@
 //! Bags: independent programs read ours field by field; the shipped ones are what they say; damage is contained.
 
-mod common;
 #[path = "bags/damage.rs"]
 mod damage;
 #[path = "bags/interchange.rs"]

@@ -25,8 +25,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use judge::Judge;
-use needle_twin::ros::clock::wall_nanos;
 use ros::{Program, TWIN, free_domain};
+use ros2_node::clock::wall_nanos;
 
 const RIG: &str = env!("CARGO_BIN_EXE_rig_node");
 const NEEDLE_TWIN: &str = env!("CARGO_BIN_EXE_needle_twin");
@@ -47,7 +47,7 @@ fn alone() -> MutexGuard<'static, ()> {
 
 /// The half-plane needle scene with one target.
 fn scene() -> String {
-    let text = include_str!("../src/scene/presets/needle_insertion.toml");
+    let text = include_str!("../crates/needle_core/src/scene/presets/needle_insertion.toml");
     let text = text.split("[[targets]]").next().unwrap();
     format!("{text}[[targets]]\nname = \"lesion\"\nposition_m = [0.0015, 0.0, {}]\n", TOP_M - TARGET_DEPTH_M)
 }

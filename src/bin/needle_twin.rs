@@ -3,6 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    needle_twin::ros::middleware::serve(std::env::args_os())
-        .unwrap_or_else(|| needle_twin::cli::run(std::env::args_os()))
+    ros2_guarded::serve(std::env::args_os()).unwrap_or_else(|| needle_twin::cli::run(std::env::args_os()))
 }

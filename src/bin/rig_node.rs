@@ -3,6 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    needle_twin::ros::middleware::serve(std::env::args_os())
+    ros2_guarded::serve(std::env::args_os())
         .unwrap_or_else(|| ExitCode::from(needle_twin::ros::rig_node::run(std::env::args_os().skip(1))))
 }

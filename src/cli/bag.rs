@@ -8,7 +8,6 @@ use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::{CliError, Outcome, print, warn};
-use crate::report::printable;
 use crate::rig::make::{RigRecording, RigScene};
 use crate::rig::sensors::{DisplacementModel, LoadCellModel};
 use rosbag2_mcap::{BagReader, CheckReport, Severity, check};

@@ -13,8 +13,7 @@ use super::output::OutputFolder;
 use super::progress::Bar;
 use super::shard::Shard;
 use super::{CliError, Outcome, print, warn};
-use crate::report;
-use crate::study::batch::{
+use needle_estimate::batch::{
     self, Group, Job, Manifest, MergeError, Merged, Needed, ROWS, Row, SampleJob, SampleRow, Tables,
 };
 
@@ -88,10 +87,10 @@ impl Merge {
         let merged = batch::merge(&self.folders)?;
         let folder = OutputFolder::prepare(&self.out)?;
         for row in &merged.rows {
-            report::write_row(&folder.path, row)?;
+            needle_report::write_row(&folder.path, row)?;
         }
         for row in &merged.joint {
-            report::write_sample(&folder.path, row)?;
+            needle_report::write_sample(&folder.path, row)?;
         }
         deliver(&folder.path, &merged, self.json)
     }
@@ -205,7 +204,7 @@ fn rows(manifest: &Manifest, shard: Shard, out: &Path) -> Result<Done, CliError>
         if stop() {
             return Ok(None);
         }
-        report::write_row(out, &row)?;
+        needle_report::write_row(out, &row)?;
         bar.add(1, &row.name);
         Ok(Some(row))
     };
@@ -227,7 +226,7 @@ fn samples_left<'a>(all: &[Job<'a>], shard: Shard, out: &Path) -> (Vec<SampleRow
     let samples = SampleJob::all(all).into_iter().enumerate().filter(|(i, _)| shard.has(*i)).map(|(_, sample)| sample);
     let (mut known, mut left) = (Vec::new(), Vec::new());
     for sample in samples {
-        let row = still_there(batch::read_sample, &report::sample_path(out, sample.name));
+        let row = still_there(batch::read_sample, &needle_report::sample_path(out, sample.name));
         match row.filter(|row| row.fingerprint == sample.fingerprint()) {
             Some(row) => known.push(row),
             None => left.push(sample),
@@ -250,7 +249,7 @@ fn samples_done(
         if stop() {
             return Ok(None);
         }
-        report::write_sample(out, &row)?;
+        needle_report::write_sample(out, &row)?;
         bar.add(1, &row.name);
         Ok(Some(row))
     };
@@ -272,8 +271,8 @@ fn outcome(whole: bool) -> Outcome {
 
 /// Writes tables and page, and tells the user.
 fn deliver(out: &Path, merged: &Merged, json: bool) -> Result<Outcome, CliError> {
-    report::write_batch(out, merged)?;
-    print(&if json { report::batch_json(merged) } else { summary(merged, out) })?;
+    needle_report::write_batch(out, merged)?;
+    print(&if json { needle_report::batch_json(merged) } else { summary(merged, out) })?;
     Ok(outcome(merged.failed() == 0 && merged.missing == 0))
 }
 

@@ -13,15 +13,14 @@ use super::recorded::{RecordedOptions, positive};
 use super::replay::refuse_mistaken;
 use super::summary::{aligned, screen, written};
 use super::{CliError, Outcome, layers, print, scene_file, warn};
-use crate::compare::uncertainty::FORCE_ERROR;
-use crate::compare::{self, Explains};
-use crate::input::Recording;
-use crate::report;
-use crate::scene::Scene;
-use crate::study::calibrate::{
+use needle_core::scene::Scene;
+use needle_estimate::calibrate::{
     self, Calibration, Estimate, HoldOut, LoadCell, MarkerFit, MarkerTask, Prediction, Task, Wanted, calibrate,
 };
-use crate::study::layers::of_recording;
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_estimate::compare::{self, Explains};
+use needle_estimate::layers::of_recording;
+use needle_recording::Recording;
 
 /// Find the values of scene keys with which the twin's force comes nearest to the recorded one, and say how sure they are
 #[derive(Debug, Args)]
@@ -122,12 +121,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
     let work = || found(arguments, &scene, &recording, other.as_ref());
     let (calibration, prediction) = arguments.threads.install(work)??;
-    let json = report::calibration_json(&calibration, &recording.source, prediction.as_ref());
+    let json = needle_report::calibration_json(&calibration, &recording.source, prediction.as_ref());
     let files = match &folder {
         Some(folder) => {
             let accepted = !calibration.rejected() || arguments.recorded.force;
             let scene = accepted.then(|| scene_toml(&calibration, &recording.source));
-            report::write_calibration(&folder.path, &calibration, &recording.source, &json, scene.as_deref())?
+            needle_report::write_calibration(&folder.path, &calibration, &recording.source, &json, scene.as_deref())?
         }
         None => Vec::new(),
     };
@@ -143,9 +142,9 @@ fn of_layers(arguments: &Arguments, recording: &Recording, scene: &Scene, layers
     recording.warnings.iter().for_each(|text| warn(text));
     let readings = arguments.recorded.topics.readings(recording);
     let found = of_recording(scene, &readings, &recording.measured(), layers)?;
-    let text = report::layers_json(&found, &recording.source);
+    let text = needle_report::layers_json(&found, &recording.source);
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
-    let written = folder.map(|folder| report::write_layers(&folder.path, &text)).transpose()?;
+    let written = folder.map(|folder| needle_report::write_layers(&folder.path, &text)).transpose()?;
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
     print(&if arguments.json { text } else { layers::summary(&found, written.as_deref()) })?;
     Ok(if recording.losses.is_empty() { Outcome::Complete } else { Outcome::Lossy })
@@ -170,9 +169,10 @@ fn of_markers(arguments: &Arguments, recording: &Recording, scene: &Scene, noise
         calibrate::calibrate_markers(&task, &mut Runs::new(&progress, &said, readings.len()))
     })??;
     let folder = arguments.out.as_deref().map(OutputFolder::prepare).transpose()?;
-    let written = folder.map(|folder| report::write_marker_fit(&folder.path, &fit, &recording.source)).transpose()?;
+    let written =
+        folder.map(|folder| needle_report::write_marker_fit(&folder.path, &fit, &recording.source)).transpose()?;
     recording.losses.iter().for_each(|loss| warn(&loss.to_string()));
-    let text = report::marker_fit_json(&fit, &recording.source);
+    let text = needle_report::marker_fit_json(&fit, &recording.source);
     print(&if arguments.json { text } else { marker_summary(&fit, written.as_deref().unwrap_or_default()) })?;
     let explained = fit.converged && fit.reduced_chi_square <= compare::verdict::EXPLAINED;
     if !explained {

@@ -3,18 +3,18 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::compare::ensemble::EnsembleError;
-use crate::input::RecordingError;
-use crate::report::ReportError;
-use crate::ros::start::NodeError;
-use crate::scene::SceneError;
-use crate::study::accuracy::StudyError;
-use crate::study::batch::{ManifestError, MergeError};
-use crate::study::calibrate::CalibrateError;
-use crate::study::layers::LayersError;
-use crate::study::sensitivity::RunsError;
-use crate::study::speed::SpeedError;
-use crate::twin::BuildError;
+use needle_core::scene::SceneError;
+use needle_core::twin::BuildError;
+use needle_estimate::batch::{ManifestError, MergeError};
+use needle_estimate::calibrate::CalibrateError;
+use needle_estimate::compare::ensemble::EnsembleError;
+use needle_estimate::layers::LayersError;
+use needle_recording::RecordingError;
+use needle_report::ReportError;
+use needle_studies::accuracy::StudyError;
+use needle_studies::sensitivity::RunsError;
+use needle_studies::speed::SpeedError;
+use ros2_node::start::NodeError;
 use rosbag2_mcap::BagError;
 
 /// Why a command failed: what, where, what to do. Printed once, at the edge.

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::recorded::SourceOptions;
 use super::summary::{screen, written};
 use super::{CliError, Outcome, print, scene_file, warn};
-use crate::input::{self, Column, Recording, RecordingError, Table, TopicNames, tables};
+use needle_recording::{Column, Recording, RecordingError, Table, TopicNames, tables};
 
 /// Make a bag of tables as text (CSV, TSV), or of a bag with other topics and units
 ///
@@ -52,7 +52,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let mut sources = arguments.sources.clone();
     sources.force_topic = sources.force_topic.or_else(|| arguments.force_column.clone());
     let said = sources.selection(TopicNames::default());
-    let is_bag = matches!(&arguments.files[..], [bag] if input::is_bag(bag));
+    let is_bag = matches!(&arguments.files[..], [bag] if needle_recording::is_bag(bag));
     let read = if is_bag { Vec::new() } else { tables(&arguments.files, &said).map_err(RecordingError::from)? };
     let recording = match is_bag {
         true => Recording::open(&arguments.files, &said)?,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::summary::{screen, written};
-use crate::study::layers::{Found, Known};
+use needle_estimate::layers::{Found, Known};
 
 /// Screen of what was found.
 pub(super) fn summary(found: &Found, files: Option<&[PathBuf]>) -> String {

@@ -7,9 +7,9 @@ use clap::Args;
 
 use super::CliError;
 use super::progress::Bar;
-use crate::compare::Run;
-use crate::compare::ensemble::{self, Crew, Driven, Member, Size};
-use crate::scene::Scene;
+use needle_core::scene::Scene;
+use needle_estimate::compare::Run;
+use needle_estimate::compare::ensemble::{self, Crew, Driven, Member, Size};
 
 /// How many members, and the seed of their draws.
 #[derive(Debug, Args)]

@@ -34,9 +34,8 @@ use clap::{Parser, Subcommand};
 
 pub use error::CliError;
 
-use crate::report::printable;
 use crate::ros::{guard_node, rig_node, twin_node};
-use crate::scene::file as scene_file;
+use needle_core::scene::file as scene_file;
 
 /// Exit codes, in the words of the help.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one message on stderr; 2 wrong usage; \

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::CliError;
-use crate::compare::Keep;
-use crate::scene::{Override, Scene};
+use needle_core::scene::{Override, Scene};
+use needle_estimate::compare::Keep;
 
 /// Changes to a scene.
 #[derive(Debug, Args)]

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::options::{OutputOptions, SeriesOptions};
 use super::{CliError, Outcome, print, summary, warn};
-use crate::compare::{Explains, Run};
-use crate::report::{self, ReportError};
+use needle_estimate::compare::{Explains, Run};
+use needle_report::ReportError;
 
 /// A folder for results that is known to be writable. If nothing is ever written, it goes again.
 pub(super) struct OutputFolder {
@@ -17,7 +17,7 @@ impl OutputFolder {
     /// Makes the folder and proves that it can be written, before any time is spent on a run.
     pub(super) fn prepare(path: &Path) -> Result<Self, CliError> {
         let folder = Self { path: path.to_owned(), made_here: !path.exists() };
-        report::prepare(path)?;
+        needle_report::prepare(path)?;
         Ok(folder)
     }
 }
@@ -37,10 +37,10 @@ pub(super) fn prepare(options: &OutputOptions) -> Result<Option<OutputFolder>, C
 }
 
 fn write(run: &Run, folder: &Path, series: &SeriesOptions) -> Result<Vec<PathBuf>, ReportError> {
-    let mut files = report::write_all(folder, run)?;
-    report::clear_series(folder)?;
+    let mut files = needle_report::write_all(folder, run)?;
+    needle_report::clear_series(folder)?;
     if series.save_every.is_some() {
-        report::write_series(folder, run)?;
+        needle_report::write_series(folder, run)?;
         files.push(folder.join("series.pvd"));
     }
     Ok(files)
@@ -70,7 +70,7 @@ pub(super) fn deliver(
     // too few readings for a verdict are no fault
     let quiet = usize::from(verdict.explains == Explains::NoMeasurement && verdict.too_little);
     verdict.reasons.iter().skip(quiet).for_each(|reason| warn(reason));
-    print(&if json { report::metrics_json(run) } else { summary::summary(run, &files) })?;
+    print(&if json { needle_report::metrics_json(run) } else { summary::summary(run, &files) })?;
     let complete = run.losses.is_empty() && run.diverged.is_none() && all_written;
     let complete = complete && run.unstable().is_empty() && verdict.explains != Explains::No;
     Ok(if complete { Outcome::Complete } else { Outcome::Lossy })

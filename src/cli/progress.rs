@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::curves::Curves;
 use super::interrupt::Interrupt;
 use crate::cli::summary::newtons;
-use crate::compare::{Answer, Watch};
+use needle_estimate::compare::{Answer, Watch};
 
 /// Answers between two looks at the bar: it must not cost time that the steps could have.
 const STRIDE: usize = 16;

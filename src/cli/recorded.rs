@@ -6,9 +6,9 @@ use clap::Args;
 
 use super::options::SetOptions;
 use super::{CliError, scene_file};
-use crate::compare::Reading;
-use crate::input::{Quantity, Recording, Selection, TableLayout, TopicNames};
-use crate::scene::Scene;
+use needle_core::scene::Scene;
+use needle_recording::Reading;
+use needle_recording::{Quantity, Recording, Selection, TableLayout, TopicNames};
 
 /// Scene of a recording that doesn't say which it was made for.
 const DEFAULT_SCENE: &str = "needle_insertion";

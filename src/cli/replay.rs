@@ -7,13 +7,14 @@ use super::options::{OutputOptions, SeriesOptions, ThreadOptions};
 use super::progress::Progress;
 use super::recorded::RecordedOptions;
 use super::{CliError, Outcome, output};
-use crate::compare::ensemble::{Answered, Driven};
-use crate::compare::placement::{never_touched, unreached};
-use crate::compare::scale::mistaken;
-use crate::compare::{self, Collector, ForceSeries, Keep, Reading, Run, Watch as _};
-use crate::input::Recording;
-use crate::scene::Scene;
-use crate::twin::Twin;
+use needle_core::scene::Scene;
+use needle_core::twin::Twin;
+use needle_estimate::compare::ensemble::{Answered, Driven};
+use needle_estimate::compare::placement::{never_touched, unreached};
+use needle_estimate::compare::scale::mistaken;
+use needle_estimate::compare::{self, Collector, Keep, Run, Watch as _};
+use needle_recording::Recording;
+use needle_recording::{ForceSeries, Reading};
 
 /// Run the recorded motion of a bag or table and compare with its load cell: one message at a time, as fast as the machine
 /// allows; the same bag, scene and settings give the same checksum
@@ -92,11 +93,10 @@ fn replay(
     let stop = progress.stop_flag();
     drop(progress); // it says nothing more of poses
     if let Some(members) = members {
-        let sightings = recording.sightings();
         members.add(
             &mut run,
             scene,
-            Driven { readings: &readings, at: &at, sightings: &sightings, twin: Some(&twin) },
+            Driven { readings: &readings, at: &at, sightings: &recording.markers, twin: Some(&twin) },
             stop,
         )?;
     }

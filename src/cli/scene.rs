@@ -8,11 +8,10 @@ use serde_json::{Map, json};
 
 use super::options::SetOptions;
 use super::{CliError, Outcome, print, scene_file};
-use crate::report;
-use crate::scene::keys::{KEYS, SECTIONS};
-use crate::scene::size::Estimate;
-use crate::scene::{Key, PRESETS, Scene, Value, Word as _};
-use crate::twin::{Body, extents, shown};
+use needle_core::scene::keys::{KEYS, SECTIONS};
+use needle_core::scene::size::Estimate;
+use needle_core::scene::{Key, PRESETS, Scene, Value, Word as _};
+use needle_core::twin::{Body, extents, shown};
 
 /// List, print and check scenes
 #[derive(Debug, Args)]
@@ -73,7 +72,7 @@ pub(super) fn run(arguments: Arguments) -> Result<Outcome, CliError> {
 }
 
 fn list(as_json: bool) -> Result<(), CliError> {
-    let scenes = PRESETS.iter().map(crate::scene::Preset::scene).collect::<Result<Vec<_>, _>>()?;
+    let scenes = PRESETS.iter().map(needle_core::scene::Preset::scene).collect::<Result<Vec<_>, _>>()?;
     if as_json {
         let rows = scenes.iter().map(|s| json!({ "name": s.name, "description": s.description }));
         return print(&format!("{:#}\n", serde_json::Value::from_iter(rows)));
@@ -86,7 +85,7 @@ fn list(as_json: bool) -> Result<(), CliError> {
 fn draw(name: &str, set: &SetOptions, file: &Path) -> Result<(), CliError> {
     let scene = set.apply(&scene_file::load(name)?, [])?;
     let body = Body::new(&scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?.whole();
-    Ok(report::write_section(file, &scene, &body)?)
+    Ok(needle_report::write_section(file, &scene, &body)?)
 }
 
 impl Show {

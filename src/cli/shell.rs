@@ -7,7 +7,7 @@ use clap::{Args, CommandFactory as _};
 use clap_complete::Shell;
 
 use super::{Arguments, CliError, Outcome, print};
-use crate::report::ReportError;
+use needle_report::ReportError;
 
 /// Print the completions of a shell
 ///

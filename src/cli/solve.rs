@@ -6,9 +6,10 @@ use super::members::{Drawn, MemberOptions};
 use super::options::{OutputOptions, SeriesOptions, SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, output, scene_file};
-use crate::compare::ensemble::{Answered, Driven};
-use crate::compare::{self, At, Collector, Keep, Reading, Run, Watch as _};
-use crate::scene::{Motion, Override, Scene};
+use needle_core::scene::{Motion, Override, Scene};
+use needle_estimate::compare::ensemble::{Answered, Driven};
+use needle_estimate::compare::{self, Collector, Keep, Run, Watch as _};
+use needle_recording::{At, Reading};
 
 /// Run a scene's own motion: a stream of poses, each answered as the live node would, as fast as the machine allows
 #[derive(Debug, Args)]

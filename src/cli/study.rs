@@ -15,13 +15,12 @@ use super::options::{SetOptions, ThreadOptions};
 use super::output::OutputFolder;
 use super::progress::Progress;
 use super::{CliError, Outcome, print, warn};
-use crate::compare::Watch as _;
-use crate::report;
-use crate::scene::Override;
-use crate::study::accuracy::StudyError;
-use crate::study::composites::COMPOSITES;
-use crate::study::stability;
-use crate::study::verification::{self, Verification};
+use needle_core::scene::Override;
+use needle_estimate::compare::Watch as _;
+use needle_studies::accuracy::StudyError;
+use needle_studies::composites::COMPOSITES;
+use needle_studies::stability;
+use needle_studies::verification::{self, Verification};
 
 /// Presets that have a reference solution.
 const PRESETS: [&str; 3] = ["compression", "indentation", "needle_insertion"];
@@ -82,12 +81,12 @@ impl Stability {
             rows.push(row);
             bar.inc(1);
             if let Some(folder) = &folder {
-                report::write_stability(&folder.path, &rows)?;
+                needle_report::write_stability(&folder.path, &rows)?;
             }
         }
         bar.finish_and_clear();
         if let Some(folder) = &folder {
-            report::write_stability(&folder.path, &rows)?;
+            needle_report::write_stability(&folder.path, &rows)?;
         }
         Ok(if progress.stop() { Outcome::Lossy } else { Outcome::Complete })
     }
@@ -159,7 +158,7 @@ impl Verify {
             }
         }
         if let Some(folder) = folder {
-            for path in report::write_verification(&folder.path, &all)? {
+            for path in needle_report::write_verification(&folder.path, &all)? {
                 print(&format!("{}\n", path.display()))?;
             }
         }

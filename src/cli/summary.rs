@@ -3,12 +3,11 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use crate::compare::alignment::{Alignment, Found};
-use crate::compare::ensemble::Ensemble;
-use crate::compare::{Run, Verdict};
-use crate::report::printable;
-use crate::scene::Uncertain;
-use crate::twin::Event;
+use needle_core::scene::Uncertain;
+use needle_core::twin::Event;
+use needle_estimate::compare::alignment::{Alignment, Found};
+use needle_estimate::compare::ensemble::Ensemble;
+use needle_estimate::compare::{Run, Verdict};
 
 /// What a user wants to know of a run, at most one screen.
 pub(super) fn summary(run: &Run, files: &[PathBuf]) -> String {

@@ -9,13 +9,13 @@ use super::interrupt::Interrupt;
 use super::options::{SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, print, scene_file, warn};
-use crate::compare::{self, At, Collector, Keep, Reading, Run};
-use crate::report;
-use crate::scene::{Motion, Override, Scene, Seconds};
-use crate::study::accuracy::{self, Row, StudyError, largest_error};
-use crate::study::correction::{self, Learnt};
-use crate::study::tune::{self, Goal, Tuned};
-use crate::study::yardstick::Yardstick;
+use needle_core::scene::{Motion, Override, Scene, Seconds};
+use needle_estimate::compare::{self, Collector, Keep, Run};
+use needle_recording::{At, Reading};
+use needle_studies::accuracy::{self, Row, StudyError, largest_error};
+use needle_studies::correction::{self, Learnt};
+use needle_studies::tune::{self, Goal, Tuned};
+use needle_studies::yardstick::Yardstick;
 
 /// How far off a cloud may be that is to be corrected, over the tolerance: what was left at depths between was 0.3 to 0.6 of it (docs/lab/performance.md).
 const TO_BE_CORRECTED: f64 = 4.0;
@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     }
     match &arguments.out {
         Some(path) => {
-            report::write_file(path, text.as_bytes())?;
+            needle_report::write_file(path, text.as_bytes())?;
             print(&format!("{}\n{}", path.display(), proof.text))?;
         }
         None => {

@@ -31,6 +31,10 @@ pub const SLOWS_AT: f64 = 0.8;
 /// Share of a limit at which the guard stops; the rest is for what braking adds.
 pub const STOPS_AT: f64 = 0.97;
 
+/// Twin and guard hear one needle: at the same stamp their depths differ by a constant, which is that of the sensors' zeros. It may change by
+/// so much, m.
+const SAME_POSE_M: f64 = 1e-4;
+
 /// Largest age of where a region begins, s: the twin's status comes ten times a second.
 const REGION_TIMEOUT_S: f64 = 0.5;
 
@@ -137,6 +141,8 @@ pub struct Sight {
     pub odds: Option<Heard<Odds>>,
     /// Whether the goal is a target of the twin, whose position can become outdated.
     pub goal_moves: bool,
+    /// Depth that the twin answered less the measured depth of the same stamp, m; `None`: no stamp was common.
+    pub twin_offset_m: Option<f64>,
 }
 
 /// Why the needle must not move.
@@ -175,6 +181,8 @@ pub enum Trouble {
     RegionAhead(Boundary),
     /// The driver is not where it was told to be, by so much, m.
     NotFollowing(f64),
+    /// The depth that the twin answers has departed from the measured one by so much since the motion began, m.
+    OtherPose(f64),
 }
 
 impl fmt::Display for Trouble {
@@ -215,6 +223,10 @@ impl fmt::Display for Trouble {
                 let of = if *predicted { "as the twin predicts its boundary" } else { "as the scene has it" };
                 write!(f, "the region of stop_before_region begins at {depth_m:.6} m, {of}")
             }
+            Self::OtherPose(gap) => write!(
+                f,
+                "the twin answers poses that depart from measured_js by {gap:.6} m: its position is frozen, or of another sensor"
+            ),
             Self::NotFollowing(gap) => write!(f, "the driver is {gap:.6} m away from where it was told to be"),
         }
     }
@@ -255,6 +267,8 @@ pub struct Guard {
     at_goal_s: f64,
     /// Time without trouble after a stop, s.
     well_s: f64,
+    /// [`Sight::twin_offset_m`] when the motion began.
+    offset_m: Option<f64>,
 }
 
 impl Guard {
@@ -267,6 +281,7 @@ impl Guard {
             trajectory: Trajectory::new(orders.motion, orders.step_s, 0.0),
             at_goal_s: 0.0,
             well_s: 0.0,
+            offset_m: None,
         }
     }
 
@@ -321,7 +336,7 @@ impl Guard {
         match (self.phase, trouble, sight.depth_m) {
             (Phase::Waiting(_), None, Some(depth)) => {
                 self.trajectory = Trajectory::new(self.orders.motion, self.orders.step_s, depth.value);
-                (self.at_goal_s, self.well_s) = (0.0, 0.0);
+                (self.at_goal_s, self.well_s, self.offset_m) = (0.0, 0.0, sight.twin_offset_m);
                 self.phase = Phase::Moving;
             }
             (Phase::Waiting(_), trouble, _) => {
@@ -333,7 +348,10 @@ impl Guard {
                 self.trajectory.stop();
                 self.well_s = 0.0;
             }
-            (Phase::Moving | Phase::Arrived, None, _) => self.go(sight),
+            (Phase::Moving | Phase::Arrived, None, _) => {
+                self.offset_m = self.offset_m.or(sight.twin_offset_m);
+                self.go(sight);
+            }
             (Phase::Stopped(_), trouble, _) => self.hold(trouble),
         }
         let stopped = matches!(self.phase, Phase::Stopped(_));
@@ -447,9 +465,15 @@ impl Guard {
         if let Some(trouble) = self.region_trouble(sight, depth) {
             return Some(trouble);
         }
+        if matches!(self.phase, Phase::Waiting(_) | Phase::Stopped(_)) {
+            return None;
+        }
         let gap = (depth - self.trajectory.position_m()).abs();
-        let follows = matches!(self.phase, Phase::Waiting(_) | Phase::Stopped(_)) || gap <= following_error_m;
-        (!follows).then_some(Trouble::NotFollowing(gap))
+        if gap > following_error_m {
+            return Some(Trouble::NotFollowing(gap));
+        }
+        let departed = self.offset_m.zip(sight.twin_offset_m).map(|(then, now)| (now - then).abs());
+        departed.filter(|departed| *departed > SAME_POSE_M).map(Trouble::OtherPose)
     }
 }
 

@@ -37,6 +37,7 @@ fn well(depth_m: f64) -> Sight {
         boundary: None,
         odds: None,
         goal_moves: true,
+        twin_offset_m: None,
     }
 }
 
@@ -66,6 +67,19 @@ fn it_starts_where_the_needle_is_and_arrives() {
     // the tissue has moved on
     run(&mut guard, &mut depth_m, 200, |s| s.goal_m = now(0.0052));
     assert_eq!(depth_m, 0.0052);
+}
+
+#[test]
+fn a_twin_whose_pose_departs_from_the_needle_stops_it() {
+    let (mut guard, mut depth_m) = (Guard::new(ORDERS), 0.001);
+    // another sensor's zero is no fault
+    run(&mut guard, &mut depth_m, 100, |s| s.twin_offset_m = Some(3e-4));
+    assert_eq!(guard.phase(), Phase::Moving);
+    run(&mut guard, &mut depth_m, 10, |s| s.twin_offset_m = None);
+    run(&mut guard, &mut depth_m, 10, |s| s.twin_offset_m = Some(2.1e-4));
+    assert_eq!(guard.phase(), Phase::Moving);
+    run(&mut guard, &mut depth_m, 1, |s| s.twin_offset_m = Some(1.9e-4));
+    assert!(matches!(guard.phase(), Phase::Stopped(Trouble::OtherPose(_))), "{:?}", guard.phase());
 }
 
 #[test]

@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use super::arguments::RosArguments;
-use super::environment::Environment;
-use super::messages::RosMessage;
-use super::messages::diagnostic_msgs::DiagnosticArray;
-use super::messages::geometry_msgs::{PoseArray, WrenchStamped};
-use super::messages::needle_twin::{ForceComparison, TissueEvent, TissueModel, TissueState, TwinStatus};
-use super::messages::rosbag2_interfaces::Empty;
-use super::messages::sensor_msgs::{JointState, PointCloud2};
-use super::names::Names;
-use super::participant::{Input, Participant};
-use super::qos;
-use super::service::Client;
-use super::start::NodeError;
+use ros2_messages::RosMessage;
+use ros2_messages::diagnostic_msgs::DiagnosticArray;
+use ros2_messages::geometry_msgs::{PoseArray, WrenchStamped};
+use ros2_messages::needle_twin::{ForceComparison, TissueEvent, TissueModel, TissueState, TwinStatus};
+use ros2_messages::rosbag2_interfaces::Empty;
+use ros2_messages::sensor_msgs::{JointState, PointCloud2};
+use ros2_node::arguments::RosArguments;
+use ros2_node::environment::Environment;
+use ros2_node::names::Names;
+use ros2_node::participant::{Input, Participant};
+use ros2_node::qos;
+use ros2_node::service::Client;
+use ros2_node::start::NodeError;
 use rosbag2_mcap::{BagWriter, Qos, TopicId};
 
 /// Messages that may wait between two looks: seconds at any sensible rate.

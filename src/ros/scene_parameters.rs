@@ -2,18 +2,18 @@
 
 use ros2_client::ParameterValue;
 
-use super::arguments::ParameterOverride;
-use super::names;
-use super::parameters::{self, Declaration, Range};
-use super::start::NodeError;
-use crate::scene::{Kind, NewValue, Override, Scene, Value, file, keys};
+use needle_core::scene::{Kind, NewValue, Override, Scene, Value, file, keys};
+use ros2_node::arguments::ParameterOverride;
+use ros2_node::names;
+use ros2_node::parameters::{self, Declaration, Range};
+use ros2_node::start::NodeError;
 
 /// A scene by the name of a preset or by a path.
 ///
 /// # Errors
 /// [`NodeError`] if it is neither, or the file has a mistake.
 pub fn load(name_or_path: &str) -> Result<Scene, NodeError> {
-    Ok(file::load(name_or_path)?)
+    file::load(name_or_path).map_err(NodeError::program)
 }
 
 /// One declaration per key that applies to the scene; the scene's own value is the default.
@@ -43,7 +43,7 @@ pub fn declarations(scene: &Scene) -> Vec<Declaration> {
 /// The scene with the keys that the command line changes for this node.
 ///
 /// # Errors
-/// [`NodeError::Scene`] for what the scene refuses.
+/// [`NodeError::Program`] for what the scene refuses.
 pub fn apply(scene: &Scene, overrides: &[ParameterOverride], node: &str) -> Result<Scene, NodeError> {
     let changes: Vec<Override> = overrides
         .iter()
@@ -53,7 +53,7 @@ pub fn apply(scene: &Scene, overrides: &[ParameterOverride], node: &str) -> Resu
             None => Override::text(&o.name, &parameters::show(&o.value), &o.origin),
         })
         .collect();
-    Ok(scene.with(&changes)?)
+    scene.with(&changes).map_err(NodeError::program)
 }
 
 fn to_parameter(value: &Value) -> ParameterValue {

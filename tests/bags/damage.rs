@@ -1,13 +1,13 @@
 //! Damaged bags: what can be read is read, nothing false comes out, nothing panics, hangs or takes much memory.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::common::random::Random;
-use needle_twin::input::{Recording, TopicNames};
+use needle_recording::{Recording, TopicNames};
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Float64;
 use rosbag2_mcap::{BagError, BagReader, BagWriter, Loss, Qos, WriterOptions, check};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use testkit::random::Random;
 
 /// A small bag with several chunks and two topics.
 fn small_bag(folder: &Path) -> PathBuf {

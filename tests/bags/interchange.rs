@@ -1,8 +1,7 @@
 //! rosbags and mcap-ros2-support read our bags field by field.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::common::{python::run_script, random::Random};
-use needle_twin::input::{Recording, Selection, TopicNames};
+use needle_recording::{Recording, Selection, TopicNames};
 use needle_twin::rig::make::RigScene;
 use ros2_messages::{
     RosMessage, diagnostic_msgs, from_cdr, geometry_msgs, needle_twin as own, rosgraph_msgs,
@@ -13,6 +12,7 @@ use rosbag2_mcap::{BagReader, BagWriter, Qos, Severity, TopicId, WriterOptions, 
 use serde_json::{Value, json};
 use std::fmt::Debug;
 use std::path::Path;
+use testkit::{python::run_script, random::Random};
 
 /// A bag that is being written, and what a reader must find in it.
 struct Both {

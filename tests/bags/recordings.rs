@@ -1,7 +1,7 @@
 //! The synthetic recordings: what is shipped is what `bag make` makes, and says what it is.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use needle_twin::input::{Recording, TopicNames};
+use needle_recording::{Recording, TopicNames};
 use needle_twin::rig::embedded;
 use needle_twin::rig::make::{RigRecording, RigScene};
 use needle_twin::rig::sensors::{DisplacementModel, LoadCellModel};

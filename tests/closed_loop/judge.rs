@@ -5,15 +5,15 @@ use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use needle_twin::ros::arguments::RosArguments;
-use needle_twin::ros::clock::wall_nanos;
-use needle_twin::ros::environment::Environment;
-use needle_twin::ros::names::Names;
-use needle_twin::ros::participant::Participant;
-use needle_twin::ros::qos;
 use ros2_messages::geometry_msgs::{PoseArray, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Bool;
+use ros2_node::arguments::RosArguments;
+use ros2_node::clock::wall_nanos;
+use ros2_node::environment::Environment;
+use ros2_node::names::Names;
+use ros2_node::participant::Participant;
+use ros2_node::qos;
 
 use crate::TOP_M;
 use crate::ros::TWIN;

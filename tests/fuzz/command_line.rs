@@ -2,12 +2,12 @@
 
 use std::ffi::OsString;
 
-use needle_twin::ros::arguments::{self, RosArguments};
-use needle_twin::ros::names::{Endpoint, Names, check_name, check_namespace, check_token};
-use needle_twin::ros::parameter::Parameter;
-use needle_twin::ros::parameters::Parameters;
-use needle_twin::ros::{parameter_file, qos};
 use ros2_client::ParameterValue;
+use ros2_node::arguments::{self, RosArguments};
+use ros2_node::names::{Endpoint, Names, check_name, check_namespace, check_token};
+use ros2_node::parameter::Parameter;
+use ros2_node::parameters::Parameters;
+use ros2_node::{parameter_file, qos};
 
 /// Arguments are the lines of `data`; what stands behind a line `---` is a parameter file.
 pub fn exercise(data: &[u8]) {

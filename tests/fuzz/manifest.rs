@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use needle_twin::study::batch::Manifest;
+use needle_estimate::batch::Manifest;
 
 /// A text that begins with a comment `#csv` is a table. No file is looked at: the folder does not exist.
 pub fn exercise(data: &[u8]) {

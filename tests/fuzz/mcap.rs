@@ -1,6 +1,6 @@
 // Any bytes as a bag or as its metadata, with what is said of it: shared by the fuzz target in `fuzz/` and by `tests/fuzz.rs`.
 
-use needle_twin::input::Recording;
+use needle_recording::Recording;
 use rosbag2_mcap::{BagReader, Metadata};
 
 use super::selection;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use needle_twin::mesh::{self, Wanted};
+use needle_core::mesh::{self, Wanted};
 
 /// A cloud that comes out is one: finite points, cells of its own nodes, positive volumes.
 pub fn exercise(name: &str, data: &[u8]) {

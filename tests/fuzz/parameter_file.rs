@@ -1,7 +1,7 @@
 // Any text as a parameter file: shared by the fuzz target in `fuzz/` and by `tests/fuzz.rs`.
 
-use needle_twin::ros::names::pattern_matches;
-use needle_twin::ros::parameter_file;
+use ros2_node::names::pattern_matches;
+use ros2_node::parameter_file;
 
 /// What is read has names, and a pattern that can be asked.
 pub fn exercise(data: &[u8]) {

@@ -1,6 +1,6 @@
 // Any text as a scene, and any changes to it: shared by the fuzz target in `fuzz/` and by `tests/fuzz.rs`.
 
-use needle_twin::scene::{Override, Scene};
+use needle_core::scene::{Override, Scene};
 
 /// The scene stands before a line `---`, changes `key=value` behind it.
 pub fn exercise(data: &[u8]) {

@@ -1,7 +1,7 @@
 // What a user says of a recording, in front of the recording: shared by the fuzz targets of bags and tables.
 
-use needle_twin::input::Selection;
-use needle_twin::study::batch::Entry;
+use needle_estimate::batch::Entry;
+use needle_recording::Selection;
 
 /// Options as TOML stand before a line `---`, the recording behind it; without the line all is recording. Options that are none
 /// count as none said.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use needle_twin::input::{Recording, Table};
+use needle_recording::{Recording, Table};
 
 use super::selection;
 

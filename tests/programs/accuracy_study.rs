@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use assert_cmd::Command;
-use needle_twin::scene::Scene;
-use needle_twin::study::accuracy::{self, Extent, Row, plan};
+use needle_core::scene::Scene;
+use needle_studies::accuracy::{self, Extent, Row, plan};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Output;

@@ -1,15 +1,16 @@
 //! `calibrate`: what it prints, that what made a recording comes back, how sure it is, and what it refuses.
 #![allow(clippy::unwrap_used)]
 
+use needle_estimate::compare::Unwatched;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use needle_twin::compare::uncertainty::FORCE_ERROR;
-use needle_twin::compare::{Answer, At, ForceSeries, Reading, Watch};
-use needle_twin::input::{Recording, TopicNames};
+use needle_core::scene::Scene;
+use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_recording::{At, ForceSeries, Reading};
+use needle_recording::{Recording, TopicNames};
 use needle_twin::rig::make::{RigRecording, RigScene};
-use needle_twin::scene::Scene;
-use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
 use serde_json::Value;
 
 const MODULUS: &str = "material.shear_modulus_pa";
@@ -82,15 +83,6 @@ fn the_deformation_coefficient_comes_back_from_the_needle() {
     }
 }
 
-struct Still;
-
-impl Watch for Still {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-    fn stop(&self) -> bool {
-        false
-    }
-}
-
 /// A recording of another seed, 50 readings a second, and what comes back from it.
 fn from_seed(scene: RigScene, key: &str, seed: u64) -> Calibration {
     let folder = tempfile::tempdir().unwrap();
@@ -111,7 +103,7 @@ fn from_seed(scene: RigScene, key: &str, seed: u64) -> Calibration {
         table: None,
     };
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    one_thread.install(|| calibrate(&task, &mut Still, &mut |_| {})).unwrap()
+    one_thread.install(|| calibrate(&task, &mut Unwatched, &mut |_| {})).unwrap()
 }
 
 #[test]

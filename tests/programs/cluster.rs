@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::batch::{Lab, files};
-use crate::common::python::{environment, run};
+use testkit::python::{environment, run};
 
 /// At the versions that were tried.
 const DASK: [&str; 1] = ["distributed==2026.8.0"];

@@ -13,7 +13,7 @@ use ros2_messages::sensor_msgs::JointState;
 use rosbag2_mcap::BagReader;
 use serde_json::Value;
 
-use crate::common::python::run_script;
+use testkit::python::run_script;
 
 const FILES: [&str; 6] = ["metrics.json", "force.csv", "targets.csv", "final.vtu", "force.png", "report.html"];
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use needle_twin::input::{Recording, TopicNames};
+use needle_recording::{Recording, TopicNames};
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
-use needle_twin::study::batch::Manifest;
+use needle_estimate::batch::Manifest;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::python::{environment, run};
+use testkit::python::{environment, run};
 
 /// At the versions that were tried.
 const PACKAGES: [&str; 7] = [

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use needle_twin::input::{Quantity, Recording, Selection};
+use needle_recording::{Quantity, Recording, Selection};
 use ros2_messages::RosMessage as _;
 use ros2_messages::schema::Schema;
 use ros2_messages::std_msgs::{Float64MultiArray, MultiArrayLayout};

@@ -3,7 +3,9 @@
 
 use crate::synthetic_run;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use needle_twin::{compare::Run, report, twin::Event};
+use needle_core::twin::Event;
+use needle_estimate::compare::Run;
+use needle_report as report;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::{fs, path::Path, process::Command};
@@ -237,7 +239,7 @@ fn a_load_cell_slower_than_the_poses_is_still_drawn() {
     run.answers.iter_mut().enumerate().filter(|(i, _)| i % 10 != 0).for_each(|(_, a)| a.measured_n = None);
     assert!(pixels(&report::force_png(&run).unwrap(), RESIDUAL) > 2000);
     // Nothing is drawn where there is a long gap.
-    let gap = |a: &&mut needle_twin::compare::Answer| (3.0..9.0).contains(&a.time_s);
+    let gap = |a: &&mut needle_estimate::compare::Answer| (3.0..9.0).contains(&a.time_s);
     let before = pixels(&report::force_png(&run).unwrap(), RESIDUAL);
     run.answers.iter_mut().filter(gap).for_each(|a| a.measured_n = None);
     let after = pixels(&report::force_png(&run).unwrap(), RESIDUAL);

@@ -5,9 +5,10 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::synthetic_run;
-use needle_twin::scene::Scene;
-use needle_twin::study::accuracy::{Case, Extent, Row, plan};
-use needle_twin::{compare::Run, report};
+use needle_core::scene::Scene;
+use needle_estimate::compare::Run;
+use needle_report as report;
+use needle_studies::accuracy::{Case, Extent, Row, plan};
 use serde_json::Value;
 use std::{fs, path::PathBuf, process::Command};
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
-use needle_twin::scene::file::load;
+use needle_core::scene::file::load;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -3,32 +3,25 @@
 //! `cargo test --release --test programs verdict::the_interval -- --nocapture` makes the record of docs/lab/verdict.md.
 #![allow(clippy::unwrap_used)]
 
+use needle_estimate::compare::Unwatched;
 use std::time::Instant;
 
 use crate::wrong::{self, Fault, recorded};
 use assert_cmd::Command;
-use needle_twin::compare::scale::mistaken;
-use needle_twin::compare::uncertainty::FORCE_ERROR;
-use needle_twin::compare::{Answer, At, Explains, ForceSeries, Reading, Watch};
-use needle_twin::input::Recording;
+use needle_core::scene::Scene;
+use needle_core::twin::Twin;
+use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
+use needle_estimate::compare::Explains;
+use needle_estimate::compare::scale::mistaken;
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_recording::Recording;
+use needle_recording::{At, ForceSeries, Reading};
 use needle_twin::rig::make::RigScene;
-use needle_twin::scene::Scene;
-use needle_twin::study::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, calibrate};
-use needle_twin::twin::Twin;
 use rayon::prelude::*;
 use serde_json::Value;
 
 const MODULUS: &str = "material.shear_modulus_pa";
 const COEFFICIENT: &str = "instrument.deformation_coefficient";
-
-struct Still;
-
-impl Watch for Still {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-    fn stop(&self) -> bool {
-        false
-    }
-}
 
 enum Outcome {
     Refused(String),
@@ -57,7 +50,7 @@ fn outcome(recording: &Recording, scene: &str, key: &str) -> Outcome {
             part: HoldOut::Nothing,
             table: None,
         };
-        Outcome::Found(Box::new(calibrate(&task, &mut Still, &mut |_| {}).unwrap()))
+        Outcome::Found(Box::new(calibrate(&task, &mut Unwatched, &mut |_| {}).unwrap()))
     })
 }
 

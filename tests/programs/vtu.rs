@@ -3,7 +3,6 @@
 
 use crate::synthetic_run;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use needle_twin::report;
 use std::{fs, path::Path, process::Command};
 
 /// Bytes of an inline array, its length header checked and removed.
@@ -23,7 +22,7 @@ fn floats(bytes: &[u8]) -> Vec<f64> {
 #[test]
 fn arrays_hold_the_run_bit_by_bit() {
     let run = synthetic_run::needle(10.0);
-    let vtu = report::final_vtu(&run).unwrap();
+    let vtu = needle_report::final_vtu(&run).unwrap();
     let state = &run.final_state;
     assert_eq!(floats(&array(&vtu, "reference").unwrap()), state.points.as_flattened());
     assert_eq!(floats(&array(&vtu, "displacement").unwrap()), state.displacement.as_flattened());
@@ -38,11 +37,11 @@ fn arrays_hold_the_run_bit_by_bit() {
 #[test]
 fn cells_have_their_regions_where_there_are_any() {
     let mut run = synthetic_run::needle(10.0);
-    assert_eq!(array(&report::final_vtu(&run).unwrap(), "region"), None);
+    assert_eq!(array(&needle_report::final_vtu(&run).unwrap(), "region"), None);
     run.final_state.region = (0..run.final_state.cells.len()).map(|i| (i % 3) as u8).collect();
-    assert_eq!(array(&report::final_vtu(&run).unwrap(), "region").unwrap(), run.final_state.region);
+    assert_eq!(array(&needle_report::final_vtu(&run).unwrap(), "region").unwrap(), run.final_state.region);
     run.final_state.region.pop();
-    let message = report::final_vtu(&run).unwrap_err().to_string();
+    let message = needle_report::final_vtu(&run).unwrap_err().to_string();
     assert!(message.contains("region") && message.contains("final.vtu"), "{message}");
 }
 
@@ -51,7 +50,7 @@ fn a_diverged_field_is_masked_and_never_written() {
     let mut run = synthetic_run::needle(10.0);
     run.final_state.displacement[7] = [0.0, f64::NAN, 1.0];
     run.final_state.von_mises_pa[9] = f64::INFINITY;
-    let vtu = report::final_vtu(&run).unwrap();
+    let vtu = needle_report::final_vtu(&run).unwrap();
     for name in ["displacement", "von_mises_pa"] {
         assert!(floats(&array(&vtu, name).unwrap()).iter().all(|v| v.is_finite()), "{name}");
     }
@@ -64,17 +63,17 @@ fn a_diverged_field_is_masked_and_never_written() {
 fn a_run_that_contradicts_itself_is_an_error_that_names_the_field() {
     let mut run = synthetic_run::needle(10.0);
     run.final_state.jacobian.pop();
-    let message = report::final_vtu(&run).unwrap_err().to_string();
+    let message = needle_report::final_vtu(&run).unwrap_err().to_string();
     assert!(message.contains("jacobian") && message.contains("final.vtu"), "{message}");
     let mut run = synthetic_run::needle(10.0);
     run.final_state.cells[0][2] = 999_999;
-    let message = report::final_vtu(&run).unwrap_err().to_string();
+    let message = needle_report::final_vtu(&run).unwrap_err().to_string();
     assert!(message.contains("999999"), "{message}");
 }
 
 #[test]
 fn an_empty_run_gives_an_empty_grid() {
-    let vtu = report::final_vtu(&needle_twin::compare::Run::default()).unwrap();
+    let vtu = needle_report::final_vtu(&needle_estimate::compare::Run::default()).unwrap();
     assert!(vtu.contains("NumberOfPoints=\"0\" NumberOfCells=\"0\""));
 }
 
@@ -82,8 +81,8 @@ fn an_empty_run_gives_an_empty_grid() {
 fn meshio_reads_the_grid_and_the_series() {
     let out = tempfile::tempdir().unwrap();
     let run = synthetic_run::needle(10.0);
-    fs::write(out.path().join("final.vtu"), report::final_vtu(&run).unwrap()).unwrap();
-    let series = report::write_series(out.path(), &run).unwrap();
+    fs::write(out.path().join("final.vtu"), needle_report::final_vtu(&run).unwrap()).unwrap();
+    let series = needle_report::write_series(out.path(), &run).unwrap();
     assert_eq!(series.len(), run.snapshots.len() + 1);
     let program = "
 import sys, meshio, pathlib, xml.etree.ElementTree as E

@@ -2,24 +2,16 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use crate::ros::{Peer, Program, TWIN, free_domain};
-use needle_twin::compare::identifier::{Cause, Identifier, Parameter, State};
-use needle_twin::compare::{self, At, Collector, ForceSeries, Keep, Reading, Run};
-use needle_twin::input::{Recording, TopicNames};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Phase;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Phase;
+use needle_estimate::compare::identifier::{Cause, Identifier, Parameter, State};
+use needle_estimate::compare::{self, Collector, Keep, Run};
+use needle_recording::{At, ForceSeries, Reading};
+use needle_recording::{Recording, TopicNames};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use rand_distr::{Distribution as _, StandardNormal};
 use serde_json::json;
-
-struct Still;
-
-impl compare::Watch for Still {
-    fn progress(&mut self, _: usize, _: Option<&compare::Answer>) {}
-    fn stop(&self) -> bool {
-        false
-    }
-}
 
 /// A shipped bag through the twin of its scene with some keys changed.
 fn replayed(bag: &str, changes: &[(&str, f64)]) -> Run {
@@ -32,7 +24,7 @@ fn replayed(bag: &str, changes: &[(&str, f64)]) -> Run {
     let measured = ForceSeries::new(recording.forces.iter().map(|s| (s.time_s, s.force_n)).collect());
     let (mut twin, build_s) = compare::build(&scene).unwrap();
     let collector = Collector::new(&twin, "test", build_s, Keep::ANSWERS);
-    compare::drive(&mut twin, readings, Some(&measured), collector, &mut Still)
+    compare::drive(&mut twin, readings, Some(&measured), collector, &mut compare::Unwatched)
 }
 
 /// (time since the instrument began to move the tissue, value, standard error, state) after every reading.

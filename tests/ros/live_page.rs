@@ -266,7 +266,7 @@ fn in_a_browser_regions_are_cut_open_in_their_colours() {
         shape = \"layer\"\nfrom_depth_m = 0.0\nto_depth_m = 0.006\n";
     let coarse = [("discretisation.spacing_m", "0.005"), ("discretisation.edge_refinement", "1.0")];
     let scene = logs.path().join("layered.toml");
-    std::fs::write(&scene, crate::coarse::scene("compression", &coarse).to_toml() + layer).unwrap();
+    std::fs::write(&scene, testkit::coarse::scene("compression", &coarse).to_toml() + layer).unwrap();
     let more = ["--scene", scene.to_str().unwrap(), "--ros-args", "-p", "page:=true", "-p", "page_port:=0"];
     let node = Program::start(TWIN, &more, domain, &[("ROS_LOG_DIR", logs.path().to_str().unwrap())]);
     let address = address(&logs);

@@ -6,17 +6,17 @@
 use std::time::{Duration, Instant};
 
 use crate::ros::{Program, TWIN, free_domain, node_mb};
-use needle_twin::ros::arguments::RosArguments;
-use needle_twin::ros::clock::wall_nanos;
-use needle_twin::ros::environment::Environment;
-use needle_twin::ros::names::Names;
-use needle_twin::ros::participant::Participant;
-use needle_twin::ros::qos;
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::WrenchStamped;
 use ros2_messages::needle_twin::TwinStatus;
 use ros2_messages::sensor_msgs::JointState;
 use ros2_messages::std_msgs::Header;
+use ros2_node::arguments::RosArguments;
+use ros2_node::clock::wall_nanos;
+use ros2_node::environment::Environment;
+use ros2_node::names::Names;
+use ros2_node::participant::Participant;
+use ros2_node::qos;
 
 /// Rate of the poses, Hz.
 const RATE_HZ: u64 = 1000;

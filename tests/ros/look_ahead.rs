@@ -2,12 +2,12 @@
 //! bits, and one that makes it in few steps is right to two per cent; the service answers within 50 ms.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::coarse;
-use crate::coarse::{alone, digits};
 use crate::ros::{Peer, Program, TWIN, free_domain};
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::{Motion, Prediction, StampedPose, Twin};
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::{Motion, Prediction, StampedPose, Twin};
 use serde_json::{Value, json};
+use testkit::coarse;
+use testkit::coarse::{alone, digits};
 
 /// One pose, at 2 mm/s and 200 Hz.
 fn pose(twin: &Twin, i: u32) -> StampedPose {
@@ -87,7 +87,7 @@ fn a_double_that_makes_the_same_motion_predicts_the_same_bits() {
                 .map(|i| {
                     let way = 5e-4 * (f64::from(i) / 50.0);
                     let tip = std::array::from_fn(|k| from.pose.tip[k] + way * from.pose.axis[k]);
-                    let pose = needle_twin::twin::Pose { tip, axis: from.pose.axis };
+                    let pose = needle_core::twin::Pose { tip, axis: from.pose.axis };
                     live.step(StampedPose { time_s: from.time_s + way / 0.002, pose }).unwrap()
                 })
                 .collect();

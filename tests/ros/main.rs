@@ -5,8 +5,6 @@ const ZENOH: bool = false;
 
 #[path = "../common/chromium.rs"]
 mod chromium;
-#[path = "../coarse/mod.rs"]
-mod coarse;
 #[path = "../fuzz/command_line.rs"]
 mod command_line;
 mod faults;

@@ -1,11 +1,9 @@
 //! A synthetic run for tests of the report: formulas of plausible shape, no solver. Not a result of anything.
 #![allow(dead_code)] // each test file uses its part
 
-use needle_twin::{
-    compare::{Answer, FinalState, Run, Snapshot, TargetRow},
-    scene::{DeformationRule, Instrument, InstrumentKind, Metres, Needle, Radians},
-    twin::{Event, Phase},
-};
+use needle_core::scene::{DeformationRule, Instrument, InstrumentKind, Metres, Needle, Radians};
+use needle_core::twin::{Event, Phase};
+use needle_estimate::compare::{Answer, FinalState, Run, Snapshot, TargetRow};
 
 pub const HEIGHT_M: f64 = 0.017;
 pub const RADIUS_M: f64 = 0.015;
@@ -55,10 +53,10 @@ pub fn needle(pose_hz: f64) -> Run {
         },
         snapshots,
         instrument: Some(Instrument {
-            interaction: needle_twin::scene::Interaction::Kinematic,
+            interaction: needle_core::scene::Interaction::Kinematic,
             kind: InstrumentKind::Needle(needle_shape()),
             entry: [metres(0.0); 2],
-            contact: needle_twin::scene::ContactLaw::Bonded,
+            contact: needle_core::scene::ContactLaw::Bonded,
             load_cell_height: metres(0.0),
         }),
         scene_toml: SCENE.into(),

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use needle_twin::input::{Recording, TopicNames};
+use needle_recording::{Recording, TopicNames};
 use needle_twin::rig::make::{RigRecording, RigScene};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Vector3, Wrench, WrenchStamped};

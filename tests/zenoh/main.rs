@@ -5,8 +5,6 @@
 /// Over Zenoh.
 const ZENOH: bool = true;
 
-#[path = "../coarse/mod.rs"]
-mod coarse;
 #[path = "../ros/ros_node/events.rs"]
 mod events;
 mod faults;

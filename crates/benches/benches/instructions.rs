@@ -10,7 +10,7 @@
 use std::hint::black_box;
 
 use gungraun::prelude::*;
-use needle_twin::twin::{Prediction, StampedPose, Twin};
+use needle_core::twin::{Prediction, StampedPose, Twin};
 use needle_twin_benches::{scene, twin_on_one_thread};
 
 /// A twin at rest on one thread, that takes one step for a pose.

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use needle_twin::twin::StampedPose;
+use needle_core::twin::StampedPose;
 use needle_twin_benches::{scene, twin_on_one_thread};
 
 const PRESETS: [&str; 3] = ["compression", "indentation", "needle_insertion"];

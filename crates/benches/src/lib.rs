@@ -1,8 +1,8 @@
 //! What both benches build: a preset whose every pose is worth one step, on one thread.
 #![allow(clippy::missing_panics_doc, clippy::unwrap_used)]
 
-use needle_twin::scene::{Override, Scene};
-use needle_twin::twin::Twin;
+use needle_core::scene::{Override, Scene};
+use needle_core::twin::Twin;
 
 /// `preset` in `dimension` (`auto`, `axisymmetric`, `full`), with one step per pose.
 pub fn scene(preset: &str, dimension: &str) -> Scene {

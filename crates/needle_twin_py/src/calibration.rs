@@ -1,11 +1,10 @@
 //! Values of scene keys from a recording.
 
-use needle_twin::compare::uncertainty::FORCE_ERROR;
-use needle_twin::compare::{self, scale};
-use needle_twin::report;
-use needle_twin::scene::Scene;
-use needle_twin::study::calibrate::{self as fitting, HoldOut, LoadCell, Task, Wanted};
-use needle_twin::study::layers::of_recording;
+use needle_core::scene::Scene;
+use needle_estimate::calibrate::{self as fitting, HoldOut, LoadCell, Task, Wanted};
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_estimate::compare::{self, scale};
+use needle_estimate::layers::of_recording;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -27,7 +26,7 @@ pub struct Calibration {
 impl Calibration {
     /// What `calibration.json` says, as a dict: `fit` has value and standard error of each key; `verdict` says whether to believe them.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array::json(py, &report::calibration_json(&self.found, &self.source, self.prediction.as_ref()))
+        array::json(py, &needle_report::calibration_json(&self.found, &self.source, self.prediction.as_ref()))
     }
 
     /// Value of each key that was asked for.
@@ -194,7 +193,7 @@ pub fn layers<'py>(
         let readings = recorded.readings(given.pose_wanted);
         let found = of_recording(&scene, &readings, &recorded.measured(), number);
         let found = found.map_err(|e| CalibrationError::new_err(in_python(&e.to_string())))?;
-        array::json(py, &report::layers_json(&found, &recorded.source))
+        array::json(py, &needle_report::layers_json(&found, &recorded.source))
     })
 }
 

@@ -1,8 +1,8 @@
 //! Many twins of one scene, pose by pose.
 
-use needle_twin::compare::ensemble::{self, Band, Live, Size};
-use needle_twin::scene::Uncertain;
-use needle_twin::twin;
+use needle_core::scene::Uncertain;
+use needle_core::twin;
+use needle_estimate::compare::ensemble::{self, Band, Live, Size};
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::prelude::*;
 

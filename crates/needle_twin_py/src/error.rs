@@ -1,7 +1,7 @@
 //! Exceptions. Each message says what is wrong, where, and what to do.
 
-use needle_twin::compare::ensemble::EnsembleError;
-use needle_twin::twin::Halt;
+use needle_core::twin::Halt;
+use needle_estimate::compare::ensemble::EnsembleError;
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
@@ -47,7 +47,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// A scene's error.
-pub fn scene(error: needle_twin::scene::SceneError) -> PyErr {
+pub fn scene(error: needle_core::scene::SceneError) -> PyErr {
     SceneError::new_err(error.to_string())
 }
 

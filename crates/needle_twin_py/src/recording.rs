@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use needle_twin::input::{self, Quantity, Selection, TableLayout, TopicNames};
+use needle_recording::{Quantity, Selection, TableLayout, TopicNames};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -19,7 +19,7 @@ use crate::error::{RecordingError, in_python};
 /// >>> recording = needle_twin.Recording("run.csv", position="Compression (mm)", force="Load (N)", time="Time (s)")
 #[pyclass(module = "needle_twin", frozen)]
 pub struct Recording {
-    pub recording: input::Recording,
+    pub recording: needle_recording::Recording,
     pub pose_wanted: bool,
 }
 
@@ -158,7 +158,7 @@ impl Recording {
 
 impl Recording {
     fn open(files: &[PathBuf], selection: &Selection, pose_wanted: bool) -> PyResult<Self> {
-        let read = input::Recording::open(files, selection);
+        let read = needle_recording::Recording::open(files, selection);
         read.map(|recording| Self { recording, pose_wanted })
             .map_err(|e| RecordingError::new_err(in_python(&e.to_string())))
     }

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use needle_twin::compare::ensemble::{self, Answered, Band, Crew, Driven, Sighting, Size};
-use needle_twin::compare::{self, At, Collector, ForceSeries, Keep, Reading, scale};
-use needle_twin::report;
-use needle_twin::scene::Scene;
+use needle_core::scene::Scene;
+use needle_estimate::compare::ensemble::{self, Answered, Band, Crew, Driven, Size};
+use needle_estimate::compare::{self, Collector, Keep, scale};
+use needle_recording::{At, ForceSeries, MarkerSample, Reading};
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -97,7 +97,7 @@ impl Run {
     /// What `metrics.json` says: force, timing, stability, verdict, alignment, checksum, as a dict.
     #[getter]
     fn metrics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array::json(py, &report::metrics_json(&self.run))
+        array::json(py, &needle_report::metrics_json(&self.run))
     }
 
     /// Whether the model explains the measurement, in one line.
@@ -127,7 +127,7 @@ impl Run {
     /// Writes metrics.json, force.csv, targets.csv, final.vtu, force.png, force.svg and report.html, as `--out` does, and returns their paths.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
         let run = &self.run;
-        let write = || report::prepare(&folder).and_then(|()| report::write_all(&folder, run));
+        let write = || needle_report::prepare(&folder).and_then(|()| needle_report::write_all(&folder, run));
         py.detach(write).map_err(|e| NeedleTwinError::new_err(e.to_string()))
     }
 
@@ -204,7 +204,7 @@ pub fn replay(
         let recorded = given.recording.aligned(&scene);
         let measured = recorded.measured();
         let readings = recorded.readings(given.pose_wanted);
-        let look = |twin: &needle_twin::twin::Twin, readings: &[Reading]| {
+        let look = |twin: &needle_core::twin::Twin, readings: &[Reading]| {
             let found = scale::mistaken(twin, readings, &measured, recorded.scene.as_deref());
             found.filter(|_| !force).map_or(Ok(()), |what| Err(RecordingError::new_err(in_python(&what))))
         };
@@ -215,7 +215,8 @@ pub fn replay(
                 collector.measured_source(&recorded.source);
             }
         };
-        let asked = Asked { threads, size: Size { members, seed }, command: "replay", sightings: recorded.sightings() };
+        let asked =
+            Asked { threads, size: Size { members, seed }, command: "replay", sightings: recorded.markers.clone() };
         drive(py, &scene, asked, readings, Some(&measured), look, prepare)
     })
 }
@@ -228,7 +229,7 @@ pub fn scene_of(
 ) -> PyResult<Scene> {
     let scene = match given {
         Some(given) => scene::of(given)?,
-        None => needle_twin::scene::file::load(named.unwrap_or(DEFAULT_SCENE)).map_err(error::scene)?,
+        None => needle_core::scene::file::load(named.unwrap_or(DEFAULT_SCENE)).map_err(error::scene)?,
     };
     Ok(scene::Scene { scene }.changed(changes)?.scene)
 }
@@ -240,7 +241,7 @@ struct Asked {
     size: Size,
     command: &'static str,
     /// Tracked points, for the members.
-    sightings: Vec<Sighting>,
+    sightings: Vec<MarkerSample>,
 }
 
 /// What `needle_twin solve` and `replay` do: build, look at the readings, drive, collect, and run the members.
@@ -250,7 +251,7 @@ fn drive(
     asked: Asked,
     readings: Vec<Reading>,
     measured: Option<&ForceSeries>,
-    look: impl FnOnce(&needle_twin::twin::Twin, &[Reading]) -> PyResult<()> + Send,
+    look: impl FnOnce(&needle_core::twin::Twin, &[Reading]) -> PyResult<()> + Send,
     prepare: impl FnOnce(&mut Collector) + Send,
 ) -> PyResult<Run> {
     if readings.is_empty() {

@@ -1,6 +1,6 @@
 //! Scenes: what is modelled.
 
-use needle_twin::scene::{self, Override, Value};
+use needle_core::scene::{self, Override, Value};
 use pyo3::IntoPyObjectExt as _;
 use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;

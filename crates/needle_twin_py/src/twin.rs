@@ -1,6 +1,6 @@
 //! The twin, pose by pose.
 
-use needle_twin::twin::{self, Motion, Phase, Pose, StampedPose};
+use needle_core::twin::{self, Motion, Phase, Pose, StampedPose};
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -93,7 +93,7 @@ impl Twin {
     /// "axisymmetric", "mirrored" or "full".
     #[getter]
     fn dimension(&self) -> &'static str {
-        use needle_twin::scene::Word as _;
+        use needle_core::scene::Word as _;
         self.twin.dimension().as_str()
     }
 

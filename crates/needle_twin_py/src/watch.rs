@@ -6,7 +6,7 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use needle_twin::compare::{Answer, Watch};
+use needle_estimate::compare::{Answer, Watch};
 use pyo3::prelude::*;
 
 use crate::error::NeedleTwinError;

@@ -1,14 +1,15 @@
 //! What was heard on the network as a [`Run`], for the same report as every other run.
 
-use crate::scene::Word as _;
+use needle_core::scene::Word as _;
 use std::collections::BTreeMap;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::compare::{Answer, FinalState, ForceSeries, Occurrence, Run, Snapshot, TargetRow};
 use crate::ros::observer::{Heard, Observations, PointFields};
-use crate::scene::Scene;
-use crate::twin::{Event, Phase};
+use needle_core::scene::Scene;
+use needle_core::twin::{Event, Phase};
+use needle_estimate::compare::{Answer, FinalState, Occurrence, Run, Snapshot, TargetRow};
+use needle_recording::ForceSeries;
 use ros2_messages::needle_twin::{TissueEvent, TissueModel, TissueState, TwinStatus};
 
 /// Snapshots that a report takes.

@@ -16,13 +16,13 @@ use super::nodes::Node;
 use super::options::SeriesOptions;
 use super::output::OutputFolder;
 use super::{CliError, Outcome, output, replay, scene_file};
-use crate::compare::Run;
-use crate::input::{Recording, TopicNames};
 use crate::rig::embedded;
-use crate::ros::environment::{self, Environment, Reach};
 use crate::ros::observer::{Observations, Observer};
-use crate::scene::Scene;
+use needle_core::scene::Scene;
+use needle_estimate::compare::Run;
+use needle_recording::{Recording, TopicNames};
 use ros2_guarded::signals::Signals;
+use ros2_node::environment::{self, Environment, Reach};
 use rosbag2_mcap::{BagWriter, WriterOptions};
 
 /// Scene of the demo and of the recording that is compiled in.
@@ -153,7 +153,7 @@ impl<'a> Stage<'a> {
         };
         let writer = BagWriter::create(
             &self.recorded,
-            WriterOptions { library: crate::WRITER.to_owned(), ..WriterOptions::default() },
+            WriterOptions { library: needle_core::WRITER.to_owned(), ..WriterOptions::default() },
         )?;
         let mut observer = Observer::join(&environment, Some(writer))?;
 

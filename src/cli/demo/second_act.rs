@@ -5,7 +5,7 @@ use std::path::Path;
 use super::super::options::SeriesOptions;
 use super::super::output::{self, OutputFolder};
 use super::super::{CliError, Outcome, print, scene_file, solve};
-use crate::scene::{Override, Value};
+use needle_core::scene::{Override, Value};
 
 /// Scene of the second act, and the folder of its results.
 const SCENE: &str = "layered_tissue";

@@ -1,6 +1,6 @@
 //! `needle_twin study accuracy` and `study merge`: a table that grows as runs finish, and its pictures.
 
-use crate::scene::Word as _;
+use needle_core::scene::Word as _;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -15,12 +15,11 @@ use super::super::output::OutputFolder;
 use super::super::shard::Shard;
 use super::super::{CliError, Outcome, print, scene_file, warn};
 use super::{PRESETS, bar};
-use crate::report;
-use crate::scene::{Method, Scene};
-use crate::study::accuracy::{self, Case, Extent, Row, StudyError, Table};
-use crate::study::composites::{Composite, posed};
-use crate::study::correction;
-use crate::study::yardstick::{Yardstick, study_depth};
+use needle_core::scene::{Method, Scene};
+use needle_studies::accuracy::{self, Case, Extent, Row, StudyError, Table};
+use needle_studies::composites::{Composite, posed};
+use needle_studies::correction;
+use needle_studies::yardstick::{Yardstick, study_depth};
 
 /// Name of the whole table.
 const TABLE: &str = "accuracy.csv";
@@ -238,7 +237,7 @@ fn alone<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T, CliError> {
 fn finish(folder: Option<&Path>, rows: &[Row]) -> Result<(), CliError> {
     print(&accuracy::orders(rows))?;
     if let Some(folder) = folder {
-        for path in report::write_accuracy(folder, rows)? {
+        for path in needle_report::write_accuracy(folder, rows)? {
             print(&format!("{}\n", path.display()))?;
         }
     }

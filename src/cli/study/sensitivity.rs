@@ -10,10 +10,10 @@ use crate::cli::output::OutputFolder;
 use crate::cli::progress::{Bar, Progress};
 use crate::cli::shard::Shard;
 use crate::cli::{CliError, Outcome, print, scene_file, warn};
-use crate::compare::ensemble::Crew;
-use crate::compare::{At, Reading, Watch as _};
-use crate::report;
-use crate::study::sensitivity::{self, Output, Runs, Sensitivity};
+use needle_estimate::compare::Watch as _;
+use needle_estimate::compare::ensemble::Crew;
+use needle_recording::{At, Reading};
+use needle_studies::sensitivity::{self, Output, Runs, Sensitivity};
 
 /// Say which key of a scene's [uncertainty] makes peak force and targets uncertain: Sobol's indices over the scene's own motion
 #[derive(Debug, Args)]
@@ -89,8 +89,8 @@ impl SensitivityArguments {
         let found = runs.sensitivity([self.members as u64, self.seed]);
         let json = format!("{:#}\n", serde_json::json!(found));
         if let Some(folder) = &folder {
-            report::write_file(&folder.path.join("sensitivity.json"), json.as_bytes())?;
-            report::write_file(&folder.path.join("sensitivity.csv"), csv(&found).as_bytes())?;
+            needle_report::write_file(&folder.path.join("sensitivity.json"), json.as_bytes())?;
+            needle_report::write_file(&folder.path.join("sensitivity.csv"), csv(&found).as_bytes())?;
         }
         print(&if self.json { json } else { table(&found) })?;
         if found.left_out > 0 {

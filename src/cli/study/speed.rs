@@ -8,10 +8,9 @@ use crate::cli::options::ThreadOptions;
 use crate::cli::output::OutputFolder;
 use crate::cli::progress::Progress;
 use crate::cli::{CliError, Outcome, print};
-use crate::compare::Watch as _;
-use crate::report;
-use crate::study::bounds::Bounds;
-use crate::study::{busy, speed};
+use needle_estimate::compare::Watch as _;
+use needle_studies::bounds::Bounds;
+use needle_studies::{busy, speed};
 
 /// Time the step: presets, support, size of the model, threads; a needle beside busy loops; and how fast one may go in three dimensions
 #[derive(Debug, Args)]
@@ -71,7 +70,7 @@ impl Speed {
             said?;
         }
         if let Some(folder) = folder {
-            for path in report::write_speed(&folder.path, &processor(), bounds, &rows)? {
+            for path in needle_report::write_speed(&folder.path, &processor(), bounds, &rows)? {
                 print(&format!("{}\n", path.display()))?;
             }
         }

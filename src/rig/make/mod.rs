@@ -224,7 +224,7 @@ impl RigRecording {
     }
 
     fn write_named(&self, folder: &Path, name: &str) -> Result<Written, BagError> {
-        let (custom_data, library) = (self.custom_data(), crate::WRITER.to_owned());
+        let (custom_data, library) = (self.custom_data(), needle_core::WRITER.to_owned());
         let options = WriterOptions {
             chunk_bytes: 128 << 10,
             flush_after: None,

@@ -1,5 +1,6 @@
 //! The control thread: takes what has come, asks the guard, tells the driver.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -8,16 +9,16 @@ use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::{Goal, Line};
 use crate::guard::{Boundary, Guard, Heard, Orders, Outlook, Phase, Sight, Trouble};
-use crate::ros::clock::NodeClock;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{PoseArray, WrenchStamped};
-use crate::ros::messages::needle_twin::{self, Safety, TwinStatus};
-use crate::ros::messages::rosgraph_msgs::Clock;
-use crate::ros::messages::sensor_msgs::JointState;
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::origin::{Followed, Guid, Origin};
-use crate::ros::participant::{Input, Output, Participant, ParticipantError};
-use crate::ros::qos;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{PoseArray, WrenchStamped};
+use ros2_messages::needle_twin::{self, Safety, TwinStatus};
+use ros2_messages::rosgraph_msgs::Clock;
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
+use ros2_node::clock::NodeClock;
+use ros2_node::origin::{Followed, Guid, Origin};
+use ros2_node::participant::{Input, Output, Participant, ParticipantError};
+use ros2_node::qos;
 
 /// Ticks that are made up for after a hold-up.
 const MADE_UP: u32 = 5;
@@ -247,6 +248,9 @@ struct Publishers {
 /// A publisher that has been silent for so long has gone.
 const GONE: Duration = Duration::from_millis(500);
 
+/// Positions that are kept to be compared with what the twin answered: a second of a fast driver.
+const REMEMBERED: usize = 1000;
+
 /// Directions that differ by less than a degree are one.
 const SAME_DIRECTION: f64 = 0.99985;
 
@@ -256,6 +260,10 @@ struct Ears {
     clock: NodeClock,
     publishers: Publishers,
     depth_m: Option<Word<f64>>,
+    /// Depths of the last second, m, by stamp.
+    depths_m: VecDeque<(Time, f64)>,
+    /// Depth that the twin answered less the measured one of the same stamp, m.
+    twin_offset_m: Option<f64>,
     force: Option<Word<[f64; 3]>>,
     safe: Option<Word<bool>>,
     /// Direction in which the twin's needle goes.
@@ -282,7 +290,12 @@ impl Ears {
             if let Some(value) = position(&message, &task.joint)
                 && self.publishers.position.takes(publisher, now, GONE)
             {
-                self.depth_m = Some(Word { value, stamp: message.header.stamp, received });
+                let stamp = message.header.stamp;
+                self.depth_m = Some(Word { value, stamp, received });
+                if self.depths_m.len() == REMEMBERED {
+                    self.depths_m.pop_front();
+                }
+                self.depths_m.push_back((stamp, value));
             }
         }
         while let Some((message, Origin { publisher, received })) = endpoints.force.take_from() {
@@ -298,6 +311,9 @@ impl Ears {
         while let Some(message) = endpoints.status.take() {
             self.warned = message.health != TwinStatus::HEALTH_OK;
             self.boundary = boundary(&message, task).map(|boundary| (boundary, now));
+            let stamp = message.header.stamp;
+            let measured = self.depths_m.iter().rev().find(|(then, _)| *then == stamp && !stamp.is_zero());
+            self.twin_offset_m = measured.map(|(_, depth_m)| message.depth_m - depth_m);
         }
         while let Some(message) = endpoints.outlook.as_ref().and_then(Input::take) {
             self.outlook = outlook(&message, task).map(|outlook| (outlook, now));
@@ -371,6 +387,7 @@ impl Ears {
             boundary: self.boundary.map(|(value, then)| Heard::unstamped(value, since(then))),
             odds,
             goal_moves,
+            twin_offset_m: self.twin_offset_m,
         }
     }
 

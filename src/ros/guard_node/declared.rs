@@ -2,10 +2,10 @@
 
 use crate::guard::{Orders, Place};
 use crate::rig::MotionLimits;
-use crate::ros::parameter::{Parameter, parameters};
-use crate::ros::parameters::{Declaration, Parameters};
-use crate::ros::recorder;
-use crate::ros::start::common_declarations;
+use ros2_node::parameter::{Parameter, parameters};
+use ros2_node::parameters::{Declaration, Parameters};
+use ros2_node::recorder;
+use ros2_node::start::common_declarations;
 
 parameters! {
     /// The guard's own.

@@ -8,19 +8,19 @@ use crossbeam_channel::Receiver;
 
 use super::control::{Report, Shared};
 use crate::guard::Phase;
-use crate::ros::clock::NodeClock;
-use crate::ros::logger_services::LoggerServices;
-use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
-use crate::ros::parameter_services::ParameterServices;
-use crate::ros::parameters::Parameters;
-use crate::ros::participant::{Output, Participant, ParticipantError};
-use crate::ros::qos;
-use crate::ros::rosout::Rosout;
-use crate::ros::service::Service;
 use ros2_guarded::Bell;
 use ros2_guarded::Health;
+use ros2_messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use ros2_messages::std_msgs::Header;
+use ros2_messages::std_srvs::{TriggerRequest, TriggerResponse};
+use ros2_node::clock::NodeClock;
+use ros2_node::logger_services::LoggerServices;
+use ros2_node::parameter_services::ParameterServices;
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::{Output, Participant, ParticipantError};
+use ros2_node::qos;
+use ros2_node::rosout::Rosout;
+use ros2_node::service::Service;
 
 /// Longest time between two looks at anything that rings no bell.
 const TICK: Duration = Duration::from_millis(100);

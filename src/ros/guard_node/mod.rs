@@ -19,12 +19,12 @@ use clap::Parser;
 
 use self::control::{Endpoints, Shared, Task};
 use self::housekeeping::Housekeeping;
-use super::parameters::Parameters;
-use super::recorder::{Recorder, Recording};
-use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use crate::guard::Guard;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, spawn};
+use ros2_node::parameters::Parameters;
+use ros2_node::recorder::{Recorder, Recording};
+use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 
 #[derive(Parser, Debug)]
 #[command(
@@ -52,7 +52,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match start::start("guard", arguments).and_then(|start| guard(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("needle_twin guard: {}", crate::report::printable::line(&error.to_string()));
+            eprintln!("needle_twin guard: {}", printable::line(&error.to_string()));
             error.exit_code()
         }
     }

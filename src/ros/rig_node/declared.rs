@@ -3,14 +3,14 @@
 use ros2_client::ParameterValue as P;
 
 use super::driver::{Load, Rig};
-use crate::input::{ForceSource, PositionSource};
 use crate::rig::make::RigScene;
 use crate::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
 use crate::rig::{Driver, DriverLimits, MotionLimits, PlayOptions, Stretch};
-use crate::ros::parameter::{Parameter, Typed, parameters};
-use crate::ros::parameters::{Declaration, Parameters};
-use crate::ros::recorder;
-use crate::ros::start::common_declarations;
+use needle_recording::{ForceSource, PositionSource};
+use ros2_node::parameter::{Parameter, Typed, parameters};
+use ros2_node::parameters::{Declaration, Parameters};
+use ros2_node::recorder;
+use ros2_node::start::common_declarations;
 
 parameters! {
     /// What both modes need said.

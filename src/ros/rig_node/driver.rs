@@ -9,16 +9,16 @@ use super::declared::TISSUE_STIFFNESS;
 use crate::rig::make::Curve;
 use crate::rig::sensors::{DisplacementSensor, LoadCell};
 use crate::rig::{Delay, Driver};
-use crate::ros::clock::NodeClock;
-use crate::ros::logging::Throttle;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
-use crate::ros::messages::sensor_msgs::JointState;
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::origin::{Followed, Guid};
-use crate::ros::parameters::Parameters;
-use crate::ros::participant::{Input, Output, Participant, ParticipantError};
-use crate::ros::qos;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Wrench, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_msgs::Header;
+use ros2_node::clock::NodeClock;
+use ros2_node::logging::Throttle;
+use ros2_node::origin::{Followed, Guid};
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::{Input, Output, Participant, ParticipantError};
+use ros2_node::qos;
 
 /// Steps that are made up for after a hold-up: a burst of more would age a command that has just come.
 const MADE_UP: u32 = 5;

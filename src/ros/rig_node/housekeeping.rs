@@ -8,19 +8,19 @@ use crossbeam_channel::{Receiver, Sender};
 use super::declared;
 use super::playback::Command;
 use crate::rig::Stretch;
-use crate::ros::clock::NodeClock;
-use crate::ros::logger_services::LoggerServices;
-use crate::ros::messages::rosbag2_interfaces::{
+use ros2_client::ParameterValue;
+use ros2_guarded::Bell;
+use ros2_messages::rosbag2_interfaces::{
     BurstRequest, BurstResponse, Empty, GetRateResponse, IsPausedResponse, PlayRequest, SeekRequest, SetRateRequest,
     Success,
 };
-use crate::ros::parameter_services::ParameterServices;
-use crate::ros::parameters::Parameters;
-use crate::ros::participant::{Participant, ParticipantError};
-use crate::ros::rosout::Rosout;
-use crate::ros::service::Service;
-use ros2_client::ParameterValue;
-use ros2_guarded::Bell;
+use ros2_node::clock::NodeClock;
+use ros2_node::logger_services::LoggerServices;
+use ros2_node::parameter_services::ParameterServices;
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::{Participant, ParticipantError};
+use ros2_node::rosout::Rosout;
+use ros2_node::service::Service;
 
 /// Longest time between two looks at anything that rings no bell.
 const TICK: Duration = Duration::from_millis(100);
@@ -142,7 +142,7 @@ impl Housekeeping {
     pub fn run(self, clock: &NodeClock, commands: &Sender<Command>, rosout: &Rosout, stop: &Receiver<()>) {
         loop {
             self.parameter_services.poll(&self.parameters, clock, &mut |name, value| {
-                tracing::info!("parameter {name} is now {}", crate::ros::parameters::show(value));
+                tracing::info!("parameter {name} is now {}", ros2_node::parameters::show(value));
                 if name == declared::RATE.name() {
                     self.change_rate(commands, value);
                 }

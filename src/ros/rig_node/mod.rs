@@ -18,15 +18,15 @@ use ros2_client::ParameterValue;
 use self::housekeeping::Housekeeping;
 use self::outputs::{Outputs, Wishes};
 use self::playback::{Command, Report};
-use super::arguments::ParameterOverride;
-use super::clock::NodeClock;
-use super::parameters::Parameters;
-use super::participant::Participant;
-use super::recorder::{Recorder, Recording};
-use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use crate::rig::Player;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, spawn};
+use ros2_node::arguments::ParameterOverride;
+use ros2_node::clock::NodeClock;
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::Participant;
+use ros2_node::recorder::{Recorder, Recording};
+use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 use rosbag2_mcap::BagReader;
 
 /// What reliable readers may still be missing is sent again for so long after the end of the bag.
@@ -64,7 +64,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match start::start("rig", arguments).and_then(|start| rig(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("rig_node: {}", crate::report::printable::line(&error.to_string()));
+            eprintln!("rig_node: {}", printable::line(&error.to_string()));
             error.exit_code()
         }
     }
@@ -121,10 +121,10 @@ fn open(parameters: &Parameters) -> Result<Player, NodeError> {
         tracing::warn!("{loss}");
     }
     if let Some(source) = declared::position_source(parameters) {
-        source.check(&bag)?;
+        source.check(&bag).map_err(NodeError::program)?;
     }
     if let Some(source) = declared::force_source(parameters) {
-        source.check(&bag)?;
+        source.check(&bag).map_err(NodeError::program)?;
     }
     let options = declared::play_options(parameters);
     let described = bag.describe_topics();

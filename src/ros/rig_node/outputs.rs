@@ -6,17 +6,17 @@ use std::time::Duration;
 use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageTypeName, QosProfile};
 
-use crate::input::{ForceSource, PositionSource};
 use crate::rig::Player;
-use crate::ros::messages::geometry_msgs::WrenchStamped;
-use crate::ros::messages::rosgraph_msgs::Clock;
-use crate::ros::messages::sensor_msgs::JointState;
-use crate::ros::names::Endpoint;
-use crate::ros::participant::{Output, Participant, ParticipantError};
-use crate::ros::qos;
-use crate::ros::start::NodeError;
+use needle_recording::{ForceSource, PositionSource};
 use ros2_guarded::RawCdr;
+use ros2_messages::geometry_msgs::WrenchStamped;
+use ros2_messages::rosgraph_msgs::Clock;
 use ros2_messages::schema::Schema;
+use ros2_messages::sensor_msgs::JointState;
+use ros2_node::names::Endpoint;
+use ros2_node::participant::{Output, Participant, ParticipantError};
+use ros2_node::qos;
+use ros2_node::start::NodeError;
 use rosbag2_mcap::{BagReader, Message, Topic};
 
 /// Topics that ROS 2 has once per system: no namespace moves them.

@@ -7,8 +7,8 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 
 use super::outputs::Outputs;
 use crate::rig::{Player, Step, Stretch};
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::rosgraph_msgs::Clock;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::rosgraph_msgs::Clock;
 use rosbag2_mcap::{BagReader, Message};
 
 /// What the services ask of the playback thread.

@@ -16,13 +16,13 @@ use super::declared::{GUARD_TIMEOUT_S, Settings};
 use super::judgement::{Around, judge};
 use super::shared::{Live, Shared};
 use super::solver::Answer;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::needle_twin::{ForceComparison, Safety};
-use crate::ros::messages::std_msgs::{Bool, Header};
-use crate::ros::parameters::Parameters;
-use crate::ros::participant::{Output, Participant, ParticipantError};
-use crate::ros::qos;
-use crate::scene::Scene;
+use needle_core::scene::Scene;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::needle_twin::{ForceComparison, Safety};
+use ros2_messages::std_msgs::{Bool, Header};
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::{Output, Participant, ParticipantError};
+use ros2_node::qos;
 
 /// All must have been well for so long after a no.
 const HOLD: Duration = Duration::from_millis(100);

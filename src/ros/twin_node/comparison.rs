@@ -10,12 +10,12 @@ use std::time::{Duration, Instant};
 
 use super::identification::Identification;
 use super::solver::Answer;
-use crate::compare::frozen::Frozen;
-use crate::compare::learning::Swing;
-use crate::instrument::reading::{MeasuredAxes, is_force};
-use crate::ros::messages::needle_twin::ForceComparison;
-use crate::ros::messages::std_msgs::Header;
-use crate::twin::{Phase, Prediction};
+use needle_core::instrument::reading::{MeasuredAxes, is_force};
+use needle_core::twin::{Phase, Prediction};
+use needle_estimate::compare::frozen::Frozen;
+use needle_estimate::compare::learning::Swing;
+use ros2_messages::needle_twin::ForceComparison;
+use ros2_messages::std_msgs::Header;
 
 const MAX_GAP_NANOS: i64 = 100_000_000;
 const PATIENCE: Duration = Duration::from_millis(200);
@@ -378,8 +378,8 @@ fn masked(v: [f64; 3], measured: [bool; 3]) -> [f64; 3] {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::ros::messages::builtin_interfaces::Time;
-    use crate::twin::{Health, Phase, Pose, Prediction, StampedPose, Work};
+    use needle_core::twin::{Health, Phase, Pose, Prediction, StampedPose, Work};
+    use ros2_messages::builtin_interfaces::Time;
 
     /// Takes a reading that came at its stamp.
     fn hear(c: &mut Comparator, stamp_nanos: i64, force_n: [f64; 3], range_n: f64) {

@@ -3,11 +3,11 @@
 use std::net::IpAddr;
 
 use super::identification;
-use crate::ros::parameter::{Parameter, parameters};
-use crate::ros::parameters::{Declaration, Parameters};
-use crate::ros::recorder;
-use crate::ros::start::common_declarations;
 use ros2_client::ParameterValue;
+use ros2_node::parameter::{Parameter, parameters};
+use ros2_node::parameters::{Declaration, Parameters};
+use ros2_node::recorder;
+use ros2_node::start::common_declarations;
 
 parameters! {
     /// The node's own.

@@ -9,17 +9,17 @@ use super::identification::Identification;
 use super::members::{Answered, Measured, Newest};
 use super::shared::{Compared, Live, Noted, Reject, Shared};
 use super::solver::{Answer, Event, Progress, Sighting};
-use crate::compare::crossing::{Crossing, Crossings};
-use crate::instrument::reading::COORDINATE_M;
-use crate::ros::logging::Throttle;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{Wrench, WrenchStamped};
-use crate::ros::messages::needle_twin::{ForceComparison, TissueEvent};
-use crate::ros::messages::std_msgs::{Header, String as Text};
-use crate::ros::parameters::Parameters;
-use crate::ros::participant::{Output, Participant, ParticipantError};
-use crate::ros::qos;
-use crate::twin::Prediction;
+use needle_core::instrument::reading::COORDINATE_M;
+use needle_core::twin::Prediction;
+use needle_estimate::compare::crossing::{Crossing, Crossings};
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Wrench, WrenchStamped};
+use ros2_messages::needle_twin::{ForceComparison, TissueEvent};
+use ros2_messages::std_msgs::{Header, String as Text};
+use ros2_node::logging::Throttle;
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::{Output, Participant, ParticipantError};
+use ros2_node::qos;
 
 /// A first pose deeper than this is no beginning: a driver at 100 mm/s goes so far between two poses of 100 Hz.
 const SEEN_FROM_M: f64 = 1e-3;
@@ -245,7 +245,7 @@ fn entered(outputs: &ForceOutputs, shared: &Shared, said: &mut Option<String>) {
 }
 
 /// Notes an event for the page; the name of its region.
-fn noted(shared: &Shared, stamp: Time, event: &crate::twin::Event) -> String {
+fn noted(shared: &Shared, stamp: Time, event: &needle_core::twin::Event) -> String {
     let mut live = shared.lock();
     let region = live.along.name_of(event.region()).to_owned();
     let (depth_m, kind, text) = (event.depth_m(), event.kind(), region.clone());

@@ -19,23 +19,22 @@ use super::status;
 use super::tissue::{Model, TissueOutputs};
 use super::warnings::Watch;
 use crate::live::Command;
-use crate::report::printable;
-use crate::ros::environment::Reach;
-use crate::ros::lifecycle::Change;
-use crate::ros::lifecycle_services::{LifecycleServices, Outcome};
-use crate::ros::logger_services::LoggerServices;
-use crate::ros::messages::diagnostic_msgs::DiagnosticArray;
-use crate::ros::messages::needle_twin::{TissueModel, TwinStatus};
-use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
-use crate::ros::parameter_services::ParameterServices;
-use crate::ros::parameters::Parameters;
-use crate::ros::participant::{Output, Participant, ParticipantError, Wish};
-use crate::ros::qos;
-use crate::ros::rosout::Rosout;
-use crate::ros::service::Service;
-use crate::ros::start::USE_SIM_TIME;
 use ros2_guarded::Bell;
 use ros2_guarded::Health;
+use ros2_messages::diagnostic_msgs::DiagnosticArray;
+use ros2_messages::needle_twin::{TissueModel, TwinStatus};
+use ros2_messages::std_srvs::{TriggerRequest, TriggerResponse};
+use ros2_node::environment::Reach;
+use ros2_node::lifecycle::Change;
+use ros2_node::lifecycle_services::{LifecycleServices, Outcome};
+use ros2_node::logger_services::LoggerServices;
+use ros2_node::parameter_services::ParameterServices;
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::{Output, Participant, ParticipantError, Wish};
+use ros2_node::qos;
+use ros2_node::rosout::Rosout;
+use ros2_node::service::Service;
+use ros2_node::start::USE_SIM_TIME;
 
 /// Longest time between two looks at anything that rings no bell.
 const TICK: Duration = Duration::from_millis(100);
@@ -270,7 +269,7 @@ impl Housekeeping {
     fn serve(&self, context: &Context) {
         let mut changed = false;
         self.parameter_services.poll(&self.parameters, &self.shared.clock, &mut |name, value| {
-            tracing::info!("parameter {name} is now {}", crate::ros::parameters::show(value));
+            tracing::info!("parameter {name} is now {}", ros2_node::parameters::show(value));
             changed = true;
         });
         if changed {

@@ -4,10 +4,10 @@
 
 use ros2_client::ParameterValue;
 
-use crate::compare::identifier::{Identifier, Parameter, State};
-use crate::ros::messages::needle_twin::ForceComparison;
-use crate::ros::start::NodeError;
-use crate::scene::Scene;
+use needle_core::scene::Scene;
+use needle_estimate::compare::identifier::{Identifier, Parameter, State};
+use ros2_messages::needle_twin::ForceComparison;
+use ros2_node::start::NodeError;
 
 /// Whether the names in a parameter's value can be identified.
 ///

@@ -10,8 +10,8 @@ use std::time::Instant;
 
 use super::look_ahead::Double;
 use super::tissue::Snapshot;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::twin::Pose;
+use needle_core::twin::Pose;
+use ros2_messages::builtin_interfaces::Time;
 
 /// Where the instrument is.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,17 +10,17 @@ use super::shared::{Doubt, Reject, Shared};
 use super::solver::Event;
 use super::stretch::{Arrival, Stretch};
 use super::tracked::Seen;
-use crate::compare::frozen::Frozen;
-use crate::input::{Adapter, Refusal};
-use crate::ros::clock::Tick;
-use crate::ros::logging::Throttle;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
-use crate::ros::messages::rosgraph_msgs::Clock;
-use crate::ros::messages::sensor_msgs::JointState;
-use crate::ros::origin::{Followed, Guid, Origin};
-use crate::ros::participant::{Input, Participant, ParticipantError, Wish};
-use crate::ros::qos;
+use needle_estimate::compare::frozen::Frozen;
+use needle_recording::{Adapter, Refusal};
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{PoseArray, PoseStamped, WrenchStamped};
+use ros2_messages::rosgraph_msgs::Clock;
+use ros2_messages::sensor_msgs::JointState;
+use ros2_node::clock::Tick;
+use ros2_node::logging::Throttle;
+use ros2_node::origin::{Followed, Guid, Origin};
+use ros2_node::participant::{Input, Participant, ParticipantError, Wish};
+use ros2_node::qos;
 
 /// A stamp so far ahead of the node's clock is refused. `/clock` comes at 1 Hz at the slowest.
 const FUTURE_S: f64 = 2.0;
@@ -101,8 +101,8 @@ pub(super) fn run(
     });
     let clock = executor.spawn(async {
         loop {
-            let message = inputs.clock.next().await;
-            intake.borrow_mut().clock(message.clock);
+            let (message, origin) = inputs.clock.next_from().await;
+            intake.borrow_mut().clock(message.clock, origin.received);
         }
     });
     // The channel is closed, never written to.
@@ -363,13 +363,13 @@ impl<'a> Intake<'a> {
     }
 
     #[allow(clippy::cast_precision_loss)] // a time, shown to people
-    fn clock(&mut self, time: Time) {
+    fn clock(&mut self, time: Time, received: Instant) {
         let clock = &self.shared.clock;
         let before = clock.now_nanos();
         let tick = clock.tick(time);
         // one that stands still is as good as none
         if clock.now_nanos() != before {
-            self.shared.lock().last_clock = Some(Instant::now());
+            self.shared.lock().last_clock = Some(received);
         }
         match tick {
             Tick::Back(nanos) if clock.is_simulated() => {

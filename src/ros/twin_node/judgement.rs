@@ -3,10 +3,10 @@
 use super::declared::Settings;
 use super::rivals::REMEDY;
 use super::shared::{Doubt, Live, Shared};
-use crate::ros::clock::NodeClock;
-use crate::ros::lifecycle::State;
-use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
-use crate::twin::Health;
+use needle_core::twin::Health;
+use ros2_messages::needle_twin::{ForceComparison, TwinStatus};
+use ros2_node::clock::NodeClock;
+use ros2_node::lifecycle::State;
 
 /// Health and the reasons for it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -252,11 +252,11 @@ pub(super) fn load_cell_problem(live: &Live) -> Option<&'static str> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::ros::messages::builtin_interfaces::Time;
-    use crate::ros::parameters::Parameters;
     use crate::ros::twin_node::declared::declarations;
     use crate::ros::twin_node::solver::Answer;
-    use crate::twin::{Phase, Pose, Prediction, StampedPose, Work};
+    use needle_core::twin::{Phase, Pose, Prediction, StampedPose, Work};
+    use ros2_messages::builtin_interfaces::Time;
+    use ros2_node::parameters::Parameters;
     use std::time::Instant;
 
     #[test]

@@ -12,12 +12,12 @@ use crossbeam_channel::Receiver;
 use super::force::is_finite;
 use super::inbox::Inbox;
 use super::shared::Shared;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::needle_twin::{LookAheadRequest, LookAheadResponse};
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::service::Service;
-use crate::twin::{Motion, Prediction, StampedPose, Twin};
+use needle_core::twin::{Motion, Prediction, StampedPose, Twin};
 use ros2_guarded::threads::lower_priority;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::needle_twin::{LookAheadRequest, LookAheadResponse};
+use ros2_messages::std_msgs::Header;
+use ros2_node::service::Service;
 
 /// The solver thread is asked between two poses; longer than this and something else is wrong.
 const PATIENCE: Duration = Duration::from_millis(500);

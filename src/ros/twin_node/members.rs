@@ -15,16 +15,16 @@ use std::time::{Duration, Instant};
 use super::shared::{Banded, Shared};
 use super::solver::Answer;
 use super::tracked::{Seen, Tracks};
-use crate::compare::ensemble::{Ahead, Assimilation, Band, Live, Member, Spread, Told};
-use crate::ros::logging::Throttle;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{Pose, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion};
-use crate::ros::messages::needle_twin::{ForceBand, ForceComparison, Outlook};
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::participant::{Output, Participant, ParticipantError};
-use crate::ros::qos;
-use crate::twin::{Motion, StampedPose};
+use needle_core::twin::{Motion, StampedPose};
+use needle_estimate::compare::ensemble::{Ahead, Assimilation, Band, Live, Member, Spread, Told};
 use ros2_guarded::threads::lower_priority;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Pose, PoseWithCovariance, PoseWithCovarianceStamped, Quaternion};
+use ros2_messages::needle_twin::{ForceBand, ForceComparison, Outlook};
+use ros2_messages::std_msgs::Header;
+use ros2_node::logging::Throttle;
+use ros2_node::participant::{Output, Participant, ParticipantError};
+use ros2_node::qos;
 
 /// Messages of targets that may wait for a reader: one for each target at one time.
 const TARGETS: usize = 100;

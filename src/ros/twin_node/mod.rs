@@ -60,18 +60,18 @@ use self::shared::Shared;
 use self::solver::{Event, Outlets};
 use self::supervisor::Supervisor;
 use self::tissue::TissueOutputs;
-use super::arguments::ParameterOverride;
-use super::clock::NodeClock;
-use super::parameters::Parameters;
-use super::participant::Participant;
-use super::recorder::{Recorder, Recording};
 use super::scene_parameters;
-use super::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
-use crate::compare::ensemble::{self, Member, Size};
-use crate::scene::Scene;
+use needle_core::scene::Scene;
+use needle_estimate::compare::ensemble::{self, Member, Size};
 use ros2_client::ParameterValue;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, join_before, spawn};
+use ros2_node::arguments::ParameterOverride;
+use ros2_node::clock::NodeClock;
+use ros2_node::parameters::Parameters;
+use ros2_node::participant::Participant;
+use ros2_node::recorder::{Recorder, Recording};
+use ros2_node::start::{self, FAILURE, LOSSES, NodeError, SUCCESS, Start};
 
 /// Answers that may wait for the force thread, seconds at any sensible rate. The channel is the standard library's, whose
 /// receiver sleeps: that of crossbeam yields the processor a few times first, and comes back behind everybody else's time slice
@@ -110,7 +110,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match start::start("twin", arguments).and_then(|start| twin(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("twin_node: {}", crate::report::printable::line(&error.to_string()));
+            eprintln!("twin_node: {}", printable::line(&error.to_string()));
             error.exit_code()
         }
     }
@@ -145,7 +145,7 @@ fn configure(start: &Start) -> Result<(Scene, Arc<Parameters>), NodeError> {
     let name = start::last_override(given, &node, declared::SCENE).unwrap_or_else(|| declared::SCENE.default());
     let mut scene = scene_parameters::apply(&scene_parameters::load(&name)?, given, &node)?;
     if let Some(tolerance) = start::last_override(given, &node, declared::TOLERANCE).filter(|t| *t > 0.0) {
-        scene.set("stepping.tolerance", &tolerance.to_string())?;
+        scene.set("stepping.tolerance", &tolerance.to_string()).map_err(NodeError::program)?;
     }
     if scene.align.is_some() {
         tracing::warn!(

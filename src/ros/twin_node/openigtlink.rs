@@ -7,8 +7,8 @@ use super::declared;
 use super::shared::Shared;
 use super::tissue::{Model, Snapshot};
 use crate::openigtlink::{Board, Instrument, Server};
-use crate::ros::parameters::Parameters;
-use crate::ros::start::NodeError;
+use ros2_node::parameters::Parameters;
+use ros2_node::start::NodeError;
 
 /// A link that is served.
 pub(super) struct Link {

@@ -10,13 +10,13 @@ use super::declared;
 use super::shared::{Banded, Compared, Live, Shared};
 use super::tissue::{Model, Snapshot};
 use crate::live::{self, Asked, Board, Server};
-use crate::report::region_colour;
-use crate::ros::messages::needle_twin::TwinStatus;
-use crate::ros::parameters::Parameters;
-use crate::ros::recorder::RECORD;
-use crate::ros::start::NodeError;
-use crate::scene::{Instrument, InstrumentKind, Scene};
+use needle_core::scene::{Instrument, InstrumentKind, Scene};
+use needle_report::region_colour;
 use ros2_guarded::Bell;
+use ros2_messages::needle_twin::TwinStatus;
+use ros2_node::parameters::Parameters;
+use ros2_node::recorder::RECORD;
+use ros2_node::start::NodeError;
 
 /// Commands that may wait for the housekeeping thread.
 const WAITING: usize = 8;

@@ -1,9 +1,9 @@
 //! The deformed sample as other programs' messages: a point cloud, and a surface for RViz.
 
 use super::tissue::{Model, Snapshot};
-use crate::ros::messages::sensor_msgs::{PointCloud2, PointField};
-use crate::ros::messages::std_msgs::{ColorRGBA, Header};
-use crate::ros::messages::visualization_msgs::Marker;
+use ros2_messages::sensor_msgs::{PointCloud2, PointField};
+use ros2_messages::std_msgs::{ColorRGBA, Header};
+use ros2_messages::visualization_msgs::Marker;
 
 fn deformed(model: &Model, snapshot: &Snapshot) -> impl Iterator<Item = [f64; 3]> {
     model.points.iter().zip(&snapshot.displacements).map(|(x, u)| [x[0] + u[0], x[1] + u[1], x[2] + u[2]])

@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::shared::Shared;
-use crate::ros::messages::needle_twin::TwinStatus;
-use crate::ros::participant::{Input, Participant, ParticipantError};
-use crate::ros::qos;
+use ros2_messages::needle_twin::TwinStatus;
+use ros2_node::participant::{Input, Participant, ParticipantError};
+use ros2_node::qos;
 
 /// A twin that has been silent for so long has gone; longer than two periods of the slowest sensible `status_rate_hz`.
 const GONE: Duration = Duration::from_secs(3);

@@ -11,12 +11,12 @@ use super::declared::Settings;
 use super::inbox::Handoff;
 use super::solver::{Answer, Progress};
 use super::warnings::Samples;
-use crate::compare::Verdict;
-use crate::input::Refusal;
-use crate::ros::clock::NodeClock;
-use crate::ros::lifecycle::State;
-use crate::ros::messages::needle_twin::ForceComparison;
-use crate::twin::{Along, Event};
+use needle_core::twin::{Along, Event};
+use needle_estimate::compare::Verdict;
+use needle_recording::Refusal;
+use ros2_messages::needle_twin::ForceComparison;
+use ros2_node::clock::NodeClock;
+use ros2_node::lifecycle::State;
 
 /// Why a pose was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,6 +1,6 @@
 //! The solver thread: it owns the twin, answers poses, and touches no socket.
 
-use crate::scene::Word as _;
+use needle_core::scene::Word as _;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::Instant;
@@ -13,9 +13,9 @@ use super::look_ahead::{Departure, Double};
 use super::tissue::{Model, Snapshot};
 use super::tracked::Seen;
 use super::under_way::{Goal, UnderWay};
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::scene::Scene;
-use crate::twin::{FOLLOWED, Halt, Happening, Part, Prediction, StampedPose, Twin, Work as WorkDone};
+use needle_core::scene::Scene;
+use needle_core::twin::{FOLLOWED, Halt, Happening, Part, Prediction, StampedPose, Twin, Work as WorkDone};
+use ros2_messages::builtin_interfaces::Time;
 
 /// An answered pose.
 #[derive(Clone, Copy, Debug)]

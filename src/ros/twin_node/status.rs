@@ -7,14 +7,14 @@ use super::judgement::{Around, Judgement, load_cell_problem};
 use super::shared::{Identified, Live, Shared};
 use super::solver::LOST_ANSWERS;
 use super::tissue::Model;
-use crate::ros::environment::Reach;
-use crate::ros::lifecycle::State;
-use crate::ros::messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
-use crate::ros::messages::needle_twin::{ForceComparison, TwinStatus};
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::participant::Wish;
-use crate::twin::Phase;
+use needle_core::twin::Phase;
 use ros2_guarded::Health;
+use ros2_messages::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use ros2_messages::needle_twin::{ForceComparison, TwinStatus};
+use ros2_messages::std_msgs::Header;
+use ros2_node::environment::Reach;
+use ros2_node::lifecycle::State;
+use ros2_node::participant::Wish;
 
 fn phase(phase: Phase) -> u8 {
     match phase {

@@ -6,7 +6,7 @@
 use std::time::{Duration, Instant};
 
 use super::inbox::PoseInput;
-use crate::ros::origin::Guid;
+use ros2_node::origin::Guid;
 
 /// A stretch is long after so many poses ...
 const POSES: usize = 5;

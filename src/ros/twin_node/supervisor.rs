@@ -11,10 +11,10 @@ use super::pulse::Pulse;
 use super::shared::Shared;
 use super::solver::Built;
 use super::tissue::{self, Model, Snapshot, TissueOutputs};
-use crate::ros::start::{NodeError, SUCCESS};
 use ros2_guarded::Bell;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::spawn;
+use ros2_node::start::{NodeError, SUCCESS};
 
 /// Longest time between two looks.
 const TICK: Duration = Duration::from_millis(50);
@@ -126,16 +126,16 @@ impl Supervisor {
 mod tests {
     #![allow(clippy::unwrap_used, clippy::panic)]
     use super::*;
-    use crate::ros::arguments::RosArguments;
-    use crate::ros::clock::NodeClock;
-    use crate::ros::environment::Environment;
-    use crate::ros::messages::needle_twin::TwinStatus;
-    use crate::ros::names::Names;
-    use crate::ros::parameters::Parameters;
-    use crate::ros::participant::Participant;
-    use crate::ros::start::FAILURE;
     use crate::ros::twin_node::declared::{Settings, declarations};
     use crate::ros::twin_node::judgement::{Around, judge};
+    use ros2_messages::needle_twin::TwinStatus;
+    use ros2_node::arguments::RosArguments;
+    use ros2_node::clock::NodeClock;
+    use ros2_node::environment::Environment;
+    use ros2_node::names::Names;
+    use ros2_node::parameters::Parameters;
+    use ros2_node::participant::Participant;
+    use ros2_node::start::FAILURE;
 
     /// Nothing from outside is known to make a thread panic, so one is made that does.
     #[test]

@@ -10,16 +10,16 @@ use super::page;
 use super::pictured::{cloud, marker};
 use super::shared::Shared;
 use super::viewers::Viewers;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{self, PoseArray};
-use crate::ros::messages::needle_twin::{TissueModel, TissueState};
-use crate::ros::messages::sensor_msgs::PointCloud2;
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::messages::visualization_msgs::Marker;
-use crate::ros::participant::{Output, Participant, ParticipantError};
-use crate::ros::qos;
-use crate::scene::Word as _;
-use crate::twin::{Along, Twin};
+use needle_core::scene::Word as _;
+use needle_core::twin::{Along, Twin};
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{self, PoseArray};
+use ros2_messages::needle_twin::{TissueModel, TissueState};
+use ros2_messages::sensor_msgs::PointCloud2;
+use ros2_messages::std_msgs::Header;
+use ros2_messages::visualization_msgs::Marker;
+use ros2_node::participant::{Output, Participant, ParticipantError};
+use ros2_node::qos;
 
 /// What never changes of a twin, copied out of it once.
 #[derive(Clone, Debug)]

@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
-use crate::compare::ensemble::{Live, Told};
-use crate::instrument::reading::COORDINATE_M;
-use crate::ros::messages::geometry_msgs::PoseArray;
+use needle_core::instrument::reading::COORDINATE_M;
+use needle_estimate::compare::ensemble::{Live, Told};
+use ros2_messages::geometry_msgs::PoseArray;
 
 /// Answers of the members that are kept for points to come: a quarter of a second at 1 kHz.
 const KEPT: usize = 256;
@@ -94,7 +94,7 @@ impl Tracks {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::ros::messages::geometry_msgs::{Point, Pose};
+    use ros2_messages::geometry_msgs::{Point, Pose};
 
     fn message(frame: &str, x: &[f64]) -> PoseArray {
         let pose = |x: &f64| Pose { position: Point { x: *x, y: 0.0, z: 0.01 }, ..Pose::default() };

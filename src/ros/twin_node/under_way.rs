@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::inbox::PoseInput;
 use super::solver::Progress;
-use crate::twin::{Halt, Part, StampedPose, Twin};
+use needle_core::twin::{Halt, Part, StampedPose, Twin};
 
 /// A way that takes no longer than this is made at once, s: an answer that is older is of little use.
 const AT_ONCE_S: f64 = 0.2;

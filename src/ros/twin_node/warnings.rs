@@ -5,14 +5,14 @@
 
 use std::time::{Duration, Instant};
 
-use crate::compare::alignment::align;
-use crate::compare::path::ForcePath;
-use crate::compare::rows::Rows;
-use crate::compare::scale::glance;
-use crate::compare::uncertainty::FORCE_ERROR;
-use crate::compare::verdict::judge;
-use crate::compare::{Explains, Verdict};
-use crate::ros::messages::needle_twin::ForceComparison;
+use needle_estimate::compare::alignment::align;
+use needle_estimate::compare::path::ForcePath;
+use needle_estimate::compare::rows::Rows;
+use needle_estimate::compare::scale::glance;
+use needle_estimate::compare::uncertainty::FORCE_ERROR;
+use needle_estimate::compare::verdict::judge;
+use needle_estimate::compare::{Explains, Verdict};
+use ros2_messages::needle_twin::ForceComparison;
 
 /// Least time between two samples, s.
 const SPACING_S: f64 = 0.02;
@@ -129,8 +129,8 @@ impl Watch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros::messages::builtin_interfaces::Time;
-    use crate::ros::messages::std_msgs::Header;
+    use ros2_messages::builtin_interfaces::Time;
+    use ros2_messages::std_msgs::Header;
 
     /// In at 1 mm/s to 8 mm, out at 4 mm/s; the force is what a factor and a delay make of it.
     fn samples(factor: f64, late_s: f64) -> Samples {

@@ -7,7 +7,7 @@ use super::keys::{Seen, dds_type, hash, seen};
 use crate::graph::{SHARED, other_type, ros_type, second_publisher};
 use crate::qos::Side;
 use crate::uplink::Uplink;
-use crate::wire::{Endpoint, Head, Kind, Plan, Role};
+use crate::wire::{Endpoint, Head, Kind, Plan, Role, UNSTAMPED};
 
 /// One own publisher or subscription.
 struct Record {

@@ -90,8 +90,7 @@ pub(super) fn subscribe(
         let payload = sample.payload().to_bytes();
         let Some((big_endian, body)) = plain(&payload) else { return };
         let extra = sample.attachment().and_then(|extra| Extra::read(&extra.to_bytes()));
-        let (sent, publisher) =
-            extra.map_or((received, Publisher::default()), |extra| (extra.sent, Publisher(extra.gid)));
+        let (sent, publisher) = extra.map_or((received, Guid::default()), |extra| (extra.sent, Guid(extra.gid)));
         let head = Head::of(Kind::Message, number, times([received, sent], publisher));
         uplink.send(Head { flag: u8::from(big_endian), ..head }, body);
     };

@@ -9,21 +9,21 @@ use std::time::Duration;
 use ros2_guarded::threads::{join, spawn};
 
 use super::fault::{Fault, Spoilt};
-use crate::ros::arguments::RosArguments;
-use crate::ros::clock::wall_nanos;
-use crate::ros::environment::Environment;
-use crate::ros::messages::RosMessage;
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::WrenchStamped;
-use crate::ros::messages::needle_twin::Safety;
-use crate::ros::messages::rosgraph_msgs::Clock;
-use crate::ros::messages::sensor_msgs::JointState;
-use crate::ros::messages::std_srvs::{TriggerRequest, TriggerResponse};
-use crate::ros::names::Names;
-use crate::ros::participant::{Input, Output, Participant};
-use crate::ros::qos;
-use crate::ros::service::{Client, Mapping};
-use crate::ros::start::NodeError;
+use ros2_messages::RosMessage;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::WrenchStamped;
+use ros2_messages::needle_twin::Safety;
+use ros2_messages::rosgraph_msgs::Clock;
+use ros2_messages::sensor_msgs::JointState;
+use ros2_messages::std_srvs::{TriggerRequest, TriggerResponse};
+use ros2_node::arguments::RosArguments;
+use ros2_node::clock::wall_nanos;
+use ros2_node::environment::Environment;
+use ros2_node::names::Names;
+use ros2_node::participant::{Input, Output, Participant};
+use ros2_node::qos;
+use ros2_node::service::{Client, Mapping};
+use ros2_node::start::NodeError;
 
 /// Time between two looks.
 const LOOK: Duration = Duration::from_micros(300);

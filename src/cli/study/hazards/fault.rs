@@ -1,8 +1,8 @@
 //! The faults, and what each makes of a message.
 
-use crate::ros::messages::builtin_interfaces::Time;
-use crate::ros::messages::geometry_msgs::{Vector3, WrenchStamped};
-use crate::ros::messages::sensor_msgs::JointState;
+use ros2_messages::builtin_interfaces::Time;
+use ros2_messages::geometry_msgs::{Vector3, WrenchStamped};
+use ros2_messages::sensor_msgs::JointState;
 
 /// Stamps of a clock that is wrong are off by this, ns.
 const OFF_NANOS: i64 = 500_000_000;

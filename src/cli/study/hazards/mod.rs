@@ -21,9 +21,9 @@ use super::super::nodes::Node;
 use super::super::output::OutputFolder;
 use super::super::progress::Progress;
 use super::super::{CliError, Outcome, print};
-use crate::compare::Watch as _;
-use crate::ros::clock::wall_nanos;
-use crate::ros::environment;
+use needle_estimate::compare::Watch as _;
+use ros2_node::clock::wall_nanos;
+use ros2_node::environment;
 
 /// The fault begins at this depth, m: the force is twice the band there.
 const FAULT_AT_M: f64 = 0.007;
@@ -124,8 +124,12 @@ impl Hazard {
         matches!(self, Self::Frozen(Process::TwinMiddleware) | Self::Killed(Process::TwinMiddleware))
     }
 
+    /// Longest false yes, s. A position that stood still in the middle of a step of its sensor before the insertion is not told from a needle at
+    /// rest by its noise: where the twin alone hears it frozen, the guard that hears the needle has to act.
     const fn longest_s(self) -> f64 {
-        if matches!(self, Self::Message(Stream::Pose | Stream::PoseOfTwin | Stream::Force, Fault::Frozen)) {
+        if matches!(self, Self::Message(Stream::PoseOfTwin, Fault::Frozen)) {
+            f64::INFINITY
+        } else if matches!(self, Self::Message(Stream::Pose | Stream::Force, Fault::Frozen)) {
             LONGEST_FROZEN_S
         } else {
             LONGEST_S
@@ -270,7 +274,8 @@ impl Seen {
         let twin =
             !hazard.concerns_twin() || (self.false_yes_s <= hazard.longest_s() && (self.later == 0 || hazard.heals()));
         // a needle without a guard that was killed stands for good, and so do all others until somebody says ~/resume
-        twin && self.stood_s < 1.0 && self.went_on_m < 1e-6
+        let stands_s = if hazard.longest_s().is_finite() { 1.0 } else { LONGEST_FROZEN_S + 0.1 };
+        twin && self.stood_s < stands_s && self.went_on_m < 1e-6
     }
 
     fn row(&self, hazard: Hazard) -> String {

@@ -1,19 +1,19 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 use super::*;
-use crate::input::{Recording, TopicNames};
-use crate::ros::clock::NodeClock;
-use crate::ros::messages::geometry_msgs::{Point, Pose, Quaternion};
-use crate::ros::messages::std_msgs::Header;
-use crate::ros::parameters::Parameters;
 use crate::ros::twin_node::declared::{Settings, declarations};
 use crate::ros::twin_node::inbox::Work;
+use needle_recording::{Recording, TopicNames};
+use ros2_messages::geometry_msgs::{Point, Pose, Quaternion};
+use ros2_messages::std_msgs::Header;
+use ros2_node::clock::NodeClock;
+use ros2_node::parameters::Parameters;
 use rosbag2_mcap::{BagWriter, WriterOptions};
 use tracing_subscriber::layer::SubscriberExt as _;
 
 fn shared() -> Shared {
     let (parameters, _) = Parameters::declare(declarations(), &[], "/twin").unwrap();
     let shared = Shared::new(Settings::of(&parameters), NodeClock::new(false));
-    shared.set_state(crate::ros::lifecycle::State::Active);
+    shared.set_state(ros2_node::lifecycle::State::Active);
     shared
 }
 

@@ -1,0 +1,49 @@
+//! How far a prediction is from a quasi-static equilibrium.
+
+use mtled::solver::Balance;
+
+use super::Twin;
+
+/// Health of a prediction.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Health {
+    /// Smallest volume ratio over all integration points.
+    pub min_jacobian: f64,
+    /// Kinetic over strain energy.
+    pub kinetic_to_strain_energy: f64,
+    /// |instrument force + base reaction| over the peak force so far.
+    pub force_imbalance: f64,
+    /// Largest distance between the field and its prescribed value at a constrained point, m; measured every 64 steps.
+    pub constraint_error_m: f64,
+    /// Share of the strain energy that stands in cells that have turned over (`crates/needle_core/src/twin/folds.rs`); measured every 64 steps.
+    pub folded_energy: f64,
+}
+
+impl Health {
+    /// Kinetic over strain energy from which on inertia colours the force.
+    pub const MOST_KINETIC: f64 = 0.05;
+    /// Imbalance from which on the forces are not those of an equilibrium.
+    pub const MOST_IMBALANCE: f64 = 0.02;
+    /// Share of the strain energy in folded cells from which on the cloud does not resolve the tissue: the force is off by some half of
+    /// it, and by more where a soft layer is crushed (docs/lab/stability.md).
+    pub const MOST_FOLDED: f64 = 0.05;
+    /// Force over the peak force below which the ratio of energies says nothing.
+    pub const LOADED: f64 = 0.1;
+}
+
+impl Twin {
+    pub(super) fn health(&self, balance: &Balance) -> Health {
+        Health {
+            min_jacobian: self.solver.min_jacobian(),
+            kinetic_to_strain_energy: self.energies(balance),
+            force_imbalance: self.progress.pace.imbalance,
+            constraint_error_m: self.progress.constraint_error_m,
+            folded_energy: self.progress.folded_energy,
+        }
+    }
+
+    /// Kinetic over strain energy.
+    pub(super) fn energies(&self, balance: &Balance) -> f64 {
+        balance.kinetic / balance.strain.max(self.energy_floor())
+    }
+}

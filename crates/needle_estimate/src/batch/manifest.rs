@@ -1,0 +1,441 @@
+//! What is to be done: a line per recording, with defaults, in TOML or CSV.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::calibrate::Wanted;
+use needle_recording::{Quantity, Selection, TableLayout, TopicNames, blocks, is_bag};
+
+/// Why a manifest can't be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {reason}", .path.display())]
+pub struct ManifestError {
+    /// The manifest.
+    pub path: PathBuf,
+    /// What is wrong, and what to do.
+    pub reason: String,
+}
+
+/// A model that is tried: changes of the scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Candidate {
+    /// Its name in tables.
+    pub name: String,
+    /// Changes, `KEY=VALUE`.
+    pub set: Vec<String>,
+    /// Keys to find besides those of the recording.
+    #[serde(default)]
+    pub fit: Vec<String>,
+}
+
+/// What is said of a recording, or of all as a default.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Entry {
+    /// Name of its row; left out: the file's.
+    pub name: Option<String>,
+    /// Bag or table, from the manifest's folder; `*` in its parts stands for any text, and makes a row of each file.
+    pub file: Option<String>,
+    /// The force's table, where it is a file of its own.
+    pub force_file: Option<String>,
+    /// Recordings of one sample share its keys. `{name}`, `{folder}` and `{name:7}` (the first 7 letters) stand for the file's.
+    pub sample: Option<String>,
+    /// Samples of one kind.
+    pub group: Option<String>,
+    /// Kinds of samples for which one candidate is chosen; left out: each group has its own.
+    pub chosen_for: Option<String>,
+    /// Scene file from the manifest's folder, or preset.
+    pub scene: Option<String>,
+    /// Changes of the scene, `KEY=VALUE`.
+    pub set: Option<Vec<String>>,
+    /// Keys to find, `KEY` or `KEY=LOW..HIGH`; without any, the recording is replayed.
+    pub fit: Option<Vec<String>>,
+    /// What of the load cell is estimated: `drift`, `offset` or `exact`.
+    pub load_cell: Option<String>,
+    /// Recorded depth up to which is fitted, m; the rest of the insertion is predicted.
+    pub fit_to_depth_m: Option<f64>,
+    /// Recorded depth up to which the recording is used, m.
+    pub to_depth_m: Option<f64>,
+    /// Depth from which the part up to `fit_to_depth_m` is predicted, to choose among the candidates, m.
+    pub choose_from_depth_m: Option<f64>,
+    /// Where forces come from: `runs` of the twin for each recording, or a `table` of curves that all recordings share.
+    pub curves: Option<String>,
+    /// Whether the recordings of a sample are fitted together as well.
+    pub together: Option<bool>,
+    /// Topic or column of the depth.
+    #[serde(alias = "position_topic")]
+    pub position: Option<String>,
+    /// Its unit.
+    pub position_unit: Option<String>,
+    /// 1 or -1.
+    pub position_sign: Option<f64>,
+    /// Recorded number of the position at first contact.
+    pub position_zero: Option<f64>,
+    /// What one of the recorded numbers of the position is, in its unit.
+    pub position_scale: Option<f64>,
+    /// Topic or column of the force.
+    #[serde(alias = "force_topic")]
+    pub force: Option<String>,
+    /// Its unit.
+    pub force_unit: Option<String>,
+    /// 1 or -1.
+    pub force_sign: Option<f64>,
+    /// How late the force's stamps are, s.
+    pub time_offset_s: Option<f64>,
+    /// Column of the time.
+    pub time: Option<String>,
+    /// Its unit.
+    pub time_unit: Option<String>,
+    /// Columns of the force's x, y and z.
+    pub force_columns: Option<[String; 3]>,
+    /// Columns of the tip's x, y and z, and of its quaternion x, y, z, w.
+    pub pose_columns: Option<Vec<String>>,
+    /// Turns the force from the sensor's frame into the sample's: w, x, y, z.
+    pub sensor_rotation: Option<[f64; 4]>,
+    /// Pose of the sample in the frame of the poses: x, y, z in m, and the quaternion x, y, z, w.
+    pub sample_pose: Option<[f64; 7]>,
+    /// Which of several recordings in the file, from 1; left out: a row for each.
+    pub block: Option<usize>,
+    /// Rows per second of a table without time.
+    pub rate_hz: Option<f64>,
+    /// The position is a strain of this length, m.
+    pub gauge_length_m: Option<f64>,
+    /// Character between cells.
+    pub separator: Option<char>,
+    /// Numbers are written 0,5.
+    pub decimal_comma: Option<bool>,
+    /// Line of the headers, from 1.
+    pub header_line: Option<usize>,
+    /// Joint whose position is the depth.
+    pub joint: Option<String>,
+}
+
+/// A manifest as it is written.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Written {
+    defaults: Entry,
+    candidates: Vec<Candidate>,
+    variants: Vec<Candidate>,
+    recordings: Vec<Entry>,
+}
+
+/// Every candidate with every variant, in the order of the candidates.
+fn crossed(candidates: Vec<Candidate>, variants: &[Candidate]) -> Vec<Candidate> {
+    let candidates = if candidates.is_empty() { vec![Candidate::default()] } else { candidates };
+    if variants.is_empty() {
+        return candidates;
+    }
+    let joined = |a: &[String], b: &[String]| a.iter().chain(b).cloned().collect();
+    let with = |a: &Candidate, b: &Candidate| {
+        let name =
+            [a.name.as_str(), b.name.as_str()].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
+        Candidate { name, set: joined(&a.set, &b.set), fit: joined(&a.fit, &b.fit) }
+    };
+    candidates.iter().flat_map(|a| variants.iter().map(move |b| with(a, b))).collect()
+}
+
+/// All recordings, each with the defaults filled in.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Manifest {
+    /// Folder that files and scenes are looked for from.
+    pub folder: PathBuf,
+    /// Models that are tried; at least one.
+    pub candidates: Vec<Candidate>,
+    /// One per recording; name, file and sample are there.
+    pub recordings: Vec<Entry>,
+}
+
+/// Columns of a CSV manifest that hold several values, separated by `;`.
+const LISTS: [&str; 6] = ["set", "fit", "force_columns", "pose_columns", "sensor_rotation", "sample_pose"];
+/// Those of them whose values are numbers.
+const NUMBERS: [&str; 2] = ["sensor_rotation", "sample_pose"];
+
+impl Manifest {
+    /// Reads a manifest, TOML or CSV; files are looked for from `root`, or else from the manifest's folder.
+    ///
+    /// # Errors
+    /// [`ManifestError`].
+    pub fn read(path: &Path, root: Option<&Path>) -> Result<Self, ManifestError> {
+        let text = fs::read_to_string(path)
+            .map_err(|e| ManifestError { path: path.to_owned(), reason: format!("can't be read: {e}") })?;
+        Self::from_text(path, &text, root)
+    }
+
+    /// As [`Manifest::read`], from what the file holds.
+    ///
+    /// # Errors
+    /// [`ManifestError`].
+    pub fn from_text(path: &Path, text: &str, root: Option<&Path>) -> Result<Self, ManifestError> {
+        let error = |reason: String| ManifestError { path: path.to_owned(), reason };
+        let table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+        let written = if table { from_csv(text) } else { toml::from_str(text).map_err(|e| e.to_string()) };
+        let written = written.map_err(error)?;
+        let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
+        let root = root.map_or_else(|| folder.clone(), Path::to_path_buf);
+        let mut recordings = Vec::new();
+        for entry in &written.recordings {
+            recordings.extend(expanded(entry, &written.defaults, &root).map_err(error)?);
+        }
+        if recordings.is_empty() {
+            return Err(error("it names no recordings: add [[recordings]] with file = \"...\"".to_owned()));
+        }
+        let mut names: Vec<&str> = recordings.iter().filter_map(|r| r.name.as_deref()).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|w| w[0] == w[1]) {
+            return Err(error(format!("two recordings are called {}: give each a name", twice[0])));
+        }
+        let candidates = crossed(written.candidates, &written.variants);
+        Ok(Self { folder, candidates, recordings })
+    }
+}
+
+/// A row per line; cells that are empty are left out, so that a default holds.
+fn from_csv(text: &str) -> Result<Written, String> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
+    let headers = reader.headers().map_err(|e| e.to_string())?.clone();
+    let mut recordings = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| e.to_string())?;
+        let cells = headers.iter().zip(&record).filter(|(_, cell)| !cell.is_empty());
+        let value = |key: &str, cell: &str| {
+            let number = |part: &str| serde_json::from_str(part).unwrap_or_else(|_| Value::from(part));
+            let one = |part: &str| if NUMBERS.contains(&key) { number(part) } else { part.into() };
+            if LISTS.contains(&key) {
+                return Value::from_iter(cell.split(';').map(|part| one(part.trim())));
+            }
+            // only numbers and truth values; a name may look like one
+            let numeric = key.ends_with("_m") || key.ends_with("_s") || key.ends_with("_sign") || key.ends_with("_hz");
+            let typed = numeric || key == "header_line" || key == "decimal_comma" || key == "together";
+            let typed = typed || ["position_zero", "position_scale", "block"].contains(&key);
+            if typed { serde_json::from_str(cell).unwrap_or_else(|_| cell.into()) } else { cell.into() }
+        };
+        let object: Map<String, Value> = cells.map(|(key, cell)| (key.to_owned(), value(key, cell))).collect();
+        let line = record.position().map_or(0, csv::Position::line);
+        recordings.push(serde_json::from_value(object.into()).map_err(|e| format!("line {line}: {e}"))?);
+    }
+    Ok(Written { recordings, ..Written::default() })
+}
+
+/// The recordings of one entry: one, or one for each file that its pattern finds.
+fn expanded(entry: &Entry, defaults: &Entry, root: &Path) -> Result<Vec<Entry>, String> {
+    let entry = entry.or(defaults);
+    let Some(pattern) = entry.file.as_deref() else { return Err("a recording has no file = \"...\"".to_owned()) };
+    entry.check().map_err(|reason| format!("{pattern}: {reason}"))?;
+    let files = if pattern.contains('*') { found(root, pattern) } else { vec![root.join(pattern)] };
+    if files.is_empty() {
+        return Err(format!("no file is called {pattern} in {}; name the folder with --root", root.display()));
+    }
+    let several = pattern.contains('*');
+    let with_blocks = files.iter().flat_map(|file| {
+        let count = if entry.block.is_some() || is_bag(file) { 1 } else { blocks(file, &entry.selection()) };
+        (1..=count).map(move |block| (file, (count > 1).then_some(block)))
+    });
+    let one = |(file, block): (&PathBuf, Option<usize>)| {
+        let part = |path: Option<&std::ffi::OsStr>| path.map(|p| p.to_string_lossy().into_owned()).unwrap_or_default();
+        let (stem, folder) = (part(file.file_stem()), part(file.parent().and_then(Path::file_name)));
+        let fill = |text: &String| filled(text, &stem, &folder);
+        let name = entry.name.as_ref().filter(|_| !several).map_or_else(|| stem.clone(), fill);
+        // recordings of one file are of one sample, unless it is said otherwise
+        let sample = entry.sample.as_ref().map_or_else(|| name.clone(), fill);
+        let name = block.map_or_else(|| name.clone(), |block| format!("{name}_{block}"));
+        Entry {
+            sample: Some(sample),
+            block: block.or(entry.block),
+            group: entry.group.as_ref().map(fill),
+            chosen_for: entry.chosen_for.as_ref().map(fill),
+            file: Some(file.to_string_lossy().into_owned()),
+            force_file: entry.force_file.as_ref().map(|f| root.join(f).to_string_lossy().into_owned()),
+            name: Some(name.replace(['/', '\\'], "_")),
+            ..entry.clone()
+        }
+    };
+    Ok(with_blocks.map(one).collect())
+}
+
+/// `{name}`, `{folder}` and `{name:N}` filled in, in one pass: what a file's name holds is not filled in again.
+fn filled(text: &str, name: &str, folder: &str) -> String {
+    let (mut out, mut rest) = (String::new(), text);
+    while let Some((before, behind)) = rest.split_once('{') {
+        out.push_str(before);
+        let field = behind.split_once('}').and_then(|(key, after)| Some((value(key, name, folder)?, after)));
+        if let Some((value, after)) = field {
+            out.push_str(&value);
+            rest = after;
+        } else {
+            out.push('{');
+            rest = behind;
+        }
+    }
+    out + rest
+}
+
+/// What stands for `{key}`; `None` if it is no field.
+fn value(key: &str, name: &str, folder: &str) -> Option<String> {
+    let letters = |count: i64| {
+        let count_or = |n: i64| usize::try_from(n.unsigned_abs()).unwrap_or(usize::MAX);
+        // a negative number leaves so many off at the end
+        let end = if count < 0 { name.chars().count().saturating_sub(count_or(count)) } else { count_or(count) };
+        name.chars().take(end).collect()
+    };
+    match key {
+        "name" => Some(name.to_owned()),
+        "folder" => Some(folder.to_owned()),
+        _ => key.strip_prefix("name:")?.parse().ok().map(letters),
+    }
+}
+
+/// Files below a folder whose path fits a pattern, in the order of their names.
+fn found(root: &Path, pattern: &str) -> Vec<PathBuf> {
+    let mut paths = vec![root.to_path_buf()];
+    for part in pattern.split('/') {
+        paths = paths
+            .iter()
+            .flat_map(|path| {
+                if !part.contains('*') {
+                    return vec![path.join(part)].into_iter().filter(|p| p.exists()).collect();
+                }
+                let entries = fs::read_dir(path).into_iter().flatten().flatten();
+                let mut inside: Vec<PathBuf> =
+                    entries.filter(|e| fits(&e.file_name().to_string_lossy(), part)).map(|e| e.path()).collect();
+                inside.sort();
+                inside
+            })
+            .collect();
+    }
+    paths
+}
+
+/// Whether a name fits a pattern with `*`: each part in its first place behind the one before, the last one at the end.
+fn fits(name: &str, pattern: &str) -> bool {
+    let Some((start, rest)) = pattern.split_once('*') else { return name == pattern };
+    let (inner, end) = rest.rsplit_once('*').unwrap_or(("", rest));
+    let Some(name) = name.strip_prefix(start).and_then(|name| name.strip_suffix(end)) else { return false };
+    let behind = |name: &str, part: &str| name.find(part).map(|at| at + part.len());
+    inner.split('*').try_fold(name, |name, part| behind(name, part).map(|at| &name[at..])).is_some()
+}
+
+macro_rules! first_of {
+    ($own:expr, $other:expr, $($field:ident),+) => {
+        Entry { $($field: $own.$field.clone().or_else(|| $other.$field.clone())),+ }
+    };
+}
+
+impl Entry {
+    /// Refuses numbers that no recording can have, as the command line does.
+    fn check(&self) -> Result<(), String> {
+        let positive = [
+            ("rate_hz", self.rate_hz),
+            ("gauge_length_m", self.gauge_length_m),
+            ("position_scale", self.position_scale),
+        ];
+        for (key, value) in positive {
+            if value.is_some_and(|x| !(x.is_finite() && x > 0.0)) {
+                return Err(format!("{key} = {}: a positive number is needed", value.unwrap_or_default()));
+            }
+        }
+        if let Some(names) = self.pose_columns.as_ref().filter(|names| ![3, 7].contains(&names.len())) {
+            return Err(format!("pose_columns = {names:?}: three columns, or seven with a quaternion"));
+        }
+        let finite = [("time_offset_s", self.time_offset_s), ("position_zero", self.position_zero)];
+        let wrong = finite.into_iter().find_map(|(key, value)| Some((key, value.filter(|x| !x.is_finite())?)));
+        wrong.map_or(Ok(()), |(key, x)| Err(format!("{key} = {x}: a finite number is needed")))
+    }
+
+    /// What is said here, and else in another.
+    fn or(&self, other: &Self) -> Self {
+        first_of!(
+            self,
+            other,
+            name,
+            file,
+            force_file,
+            sample,
+            group,
+            chosen_for,
+            scene,
+            set,
+            fit,
+            load_cell,
+            fit_to_depth_m,
+            to_depth_m,
+            choose_from_depth_m,
+            curves,
+            together,
+            position,
+            position_unit,
+            position_sign,
+            force,
+            force_unit,
+            force_sign,
+            time_offset_s,
+            time,
+            time_unit,
+            position_zero,
+            position_scale,
+            force_columns,
+            pose_columns,
+            sensor_rotation,
+            sample_pose,
+            block,
+            rate_hz,
+            gauge_length_m,
+            separator,
+            decimal_comma,
+            header_line,
+            joint
+        )
+    }
+
+    /// What is said of the recording's numbers.
+    #[must_use]
+    pub fn selection(&self) -> Selection {
+        let quantity = |place: &Option<String>, unit: &Option<String>, sign: Option<f64>| Quantity {
+            place: place.clone(),
+            unit: unit.clone(),
+            reversed: sign.is_some_and(|sign| sign < 0.0),
+            ..Quantity::default()
+        };
+        let position = quantity(&self.position, &self.position_unit, self.position_sign);
+        let pose = self.pose_columns.as_deref().unwrap_or_default();
+        let names = TopicNames::default();
+        Selection {
+            names: TopicNames { joint: self.joint.clone().unwrap_or(names.joint.clone()), ..names },
+            position: Quantity { zero: self.position_zero.unwrap_or(0.0), factor: self.position_scale, ..position },
+            force: quantity(&self.force, &self.force_unit, self.force_sign),
+            time_offset_s: self.time_offset_s.unwrap_or(0.0),
+            time: self.time.iter().cloned().collect(),
+            time_unit: self.time_unit.iter().cloned().collect(),
+            rate_hz: self.rate_hz,
+            pose: pose.get(..3).and_then(|tip| tip.to_vec().try_into().ok()),
+            orientation: pose.get(3..7).and_then(|axis| axis.to_vec().try_into().ok()),
+            forces: self.force_columns.clone(),
+            sensor_rotation: self.sensor_rotation,
+            sample_pose: self.sample_pose,
+            markers: Vec::new(),
+            gauge_length_m: self.gauge_length_m,
+            layout: TableLayout {
+                separator: self.separator,
+                decimal_comma: self.decimal_comma,
+                header_line: self.header_line,
+                comment: None,
+                block: self.block,
+            },
+        }
+    }
+
+    /// Keys to find, with those of a candidate.
+    ///
+    /// # Errors
+    /// What is no key with bounds.
+    pub fn wanted(&self, candidate: &Candidate) -> Result<Vec<Wanted>, String> {
+        self.fit.iter().flatten().chain(&candidate.fit).map(|text| Wanted::parse(text)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

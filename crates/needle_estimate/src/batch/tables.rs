@@ -1,0 +1,125 @@
+//! Force curves that the recordings of a batch share: made once, before the first of them, and kept beside the rows.
+//!
+//! A kept table ([`Kept`]) is of program, scene, keys with bounds, depth.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::{Candidate, Job, Stop};
+use crate::calibrate::{CurveTable, Wanted};
+use crate::kept::Kept;
+
+/// Folder of the kept tables.
+const FOLDER: &str = "curves";
+
+/// Tables by what they hold; what is not there is run for each recording.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tables {
+    tables: BTreeMap<String, Result<CurveTable, String>>,
+    runs: usize,
+}
+
+/// Tables that some jobs need.
+#[derive(Clone, Debug, Default)]
+pub struct Needed(BTreeMap<String, Result<CurveTable, String>>);
+
+/// What a table is of.
+struct Content {
+    scene: needle_core::scene::Scene,
+    wanted: Vec<Wanted>,
+    to_depth_m: f64,
+}
+
+impl Content {
+    fn of(job: &Job, candidate: &Candidate) -> Result<Option<Self>, String> {
+        let entry = job.entry();
+        match entry.curves.as_deref() {
+            None | Some("runs") => return Ok(None),
+            Some("table") => {}
+            Some(other) => return Err(format!("curves = \"{other}\": runs or table")),
+        }
+        let to_depth_m = entry.to_depth_m.ok_or("curves = \"table\" needs to_depth_m: how deep the curves go")?;
+        let (scene, wanted) = (job.scene(candidate, None)?, entry.wanted(candidate)?);
+        if wanted.is_empty() {
+            return Err("curves = \"table\" needs keys to fit; without any, leave it out".to_owned());
+        }
+        Ok(Some(Self { scene, wanted, to_depth_m }))
+    }
+
+    fn name(&self) -> String {
+        let (scene, mesh) = (self.scene.to_toml(), self.scene.sample.mesh_digest());
+        format!("{} {:?} {} {scene} {mesh}", needle_core::WRITER, self.wanted, self.to_depth_m)
+    }
+}
+
+impl Needed {
+    /// The tables of some jobs.
+    #[must_use]
+    pub fn of(jobs: &[Job]) -> Self {
+        let mut needed = BTreeMap::new();
+        for job in jobs {
+            for candidate in &job.manifest.candidates {
+                // what is wrong with an entry is said in its row
+                let Ok(Some(Content { scene, wanted, to_depth_m })) = Content::of(job, candidate) else { continue };
+                let name = Content { scene: scene.clone(), wanted: wanted.clone(), to_depth_m }.name();
+                let plan = || CurveTable::planned(&scene, &wanted, to_depth_m).map_err(|e| e.to_string());
+                needed.entry(name).or_insert_with(plan);
+            }
+        }
+        Self(needed)
+    }
+
+    /// Reads those that are kept below a folder.
+    pub fn read(&mut self, folder: &Path) {
+        let kept = Kept::below(folder, FOLDER);
+        for (name, table) in &mut self.0 {
+            if let (Ok(table), Some(curves)) = (table, kept.get(name)) {
+                table.take(curves);
+            }
+        }
+    }
+
+    /// Runs of the twin that are left.
+    #[must_use]
+    pub fn runs(&self) -> usize {
+        self.0.values().flatten().filter(|table| table.curves().is_empty()).map(CurveTable::runs).sum()
+    }
+
+    /// Makes what is not there, by runs of the twin on the current rayon pool, and keeps it below a folder. `done` is called after each run.
+    #[must_use]
+    pub fn make(self, folder: &Path, stop: Stop, done: &(dyn Fn() + Sync)) -> Tables {
+        let mut made = Tables::default();
+        let kept = Kept::below(folder, FOLDER);
+        for (name, table) in self.0 {
+            let table = table.and_then(|mut table| {
+                if table.curves().is_empty() {
+                    table.run_all(stop, done).map_err(|e| e.to_string())?;
+                    made.runs += table.runs();
+                    // without the file the next batch takes the runs again, so no failure is one of the batch
+                    let _ = kept.put(&name, table.curves());
+                }
+                Ok(table)
+            });
+            made.tables.insert(name, table);
+        }
+        made
+    }
+}
+
+impl Tables {
+    /// Runs that were made for them.
+    #[must_use]
+    pub const fn runs(&self) -> usize {
+        self.runs
+    }
+
+    /// The table of a job with a candidate; `None` if it is run.
+    pub(super) fn of(&self, job: &Job, candidate: &Candidate) -> Result<Option<&CurveTable>, String> {
+        let Some(content) = Content::of(job, candidate)? else { return Ok(None) };
+        match self.tables.get(&content.name()) {
+            Some(Ok(table)) => Ok(Some(table)),
+            Some(Err(reason)) => Err(reason.clone()),
+            None => Err("its table of curves was not made".to_owned()),
+        }
+    }
+}

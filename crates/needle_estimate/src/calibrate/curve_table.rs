@@ -1,0 +1,386 @@
+//! Force curves of one elastic scene over its constants, tabulated once and read by every recording.
+//!
+//! An elastic sample that is pressed slowly has a force that depends on the depth alone, and on the size of its moduli only as a factor:
+//!
+//! ```text
+//! F(d; mu_0, p) = mu_0 g(d; p)        p: exponents, friction, pressures over mu_0 (the small-strain shear modulus)
+//! ```
+//!
+//! g is run by the twin at Chebyshev's points of every p and read between them by Lagrange's polynomial in its barycentric form
+//! (Berrut and Trefethen, SIAM Review 46, 2004), whose error falls exponentially with the number of points for a smooth g: below
+//! 0.2 % of the peak for an exponent. In the friction the runs themselves are not smooth: a node at the rim slips or sticks as a whole, which
+//! is up to 1 % of the peak with any number of points (docs/lab/phantoms.md). A calibration then costs no run.
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::paths;
+use super::{CalibrateError, Wanted};
+use crate::compare::{Answer, Run, Watch};
+use needle_core::scene::{ContactLaw, InstrumentKind, Override, Scene};
+use needle_core::twin::Phase;
+use needle_recording::{At, ForceSeries, Reading};
+
+/// Points along each axis.
+const POINTS: usize = 9;
+/// Depths of a curve, and the speed at which they are passed, m/s: of no matter to an elastic sample.
+const PLACES: usize = 200;
+const SPEED_M_PER_S: f64 = 1e-3;
+/// How much deeper a curve goes than the recording: a contact may be found above its first reading.
+const DEEPER: f64 = 1.15;
+/// Way back, as a share of the largest depth, that is noise of a displacement sensor.
+const WAY_BACK: f64 = 0.01;
+/// Ranges of pressures over the small-strain modulus mu_0 in which a curve is tabulated. C01 <= mu_0 / 2 since C10 > 0; a negative C20 of
+/// Yeoh's law is refused by the scene where C30 is 0.
+const RATIOS: [(&str, [f64; 2]); 3] =
+    [("material.c01_pa", [0.0, 0.499]), ("material.c20_pa", [0.0, 0.5]), ("material.c30_pa", [0.0, 0.5])];
+/// Keys that the force is proportional to; the first that is sought takes what the others leave of mu_0.
+const MODULI: [&str; 3] = ["material.shear_modulus_pa", "material.ogden_shear_moduli_pa", "material.c10_pa"];
+
+/// A key that curves are tabulated over.
+#[derive(Clone, Debug, PartialEq)]
+struct Axis {
+    key: String,
+    /// Whether the coordinate is the key over mu_0.
+    pressure: bool,
+    range: [f64; 2],
+}
+
+impl Axis {
+    fn point(&self, k: usize) -> f64 {
+        let [low, high] = self.range;
+        0.5 * (low + high) - 0.5 * (high - low) * (PI * k as f64 / (POINTS - 1) as f64).cos()
+    }
+
+    /// Lagrange's basis at x; `None` outside the range.
+    fn basis(&self, x: f64) -> Option<[f64; POINTS]> {
+        let [low, high] = self.range;
+        let near = 1e-9 * (high - low);
+        if !(low - near..=high + near).contains(&x) {
+            return None;
+        }
+        let mut basis = [0.0; POINTS];
+        for (k, one) in basis.iter_mut().enumerate() {
+            let apart = x - self.point(k);
+            if apart.abs() <= near {
+                basis = [0.0; POINTS];
+                basis[k] = 1.0;
+                return Some(basis);
+            }
+            let end = if k == 0 || k == POINTS - 1 { 0.5 } else { 1.0 };
+            *one = if k % 2 == 0 { end } else { -end } / apart;
+        }
+        let sum: f64 = basis.iter().sum();
+        Some(basis.map(|b| b / sum))
+    }
+}
+
+/// See the module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurveTable {
+    scene: Scene,
+    axes: Vec<Axis>,
+    deepest_m: f64,
+    /// Of each combination of points, the last axis fastest: g at equal distances from 0 to the deepest place, m2.
+    curves: Vec<Vec<f64>>,
+}
+
+fn refused(key: &str, reason: &str) -> CalibrateError {
+    CalibrateError::Key { key: key.to_owned(), reason: format!("curves = \"table\": {reason}") }
+}
+
+impl CurveTable {
+    /// Tabulates the scene over the wanted keys, for recordings down to a depth in m. The runs are those of the current rayon pool.
+    ///
+    /// # Errors
+    /// [`CalibrateError`] if the force of the scene is no function of the depth and these keys, or a run fails.
+    pub fn new(
+        scene: &Scene,
+        wanted: &[Wanted],
+        to_depth_m: f64,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Self, CalibrateError> {
+        let mut table = Self::planned(scene, wanted, to_depth_m)?;
+        table.run_all(stop, &|| {})?;
+        Ok(table)
+    }
+
+    /// A table whose curves are not there yet.
+    ///
+    /// # Errors
+    /// [`CalibrateError`] if the force of the scene is no function of the depth and these keys.
+    pub fn planned(scene: &Scene, wanted: &[Wanted], to_depth_m: f64) -> Result<Self, CalibrateError> {
+        check(scene)?;
+        let keys = wanted.iter().filter(|w| !w.key.starts_with("align.") && !MODULI.contains(&w.key.as_str()));
+        let axes = keys.map(axis).collect::<Result<Vec<_>, _>>()?;
+        if !wanted.iter().any(|w| MODULI.contains(&w.key.as_str())) {
+            return Err(refused(MODULI[0], "the modulus has to be among the keys that are sought"));
+        }
+        Ok(Self { scene: scene.clone(), axes, deepest_m: DEEPER * to_depth_m, curves: Vec::new() })
+    }
+
+    /// Runs of the twin that it takes.
+    #[must_use]
+    pub fn runs(&self) -> usize {
+        POINTS.pow(self.axes.len() as u32)
+    }
+
+    /// Makes the curves; `done` is called after each.
+    ///
+    /// # Errors
+    /// [`CalibrateError`] if a run fails.
+    pub fn run_all(
+        &mut self,
+        stop: &(dyn Fn() -> bool + Sync),
+        done: &(dyn Fn() + Sync),
+    ) -> Result<(), CalibrateError> {
+        let one = |n: usize| self.curve(n, stop).inspect(|_| done());
+        self.curves = (0..self.runs()).into_par_iter().map(one).collect::<Result<_, CalibrateError>>()?;
+        Ok(())
+    }
+
+    /// The curves, to be kept.
+    #[must_use]
+    pub fn curves(&self) -> &[Vec<f64>] {
+        &self.curves
+    }
+
+    /// Takes curves that were kept; false if they are not as many as it needs.
+    pub fn take(&mut self, curves: Vec<Vec<f64>>) -> bool {
+        let fits = curves.len() == self.runs() && curves.iter().all(|curve| (2..=PLACES).contains(&curve.len()));
+        if fits {
+            self.curves = curves;
+        }
+        fits
+    }
+
+    /// Scenes at every second point of every axis: where a search may begin.
+    pub(super) fn coarse(&self) -> impl Iterator<Item = Scene> {
+        let axes = self.axes.len() as u32;
+        let even = move |n: &usize| (0..axes).all(|a| (n / POINTS.pow(a) % POINTS).is_multiple_of(2));
+        (0..self.curves.len()).filter(even).filter_map(|n| self.scene_at(&self.coordinates(n)).ok())
+    }
+
+    /// Coordinates of a curve.
+    fn coordinates(&self, number: usize) -> Vec<f64> {
+        let axes = self.axes.len() as u32;
+        (0..axes).map(|a| self.axes[a as usize].point(number / POINTS.pow(axes - 1 - a) % POINTS)).collect()
+    }
+
+    /// The scene with these coordinates and its own small-strain modulus.
+    fn scene_at(&self, coordinates: &[f64]) -> Result<Scene, CalibrateError> {
+        let modulus = self.scene.material.shear_modulus();
+        let mut changes: Vec<Override> = Vec::new();
+        for (axis, x) in self.axes.iter().zip(coordinates) {
+            let value = if axis.pressure { x * modulus } else { *x };
+            changes.push(Override::typed(&axis.key, value, "--fit"));
+            let tied = self.scene.tied_to(&axis.key).map(|key| Override::typed(key, value, "--fit"));
+            changes.extend(tied);
+        }
+        // mu_0 = 2 (C10 + C01)
+        let c01 = self.axes.iter().zip(coordinates).find(|(axis, _)| axis.key == "material.c01_pa");
+        if let (Some((_, x)), Some(_)) = (c01, self.scene.get("material.c10_pa")) {
+            changes.push(Override::typed("material.c10_pa", (0.5 - x) * modulus, "--fit"));
+        }
+        Ok(self.scene.with(&changes)?)
+    }
+
+    fn curve(&self, number: usize, stop: &(dyn Fn() -> bool + Sync)) -> Result<Vec<f64>, CalibrateError> {
+        let scene = self.scene_at(&self.coordinates(number))?;
+        let reading = |i: usize| {
+            let depth_m = self.deepest_m * i as f64 / (PLACES - 1) as f64;
+            Reading { time_s: depth_m / SPEED_M_PER_S, at: At::Depth(depth_m) }
+        };
+        let readings: Vec<Reading> = (0..PLACES).map(reading).collect();
+        let none = ForceSeries::new(Vec::new());
+        let run = paths::run(&scene, None, &readings, &none, &mut Stopped(stop))?;
+        if let Some(reason) = run.diverged {
+            return Err(CalibrateError::Diverged(reason));
+        }
+        let modulus = scene.material.shear_modulus();
+        // what the twin refuses is beyond what the scene can be pressed to
+        let mut curve: Vec<f64> = run.answers.iter().map(|a| a.predicted_n / modulus).collect();
+        curve[0] = 0.0;
+        Ok(curve)
+    }
+
+    /// The curve of a scene that differs in the tabulated keys and its moduli, N; `None` outside the table.
+    fn of(&self, scene: &Scene) -> Option<Vec<f64>> {
+        let modulus = scene.material.shear_modulus();
+        let number = |key: &str| scene.get(key).and_then(|v| v.as_list()).and_then(|list| list.first().copied());
+        let coordinate = |axis: &Axis| {
+            let x = number(&axis.key)?;
+            axis.basis(if axis.pressure { x / modulus } else { x })
+        };
+        let bases = self.axes.iter().map(coordinate).collect::<Option<Vec<_>>>()?;
+        let least = self.curves.iter().map(Vec::len).min()?;
+        let mut sum = vec![0.0; least];
+        for (n, curve) in self.curves.iter().enumerate() {
+            let axes = bases.len() as u32;
+            let weight: f64 = (0..axes).map(|a| bases[a as usize][n / POINTS.pow(axes - 1 - a) % POINTS]).product();
+            if weight != 0.0 {
+                sum.iter_mut().zip(curve).for_each(|(s, g)| *s += weight * modulus * g);
+            }
+        }
+        Some(sum)
+    }
+
+    /// What a run of the twin over the readings gives; poses deeper than the table are refused.
+    pub(super) fn run(&self, scene: &Scene, readings: &[Reading], measured: &ForceSeries) -> Option<Run> {
+        let curve = self.of(scene)?;
+        let begin_s = readings.first().map_or(0.0, |r| r.time_s);
+        let step_m = self.deepest_m / (PLACES - 1) as f64;
+        let answer = |reading: &Reading| {
+            let At::Depth(depth_m) = reading.at else { return None };
+            let place = depth_m.max(0.0) / step_m;
+            let after = (place as usize + 1).min(curve.len() - 1);
+            let share = place - (after - 1) as f64;
+            let predicted_n = curve[after - 1] + share * (curve[after] - curve[after - 1]);
+            let vector = measured.at(reading.time_s);
+            (share <= 1.0).then_some(Answer {
+                time_s: reading.time_s - begin_s,
+                depth_m,
+                predicted_n,
+                measured_n: vector.map(|f| f[2]),
+                predicted_vector_n: [0.0, 0.0, predicted_n],
+                measured_vector_n: vector,
+                phase: if depth_m > 0.0 { Phase::Indentation } else { Phase::Approach },
+                event: None,
+                steps: 0,
+                latency_s: 0.0,
+            })
+        };
+        let answers = readings.iter().filter_map(answer).collect();
+        Some(Run { scene: scene.name.clone(), answers, one_clock: measured.one_clock(), ..Run::default() })
+    }
+
+    /// Whether a motion can be read from the table.
+    ///
+    /// # Errors
+    /// What is against it, and what to do.
+    pub fn covers(&self, readings: &[Reading]) -> Result<(), String> {
+        let depth = |r: &Reading| if let At::Depth(depth_m) = r.at { Some(depth_m) } else { None };
+        let Some(depths) = readings.iter().map(depth).collect::<Option<Vec<f64>>>() else {
+            return Err("curves = \"table\" takes depths, and this recording has poses".to_owned());
+        };
+        let mut deepest = f64::NEG_INFINITY; // a recording begins above the sample
+        let mut back: f64 = 0.0;
+        for depth in depths {
+            deepest = deepest.max(depth);
+            back = back.max(deepest - depth);
+        }
+        if back > WAY_BACK * deepest {
+            return Err(format!(
+                "curves = \"table\" holds the way in, and this recording goes back by {:.3} mm: end it with to_depth_m",
+                1e3 * back
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn axis(wanted: &Wanted) -> Result<Axis, CalibrateError> {
+    let ratio = RATIOS.iter().find(|(key, _)| *key == wanted.key).map(|(_, range)| *range);
+    let range = ratio.or(wanted.bounds).ok_or_else(|| {
+        refused(&wanted.key, "give the bounds between which it is tabulated, as in material.ogden_exponents=1..12")
+    })?;
+    Ok(Axis { key: wanted.key.clone(), pressure: ratio.is_some(), range })
+}
+
+/// A force that is a function of the depth: elastic, of one material, pressed and not pierced.
+fn check(scene: &Scene) -> Result<(), CalibrateError> {
+    let pressed = scene.instrument.is_some_and(|i| {
+        matches!(i.kind, InstrumentKind::Plate | InstrumentKind::Indenter { .. })
+            && matches!(i.contact, ContactLaw::Bonded | ContactLaw::Frictionless | ContactLaw::Coulomb { .. })
+    });
+    if !pressed {
+        return Err(refused(
+            "instrument.kind",
+            "the force of a needle is no function of the depth alone; leave it out",
+        ));
+    }
+    if !scene.material.prony.shares().is_empty() {
+        return Err(refused(
+            "material.prony_shares",
+            "the force of a material that relaxes depends on the time; leave it out",
+        ));
+    }
+    if !scene.regions.is_empty() {
+        return Err(refused(
+            "regions",
+            "the force of several materials is not proportional to one modulus; leave it out",
+        ));
+    }
+    Ok(())
+}
+
+struct Stopped<'a>(&'a (dyn Fn() -> bool + Sync));
+
+impl Watch for Stopped<'_> {
+    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        (self.0)()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const BLOCK: &str = "name = \"block\"\n[sample]\nshape = \"cylinder\"\ndiameter_m = 0.05\nheight_m = 0.03\n\
+        [material]\nmodel = \"ogden\"\nogden_shear_moduli_pa = [1e4]\nogden_exponents = [3]\npoisson_ratio = 0.49\n\
+        density_kg_per_m3 = 1000\n[instrument]\nkind = \"plate\"\ncontact = \"coulomb\"\nfriction_coefficient = 0.2\n\
+        [discretisation]\nmethod = \"mmls\"\nspacing_m = 0.0075\n";
+
+    fn wanted(text: &str) -> Wanted {
+        Wanted::parse(text).unwrap()
+    }
+
+    #[test]
+    fn between_its_points_the_table_is_what_a_run_gives() {
+        let scene = Scene::from_toml(BLOCK, "block").unwrap();
+        let modulus = wanted("material.ogden_shear_moduli_pa");
+        // where a plate changes from slip to stick the curve is not smooth in the friction, and the polynomial converges slowly
+        let exponents = ("material.ogden_exponents=0.5..12", 4.7, 2e-3);
+        let friction = ("instrument.friction_coefficient=0.0..0.6", 0.13, 1e-2);
+        for (key, x, bound) in [exponents, friction] {
+            let key = wanted(key);
+            let table = CurveTable::new(&scene, &[modulus.clone(), key.clone()], 9e-3, &|| false).unwrap();
+            assert_eq!(table.runs(), POINTS);
+            let at = [Override::typed(&key.key, x, "test"), Override::typed(&modulus.key, 2.5e3, "test")];
+            let scene = scene.with(&at).unwrap();
+            let readings: Vec<Reading> =
+                (0..180).map(|i| Reading { time_s: f64::from(i) * 0.05, at: At::Depth(f64::from(i) * 5e-5) }).collect();
+            let none = ForceSeries::new(Vec::new());
+            let run = paths::run(&scene, None, &readings, &none, &mut Stopped(&|| false)).unwrap();
+            let read = table.run(&scene, &readings, &none).unwrap();
+            assert_eq!(run.answers.len(), read.answers.len());
+            let peak = run.answers.last().unwrap().predicted_n;
+            for (a, b) in run.answers.iter().zip(&read.answers) {
+                let error = (a.predicted_n - b.predicted_n).abs() / peak;
+                assert!(error < bound, "{key:?} at {} m: {} {}", a.depth_m, a.predicted_n, b.predicted_n);
+            }
+            let beyond = scene.with(&[Override::typed(&key.key, 20.0, "test")]).unwrap();
+            assert!(table.run(&beyond, &readings, &none).is_none(), "nothing is made up outside");
+        }
+    }
+
+    #[test]
+    fn what_is_no_function_of_the_depth_is_refused() {
+        let scene = Scene::from_toml(BLOCK, "block").unwrap();
+        let relaxing = Override::parse("material.prony_shares=[0.3]", "test").unwrap();
+        let times = Override::parse("material.prony_times_s=[1.0]", "test").unwrap();
+        let modulus = [wanted("material.ogden_shear_moduli_pa")];
+        let error = CurveTable::new(&scene.with(&[relaxing, times]).unwrap(), &modulus, 9e-3, &|| false).unwrap_err();
+        assert!(error.to_string().contains("relaxes"), "{error}");
+        let unbounded = [modulus[0].clone(), wanted("material.ogden_exponents")];
+        let error = CurveTable::new(&scene, &unbounded, 9e-3, &|| false).unwrap_err();
+        assert!(error.to_string().contains("bounds"), "{error}");
+        let table = CurveTable { scene, axes: Vec::new(), deepest_m: 9e-3, curves: vec![vec![0.0; PLACES]] };
+        let back = [0.0, 5e-3, 4e-3].map(|d| Reading { time_s: 0.0, at: At::Depth(d) });
+        assert!(table.covers(&back).unwrap_err().contains("1.000 mm"));
+    }
+}

@@ -1,0 +1,281 @@
+//! Calibration: the values of scene keys with which the twin's force comes nearest to a recorded one.
+//!
+//! ```text
+//! smallest sum_i (F(d_1..i; keys) + offset + drift t_i - F_measured,i)^2
+//! ```
+//!
+//! Where the load cell measured the force as a vector and the model is one in three dimensions, the components across the axis are fitted
+//! beside that along it, each with its own noise, zero and drift (`compare::components`). Every F is a whole run of the twin over the
+//! recorded motion, the same as `replay` makes. Offset and drift are those of the load cell, estimated alongside. So are the depth of the
+//! first contact and the clock of the force against that of the position, where the recording shows that they are off
+//! (`compare::alignment`); else they stay as recorded.
+//!
+//! A model that doesn't explain the readings is rejected, and what the data can't tell has no interval (`judgement`).
+
+mod components;
+mod curve_table;
+mod error;
+mod forces;
+mod joint;
+mod judgement;
+mod markers;
+mod paths;
+mod prediction;
+mod problem;
+mod runs;
+mod search;
+mod spikes;
+mod split;
+mod start;
+mod task;
+mod tie;
+mod unknown;
+
+use std::ops::Range;
+
+use crate::compare::alignment::Alignment;
+use crate::compare::{Depths, Verdict, Watch};
+use needle_core::scene::{Align, Metres, Override, Scene, Seconds};
+
+pub use curve_table::CurveTable;
+pub use error::CalibrateError;
+pub use forces::{Forces, rmse};
+pub use joint::{Joint, JointKey, Own, calibrate_together};
+pub use markers::{MarkerEstimate, MarkerFit, MarkerResidual, MarkerTask, calibrate_markers};
+pub use prediction::{Prediction, predict};
+use problem::Recorded;
+use search::{Searched, aligned, search};
+pub use split::{HoldOut, Parts};
+pub use task::{LoadCell, Task, Wanted};
+use unknown::Sought;
+
+/// Bounds of a 95% interval over the standard error.
+pub const INTERVAL_95: f64 = 1.96;
+/// One estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// The scene's key, or `load_cell.offset_n`, `load_cell.drift_n_per_s`.
+    pub name: String,
+    /// The value found.
+    pub value: f64,
+    /// Where the search began.
+    pub start: f64,
+    /// Between these.
+    pub bounds: [f64; 2],
+    /// Standard error by noise; `None` where the data don't determine the value.
+    pub noise_error: Option<f64>,
+    /// Standard error by [`Task::force_error`].
+    pub systematic_error: Option<f64>,
+    /// Whether the data say anything about it at all.
+    pub has_effect: bool,
+    /// Why it has no error and no interval, if it has none.
+    pub withheld: Option<String>,
+}
+
+impl Estimate {
+    /// Standard error by both, in the unit of the value; `None` where the data don't determine it, or it is withheld.
+    #[must_use]
+    pub fn standard_error(&self) -> Option<f64> {
+        self.noise_error.zip(self.systematic_error).map(|(a, b)| a.hypot(b)).filter(|_| self.withheld.is_none())
+    }
+
+    /// The 95% interval, cut to the bounds.
+    #[must_use]
+    pub fn interval_95(&self) -> Option<[f64; 2]> {
+        let half = INTERVAL_95 * self.standard_error()?;
+        let [low, high] = self.bounds;
+        Some([(self.value - half).max(low), (self.value + half).min(high)])
+    }
+
+    /// Whether the search ended at a bound.
+    #[must_use]
+    pub fn at_bound(&self) -> bool {
+        self.value <= self.bounds[0] || self.value >= self.bounds[1]
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Calibration {
+    /// The scene with the values found.
+    pub scene: Scene,
+    /// The keys, in the order in which they were asked for, then the load cell's.
+    pub estimates: Vec<Estimate>,
+    /// How many of the estimates are keys.
+    pub keys: usize,
+    /// Keys that took the value of a wanted one, with it: the scene had them equal.
+    pub tied: Vec<(String, String)>,
+    /// Correlation of the estimates' errors; `None` where one of the two is not determined.
+    pub correlation: Vec<Vec<Option<f64>>>,
+    /// Names of those that the data can't tell apart.
+    pub indistinguishable: Vec<Vec<String>>,
+    /// Measured force and the twin's, before and after.
+    pub forces: Forces,
+    /// Regions that the tip was in over the depth, with the values found; empty where the scene has none.
+    pub regions: Vec<Depths>,
+    /// Readings that were fitted, and those that were held out, as indices into `forces`.
+    pub parts: Parts,
+    /// Readings of the fitted part that were left out as spikes.
+    pub left_out: usize,
+    /// Steps of the search.
+    pub iterations: usize,
+    /// Runs of the twin.
+    pub runs: u32,
+    /// Whether the search arrived; else it ran out of steps.
+    pub converged: bool,
+    /// Whether the model with the values found explains the readings.
+    pub verdict: Verdict,
+    /// How the recording lies to the model.
+    pub alignment: Option<Alignment>,
+    /// Which of contact depth and clock were taken out of the recording.
+    pub realigned: [bool; 2],
+    /// Poses that the twin refused.
+    pub refused: usize,
+    /// What the load cell's drift could not be told from, for which it was left out ([`LoadCell::Auto`]); empty where it was not.
+    pub drift_left_out_for: Vec<String>,
+}
+
+impl Calibration {
+    /// Root mean square of what is left over the part that was fitted, spikes included, N.
+    #[must_use]
+    pub fn rmse_n(&self) -> f64 {
+        self.rmse_of(&self.parts.fitted)
+    }
+
+    /// The same over the readings that were held out, if any, N.
+    #[must_use]
+    pub fn held_out_rmse_n(&self) -> Option<f64> {
+        self.parts.held_out.as_ref().map(|range| self.rmse_of(range))
+    }
+
+    fn rmse_of(&self, range: &Range<usize>) -> f64 {
+        rmse(&self.forces.measured_n[range.clone()], &self.forces.fitted_n[range.clone()])
+    }
+
+    /// Whether the model is rejected: it doesn't explain the readings with any values.
+    #[must_use]
+    pub fn rejected(&self) -> bool {
+        self.verdict.explains != crate::compare::Explains::Yes
+    }
+
+    /// What was sought of the alignment is known by the search, the rest as it was seen on the last run.
+    fn with_alignment(mut self, seen: Option<Alignment>) -> Self {
+        let of = |names: [&str; 2]| {
+            let found = self.estimates.iter().find(|e| names.contains(&e.name.as_str()))?;
+            Some(crate::compare::alignment::Found { value: found.value, error: found.standard_error() })
+        };
+        let contact = of([unknown::CONTACT_KEY; 2]);
+        let clock = of([unknown::CLOCK_KEY; 2]);
+        let zero = of([unknown::ZERO_KEY, unknown::OFFSET_KEY]);
+        self.alignment =
+            seen.or_else(|| (contact.is_some() || clock.is_some()).then(Alignment::default)).map(|seen| Alignment {
+                contact_depth_m: contact.unwrap_or(seen.contact_depth_m),
+                time_offset_s: clock.unwrap_or(seen.time_offset_s),
+                force_zero_n: zero.unwrap_or(seen.force_zero_n),
+                ..seen
+            });
+        self
+    }
+
+    /// Estimates and alignment of the recording as it was recorded: with what the scene's `[align]` had taken out of it.
+    fn of_recording(mut self, sought: &[Sought], scene: &Scene) -> Self {
+        for (e, sought) in self.estimates.iter_mut().zip(sought) {
+            let before = sought.aligned(scene);
+            e.value += before;
+            e.start += before;
+            e.bounds = e.bounds.map(|bound| bound + before);
+        }
+        if let Some(seen) = &mut self.alignment {
+            seen.contact_depth_m.value += Sought::Contact.aligned(scene);
+            seen.time_offset_s.value += Sought::Clock.aligned(scene);
+            seen.force_zero_n.value += Sought::Zero { asked: false }.aligned(scene);
+        }
+        self
+    }
+
+    /// What is to be done where the data can't tell a group apart.
+    #[must_use]
+    pub fn remedy(&self, group: &[String]) -> String {
+        let keys: Vec<&str> = self.estimates[..self.keys].iter().map(|e| e.name.as_str()).collect();
+        let several = group.iter().filter(|name| keys.contains(&name.as_str())).count() > 1;
+        match (judgement::cure(group), several) {
+            ("", true) => "fit fewer of them, or fix one by --set from another test".to_owned(),
+            ("", false) => {
+                "fix it by --set from another test, or take a recording that also has the approach and the way out"
+                    .to_owned()
+            }
+            (cure, _) => cure.trim_start_matches("; ").to_owned(),
+        }
+    }
+
+    /// The estimate of a name.
+    #[must_use]
+    pub fn estimate(&self, name: &str) -> Option<&Estimate> {
+        self.estimates.iter().find(|e| e.name == name)
+    }
+}
+
+/// Searches for the values.
+///
+/// # Errors
+/// [`CalibrateError`] if a key can't be searched for, the scene can't be run as it is, or there is too little to fit.
+pub fn calibrate(
+    task: &Task,
+    watch: &mut dyn Watch,
+    tell: &mut dyn FnMut(&str),
+) -> Result<Calibration, CalibrateError> {
+    let found = searched(task, watch, tell)?;
+    let drifts = |group: &Vec<String>| group.iter().any(|name| name == unknown::DRIFT_KEY);
+    let Some(group) = found.indistinguishable.iter().find(|g| drifts(g)).filter(|_| task.load_cell == LoadCell::Auto)
+    else {
+        return Ok(found);
+    };
+    tell("without the load cell's drift");
+    let again = searched(&Task { load_cell: LoadCell::Offset, ..task.clone() }, watch, tell)?;
+    let others: Vec<String> = group.iter().filter(|name| *name != unknown::DRIFT_KEY).cloned().collect();
+    Ok(Calibration { runs: found.runs + again.runs, drift_left_out_for: others, ..again })
+}
+
+/// With just what the task asks for of the load cell.
+fn searched(task: &Task, watch: &mut dyn Watch, tell: &mut dyn FnMut(&str)) -> Result<Calibration, CalibrateError> {
+    let sought = Sought::all(task.wanted, task.load_cell);
+    let mut problem = Recorded::new(task, sought, watch, tell);
+    let Searched { mut unknowns, begun, solution, realigned, left_out } = search(&mut problem, task)?;
+    unknowns.iter_mut().zip(begun).for_each(|(u, start)| u.start = start);
+    let changes = problem.changes(&solution.x);
+    // with the steps of the runs, or it would replay otherwise
+    let mut scene = problem.common.posed(&task.scene.with(&changes)?);
+    scene.align = align(&problem, task.scene, &solution.x);
+    let forces = problem.forces(&solution.x)?;
+    let found = Calibration {
+        left_out,
+        realigned,
+        ..judgement::judged(task, scene, &solution, &unknowns, forces, &mut problem)?
+    };
+    let seen = aligned(&mut problem, &solution.x)?;
+    Ok(found.with_alignment(seen).of_recording(&problem.sought, task.scene))
+}
+
+/// How the recording lies to the model with the values x: what was taken out of it before, and what the search has found.
+fn align(problem: &Recorded, scene: &Scene, x: &[f64]) -> Option<Align> {
+    let of = |wanted: fn(&Sought) -> bool| problem.sought.iter().position(wanted).map_or(0.0, |k| x[k]);
+    let found = Align {
+        contact_depth: Metres(of(|s| *s == Sought::Contact)),
+        time_offset: Seconds(of(|s| *s == Sought::Clock)),
+        zero_n: of(|s| matches!(s, Sought::Zero { .. })),
+        drift_n_per_s: of(|s| *s == Sought::Drift),
+    };
+    Some(scene.align.unwrap_or(Align::NONE).then(found)).filter(|align| *align != Align::NONE)
+}
+
+/// The fitted keys that a scene has, with their values: to carry them over to another scene.
+#[must_use]
+pub fn carried(calibration: &Calibration, scene: &Scene) -> Vec<Override> {
+    let keys = calibration.estimates[..calibration.keys].iter();
+    let tied =
+        calibration.tied.iter().filter_map(|(key, other)| Some((key.as_str(), calibration.estimate(other)?.value)));
+    let all = keys.map(|e| (e.name.as_str(), e.value)).chain(tied).filter(|(key, _)| scene.get(key).is_some());
+    // an alignment is the fitted recording's own
+    let all = all.filter(|(key, _)| !key.starts_with("align."));
+    all.map(|(key, value)| Override::typed(key, value, "calibrate")).collect()
+}

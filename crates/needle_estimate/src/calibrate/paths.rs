@@ -1,0 +1,42 @@
+//! The force along a run: against the instrument's axis, and across it where the load cell measured a vector.
+
+use super::{CalibrateError, Task};
+use crate::compare::components::Component;
+use crate::compare::path::ForcePath;
+use crate::compare::{self, Answer, Collector, Keep, Run, Watch};
+use needle_core::scene::{Region, Scene};
+use needle_recording::{ForceSeries, Reading};
+
+/// Share of the poses that must be answered.
+const ANSWERED: f64 = 0.9;
+
+/// Whether enough poses were answered.
+pub(super) fn answered(run: &Run, task: &Task) -> bool {
+    run.answers.len() as f64 >= ANSWERED * task.readings.len() as f64
+}
+
+/// A run of a scene over a recording, on its own cloud or on that for other regions.
+pub(super) fn run(
+    scene: &Scene,
+    regions: Option<&[Region]>,
+    readings: &[Reading],
+    measured: &ForceSeries,
+    watch: &mut dyn Watch,
+) -> Result<Run, CalibrateError> {
+    let built = regions.map_or_else(|| compare::build(scene), |regions| compare::build_on(scene, regions));
+    let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
+    let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
+    let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, watch);
+    if watch.stop() { Err(CalibrateError::Interrupted) } else { Ok(run) }
+}
+
+/// The force along a run; `None` where the instrument doesn't go into the sample.
+pub(super) fn path_of(run: &Run) -> Option<ForcePath> {
+    let column = |of: fn(&Answer) -> f64| run.answers.iter().map(of).collect();
+    ForcePath::new(column(|a| a.time_s), column(|a| a.depth_m), column(|a| a.predicted_n))
+}
+
+/// The same, and its components across the axis.
+pub(super) fn paths_of(run: &Run, across: &[Component]) -> Option<Vec<ForcePath>> {
+    std::iter::once(path_of(run)).chain(across.iter().map(|c| c.path(run))).collect()
+}

@@ -1,0 +1,31 @@
+//! Keys that go together: equal ones stay equal, and the force is proportional to all pressures of a law at once.
+
+use super::unknown::Sought;
+use needle_core::scene::Scene;
+
+/// All pressures of a law: the force is proportional to them taken together (quasi-static, Poisson's ratio fixed), so a change of all by
+/// one factor needs no run. The second is a list, of one where it is sought.
+const PRESSURES: [&str; 6] = [
+    "material.shear_modulus_pa",
+    "material.ogden_shear_moduli_pa",
+    "material.c10_pa",
+    "material.c01_pa",
+    "material.c20_pa",
+    "material.c30_pa",
+];
+
+/// The keys that go with unknowns, with the indices of these.
+pub(super) fn tied(scene: &Scene, sought: &[Sought]) -> Vec<(&'static str, usize)> {
+    let of = |(k, s): (usize, &Sought)| scene.tied_to(s.name()).map(|key| (key, k));
+    let alone = |key: &str| sought.iter().all(|s| s.name() != key);
+    sought.iter().enumerate().filter_map(of).filter(|(key, _)| alone(key)).collect()
+}
+
+/// The unknowns that are pressures, if they are all that the scene's law has. The modulus of one of several regions is not.
+pub(super) fn pressures(scene: &Scene, sought: &[Sought]) -> Vec<usize> {
+    let place = |key: &str| sought.iter().position(|s| matches!(s, Sought::Key(own) if own == key));
+    let zero = |key: &str| scene.get(key).and_then(|v| v.as_list()).is_none_or(|list| list.iter().all(|x| *x == 0.0));
+    let whole = PRESSURES.iter().all(|key| zero(key) || place(key).is_some());
+    let places = PRESSURES.iter().filter_map(|key| place(key)).collect();
+    if whole && scene.regions.is_empty() { places } else { Vec::new() }
+}

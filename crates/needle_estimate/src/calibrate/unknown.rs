@@ -1,0 +1,156 @@
+//! What is searched for: keys of the scene, what the load cell adds, and how the recording lies to the model.
+
+use super::{CalibrateError, LoadCell, Wanted};
+use crate::compare::least_squares;
+use needle_core::scene::{Align, Kind, LARGEST_POISSON_RATIO, Scene, keys};
+
+/// Where a key's range has an end that isn't allowed, the search keeps this share of the start away from it.
+const OFF_THE_END: f64 = 1e-3;
+/// Largest change of a key in one step, as a share of it.
+const LARGEST_STEP: f64 = 0.5;
+/// Size of a key that starts at zero, over its bounds' distance.
+const SIZE_AT_ZERO: f64 = 0.1;
+/// Sizes of a shift of the contact, m, and of the clock, s, and the largest step of each in these.
+const CONTACT: (f64, f64) = (1e-4, 5.0);
+const CLOCK: (f64, f64) = (1e-2, 20.0);
+
+/// A number that is searched for.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Sought {
+    /// A key of the scene.
+    Key(String),
+    /// Recorded depth of the first contact, m.
+    Contact,
+    /// How late the force's stamps are, s.
+    Clock,
+    /// What the load cell reads without load, N; asked for as the recording's zero, or not.
+    Zero { asked: bool },
+    /// Change of that with time, N/s.
+    Drift,
+}
+
+pub(super) const CONTACT_KEY: &str = "align.contact_depth_m";
+pub(super) const CLOCK_KEY: &str = "align.time_offset_s";
+pub(super) const ZERO_KEY: &str = "align.force_zero_n";
+pub(super) const OFFSET_KEY: &str = "load_cell.offset_n";
+pub(super) const DRIFT_KEY: &str = "load_cell.drift_n_per_s";
+/// Keys of a recording that can be asked for.
+const ALIGN: [&str; 3] = [CONTACT_KEY, CLOCK_KEY, ZERO_KEY];
+
+impl Sought {
+    /// What was asked for, then what the load cell adds.
+    pub fn all(wanted: &[Wanted], load_cell: LoadCell) -> Vec<Self> {
+        let asked = |w: &Wanted| match w.key.as_str() {
+            CONTACT_KEY => Self::Contact,
+            CLOCK_KEY => Self::Clock,
+            ZERO_KEY => Self::Zero { asked: true },
+            key => Self::Key(key.to_owned()),
+        };
+        let mut all: Vec<Self> = wanted.iter().map(asked).collect();
+        if load_cell != LoadCell::Exact && !all.contains(&Self::Zero { asked: true }) {
+            all.push(Self::Zero { asked: false });
+        }
+        if matches!(load_cell, LoadCell::Drift | LoadCell::Auto) {
+            all.push(Self::Drift);
+        }
+        all
+    }
+
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Key(key) => key,
+            Self::Contact => CONTACT_KEY,
+            Self::Clock => CLOCK_KEY,
+            Self::Zero { asked: true } => ZERO_KEY,
+            Self::Zero { asked: false } => OFFSET_KEY,
+            Self::Drift => DRIFT_KEY,
+        }
+    }
+
+    /// Whether it is a key of one of several regions or materials.
+    pub fn is_of_regions(&self) -> bool {
+        matches!(self, Self::Key(key) if key.starts_with("regions.") || key.starts_with("materials."))
+    }
+
+    /// What one unit of it adds to the reading of a load cell at a time.
+    pub const fn added(&self, time_s: f64) -> f64 {
+        match self {
+            Self::Zero { .. } => 1.0,
+            Self::Drift => time_s,
+            _ => 0.0,
+        }
+    }
+
+    /// What the scene's `[align]` says of it; 0 of all else.
+    pub fn aligned(&self, scene: &Scene) -> f64 {
+        let align = scene.align.unwrap_or(Align::NONE);
+        match self {
+            Self::Key(_) => 0.0,
+            Self::Contact => align.contact_depth.get(),
+            Self::Clock => align.time_offset.get(),
+            Self::Zero { .. } => align.zero_n,
+            Self::Drift => align.drift_n_per_s,
+        }
+    }
+
+    /// Start, bounds and size of it.
+    pub fn unknown(&self, scene: &Scene, wanted: &[Wanted]) -> Result<least_squares::Unknown, CalibrateError> {
+        let bounds = wanted.iter().find(|w| w.key == self.name()).and_then(|w| w.bounds);
+        // what the scene says is out of the recording already
+        let bounds = bounds.map(|bounds| bounds.map(|bound| bound - self.aligned(scene)));
+        let free = |(scale, largest_step): (f64, f64)| {
+            let bounds = bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            least_squares::Unknown { start: 0.0_f64.clamp(bounds[0], bounds[1]), bounds, scale, largest_step }
+        };
+        if let (Some([low, high]), true) = (bounds, ALIGN.contains(&self.name()))
+            && low >= high
+        {
+            let [low, high] = [low, high].map(|bound| bound + self.aligned(scene));
+            let reason = format!("the bounds {low} to {high} hold nothing between them");
+            return Err(CalibrateError::Key { key: self.name().to_owned(), reason });
+        }
+        match self {
+            Self::Key(key) => of_key(scene, key, bounds),
+            Self::Contact => Ok(free(CONTACT)),
+            Self::Clock => Ok(free(CLOCK)),
+            Self::Zero { .. } | Self::Drift => Ok(free((1e-6, f64::INFINITY))),
+        }
+    }
+}
+
+/// Bounds and start of a scene's key.
+fn of_key(scene: &Scene, name: &str, bounds: Option<[f64; 2]>) -> Result<least_squares::Unknown, CalibrateError> {
+    let refuse = |reason: String| CalibrateError::Key { key: name.to_owned(), reason };
+    let key = keys::require(name, "to be found", "--fit")?;
+    let value = scene.get(name);
+    // a list of one is a number: the constants of a law with a single term
+    let list = value.as_ref().and_then(|v| v.as_list()).filter(|list| list.len() == 1);
+    let (range, start) = match key.kind {
+        Kind::Real(range) => (range, value.and_then(|v| v.as_real())),
+        Kind::List(range, _) if list.is_some() => (range, list.map(|list| list[0])),
+        _ => return Err(refuse(format!("only a single number can be searched for; this is: {}", key.allowed()))),
+    };
+    let start = start.ok_or_else(|| refuse(format!("scene {} has no such key", scene.name)))?;
+    let off = OFF_THE_END * start.abs().max(f64::MIN_POSITIVE);
+    let own = [
+        if range.low_allowed { range.low } else { range.low + off.min(0.5 * (start - range.low)) },
+        if range.high_allowed { range.high } else { range.high - off.min(0.5 * (range.high - start)) },
+    ];
+    let own = if name.ends_with(".poisson_ratio") { [own[0], own[1].min(LARGEST_POISSON_RATIO)] } else { own };
+    let bounds = bounds.unwrap_or(own);
+    for bound in bounds {
+        if !range.contains(bound) {
+            return Err(refuse(format!("the bound {bound} is out of range; allowed: {}", key.allowed())));
+        }
+    }
+    if bounds[0] >= bounds[1] {
+        return Err(refuse(format!("the bounds {} to {} hold nothing between them", bounds[0], bounds[1])));
+    }
+    let scale = match () {
+        () if start != 0.0 => 0.01 * start.abs(),
+        // the bounds of a pressure say nothing of its size
+        () if name.starts_with("material.") && key.unit == "Pa" => 0.01 * scene.material.shear_modulus(),
+        () => SIZE_AT_ZERO * (bounds[1] - bounds[0]),
+    };
+    Ok(least_squares::Unknown { start: start.clamp(bounds[0], bounds[1]), bounds, scale, largest_step: LARGEST_STEP })
+}

@@ -1,0 +1,219 @@
+//! The force along a member's run.
+//!
+//! Nothing of the mechanics changes with the load cell's zero and clock, so members that differ in these alone share a run, as do
+//! members with the same values (a design of sensitivity has many), and those that differ in a modulus to which the force is
+//! proportional.
+//!
+//! ```text
+//! F_k(t) = a_k F(d(t - tau_k) - c_k) + b_k      a: factor, c: contact depth, tau: time offset, b: zero
+//! ```
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::{Answered, Crew, EnsembleError, Member, together};
+use crate::compare::{self, Answer, Collector, Keep, TargetRow, Watch};
+use needle_core::scene::Scene;
+use needle_core::twin::{Pose, Team, Twin};
+use needle_recording::{At, Reading};
+
+/// Why a run that somebody wanted to end has no path.
+pub(super) const INTERRUPTED: &str = "interrupted";
+
+/// What a member answers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MemberPath {
+    /// What the load cell should read at each reading, N, positive against the insertion; not a number where there is no answer.
+    pub force_n: Vec<f64>,
+    /// Position of each target at the deepest reading, m.
+    pub targets: Vec<[f64; 3]>,
+    /// The same at each of the times that were asked for; `None` before the first answer and after the last.
+    pub tracked: Vec<Option<Vec<[f64; 3]>>>,
+}
+
+/// Paths of several members.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Paths {
+    /// Each member's, or why it came to no end.
+    pub of_member: Vec<Result<MemberPath, String>>,
+    /// Runs of a twin that they took.
+    pub runs: usize,
+}
+
+/// Runs members over readings. Those of one cloud are stepped in teams where there are enough of them for the threads; a member has the
+/// bits of a twin of its own.
+///
+/// # Errors
+/// [`EnsembleError::Threads`].
+pub fn paths(members: &[Member], readings: &[Reading], crew: &Crew) -> Result<Paths, EnsembleError> {
+    tracked_paths(members, readings, &[], crew)
+}
+
+/// The same with the targets at some times (s, on the readings' clock).
+///
+/// # Errors
+/// [`EnsembleError::Threads`].
+pub fn tracked_paths(
+    members: &[Member],
+    readings: &[Reading],
+    times_s: &[f64],
+    crew: &Crew,
+) -> Result<Paths, EnsembleError> {
+    paths_beside(members, readings, times_s, crew, None)
+}
+
+/// The same beside a twin whose cloud members share, if it is theirs.
+pub(super) fn paths_beside(
+    members: &[Member],
+    readings: &[Reading],
+    times_s: &[f64],
+    crew: &Crew,
+    twin: Option<&Twin>,
+) -> Result<Paths, EnsembleError> {
+    let (first, run_of) = distinct(members);
+    // members on one cloud share it; a first one that can't be built says so in its own run
+    let build = |scene: &Scene| twin.and_then(|twin| twin.sibling(scene)).or_else(|| Twin::new(scene).ok());
+    let cloud = if first.len() > 1 { build(&members[first[0]].scene) } else { None };
+    let course = Course { readings, times_s, stop: crew.stop.clone() };
+    let groups = together::groups(first.len(), crew.threads);
+    let beside = cloud.as_ref().filter(|_| groups.iter().any(|g| g.len() > 1)).and_then(|c| Team::new(&[c], None));
+    let of_group = |g: usize| {
+        let members: Vec<&Member> = groups[g].iter().map(|k| &members[first[*k]]).collect();
+        let found = together::run(&members, cloud.as_ref(), beside.as_ref(), &course);
+        let found = found.unwrap_or_else(|| members.iter().map(|m| mechanics(m, cloud.as_ref(), &course)).collect());
+        // the crew tells of one
+        (1..members.len()).for_each(|_| (crew.done)());
+        found
+    };
+    let runs: Vec<Result<MemberPath, String>> = crew.each(groups.len(), of_group)?.into_iter().flatten().collect();
+    let of_member = members.iter().zip(run_of).map(|(member, k)| Ok(recorded(member, readings, runs[k].as_ref()?)));
+    let of_member = of_member.map(|path: Result<_, &String>| path.map_err(Clone::clone)).collect();
+    Ok(Paths { of_member, runs: runs.len() })
+}
+
+/// What members are run over.
+pub(super) struct Course<'a> {
+    pub readings: &'a [Reading],
+    /// When the targets are wanted, s.
+    pub times_s: &'a [f64],
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl Course<'_> {
+    /// Whether somebody wants the run to end.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+
+    /// The path of a run, from its forces, the readings that it has answered, and the targets at each answer.
+    pub fn path(&self, force_n: Vec<f64>, at: &[usize], targets: &[TargetRow]) -> MemberPath {
+        let deepest = targets.iter().rev().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m));
+        let begin_s = at.first().map_or(0.0, |i| self.readings[*i].time_s);
+        MemberPath {
+            force_n,
+            targets: deepest.map_or_else(Vec::new, |row| row.positions.clone()),
+            tracked: self.times_s.iter().map(|time_s| targets_at(targets, time_s - begin_s)).collect(),
+        }
+    }
+}
+
+/// The first member of each mechanics, and which of these each member has.
+#[must_use]
+pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
+    let (mut numbers, mut first) = (BTreeMap::new(), Vec::new());
+    let number = |(k, member): (usize, &Member)| {
+        let mechanics = (member.scene.to_toml(), member.shift.contact_depth_m.to_bits());
+        *numbers.entry(mechanics).or_insert_with(|| {
+            first.push(k);
+            first.len() - 1
+        })
+    };
+    let run_of = members.iter().enumerate().map(number).collect();
+    (first, run_of)
+}
+
+/// The run of a member's scene, the same as any run of it; on a twin's cloud, if that is its own.
+fn mechanics(member: &Member, cloud: Option<&Twin>, course: &Course) -> Result<MemberPath, String> {
+    let mut quiet = Quiet(course.stop.clone());
+    if quiet.stop() {
+        return Err(INTERRUPTED.to_owned());
+    }
+    let (mut twin, build_s) = compare::build_beside(&member.scene, cloud).map_err(|error| error.to_string())?;
+    let collector = Collector::new(&twin, "ensemble", build_s, Keep::ANSWERS);
+    let mut answered = Answered::new(&mut quiet);
+    let touched = course.readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));
+    let run = compare::drive(&mut twin, touched, None, collector, &mut answered);
+    let at = answered.at;
+    if let Some(why) = run.diverged {
+        return Err(why);
+    }
+    let mut force_n = vec![f64::NAN; course.readings.len()];
+    for (i, answer) in at.iter().zip(&run.answers) {
+        force_n[*i] = answer.predicted_n;
+    }
+    if quiet.stop() { Err(INTERRUPTED.to_owned()) } else { Ok(course.path(force_n, &at, &run.targets)) }
+}
+
+/// Positions of the targets at a time of the run, linear between rows; `None` outside.
+fn targets_at(rows: &[TargetRow], time_s: f64) -> Option<Vec<[f64; 3]>> {
+    let next = rows.partition_point(|row| row.time_s < time_s);
+    let after = rows.get(next)?;
+    if after.time_s == time_s {
+        return Some(after.positions.clone());
+    }
+    let before = rows.get(next.checked_sub(1)?)?;
+    let share = (time_s - before.time_s) / (after.time_s - before.time_s);
+    Some(between(&before.positions, &after.positions, share))
+}
+
+/// Places on the straight way from some to others, a share of it on.
+pub(super) fn between(from: &[[f64; 3]], to: &[[f64; 3]], share: f64) -> Vec<[f64; 3]> {
+    from.iter().zip(to).map(|(a, b)| std::array::from_fn(|c| a[c] + share * (b[c] - a[c]))).collect()
+}
+
+/// A reading with the instrument further along its axis, m.
+pub(super) fn deeper(reading: &Reading, by_m: f64) -> Reading {
+    let at = match reading.at {
+        At::Depth(depth_m) => At::Depth(depth_m + by_m),
+        At::Pose(Pose { tip, axis }) => At::Pose(Pose { tip: std::array::from_fn(|k| tip[k] + by_m * axis[k]), axis }),
+    };
+    Reading { at, ..*reading }
+}
+
+/// What the load cell makes of a run.
+fn recorded(member: &Member, readings: &[Reading], run: &MemberPath) -> MemberPath {
+    let (tau, zero) = (member.shift.time_offset_s, member.shift.force_zero_n);
+    let late =
+        |i: usize| if tau == 0.0 { run.force_n[i] } else { at(readings, &run.force_n, readings[i].time_s - tau) };
+    MemberPath {
+        force_n: (0..readings.len()).map(|i| member.factor * late(i) + zero).collect(),
+        targets: run.targets.clone(),
+        tracked: run.tracked.clone(),
+    }
+}
+
+/// Force at a time, linear between readings, as at the first before it and as at the last after it.
+fn at(readings: &[Reading], force_n: &[f64], time_s: f64) -> f64 {
+    let after = readings.partition_point(|reading| reading.time_s < time_s);
+    let (Some(next), Some(before)) = (readings.get(after), after.checked_sub(1)) else {
+        return force_n.get(after).or(force_n.last()).copied().unwrap_or(f64::NAN);
+    };
+    let share = (time_s - readings[before].time_s) / (next.time_s - readings[before].time_s);
+    force_n[before] + share * (force_n[after] - force_n[before])
+}
+
+/// Says nothing, and ends when it is told to.
+struct Quiet(Option<Arc<AtomicBool>>);
+
+impl Watch for Quiet {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        self.0.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+
+    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
+        self.0.clone()
+    }
+}

@@ -1,0 +1,173 @@
+//! Whether a recorded motion is in the sample's frame at all: the unit and the frame of poses, and the zero of a depth.
+
+use needle_core::twin::{Pose, StampedPose, Twin};
+use needle_recording::{At, ForceSeries, Reading};
+
+/// A tip that stays farther away than so many heights or reaches of the sample is in another frame, or in another unit.
+const FAR: f64 = 3.0;
+/// Units that poses come in, m.
+const UNITS: [(&str, f64); 4] = [("mm", 1e-3), ("um", 1e-6), ("cm", 1e-2), ("in", 0.0254)];
+/// Share of the reach that a needle may be in at the beginning.
+const BEGUN: f64 = 0.3;
+/// Poses of a coarse run.
+const POSES: u32 = 16;
+/// Depths at which a contact is looked for.
+const CONTACTS: u32 = 240;
+/// Readings that are looked at for it.
+const LOOKED_AT: usize = 400;
+/// A force counts from so many times its noise on.
+const CLEAR: f64 = 10.0;
+/// Share of the way that a depth at the surface may pass it by: a displacement sensor's noise.
+const SURFACE: f64 = 0.02;
+
+/// What is wrong with the frame or the unit of poses, with what is likely.
+pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
+    let pose = |r: &Reading| if let At::Pose(pose) = r.at { Some(pose) } else { None };
+    let poses: Vec<Pose> = readings.iter().filter_map(pose).filter(|p| p.tip.iter().all(|x| x.is_finite())).collect();
+    if poses.len() * 2 <= readings.len() {
+        return None;
+    }
+    let along = twin.pose_at_depth(0.0);
+    let up = poses.iter().filter(|p| dot(p.axis, along.axis) < 0.0).count();
+    if 2 * up > poses.len() {
+        return Some(
+            "the instrument points up, out of the sample: the z axis of its frame must point from the handle to the tip (CRTK's tool frame); \
+             turn that frame by half a turn about its x axis"
+                .to_owned(),
+        );
+    }
+    let offset = |p: &Pose, unit: f64| -> [f64; 3] { std::array::from_fn(|k| unit * p.tip[k] - along.tip[k]) };
+    let nearest = |unit: f64| poses.iter().map(|p| norm(offset(p, unit))).fold(f64::INFINITY, f64::min);
+    let room = FAR * twin.reach_m().max(twin.height_m());
+    if nearest(1.0) <= room {
+        return None;
+    }
+    let fits = |&&(_, unit): &&(&str, f64)| {
+        let depth = |p: &Pose| -offset(p, unit)[2];
+        let deepest = poses.iter().map(depth).fold(f64::NEG_INFINITY, f64::max);
+        let beside = poses.iter().map(|p| offset(p, unit)).map(|[x, y, _]| x.hypot(y)).fold(0.0, f64::max);
+        let begun = poses.first().map_or(0.0, depth);
+        deepest > 0.0 && deepest <= twin.reach_m().max(twin.height_m()) && begun <= BEGUN * deepest && beside <= room
+    };
+    if let Some((unit, m)) = UNITS.iter().find(fits) {
+        let heights = poses.iter().map(|p| m * p.tip[2]);
+        let (low, high) = (heights.clone().fold(f64::INFINITY, f64::min), heights.fold(f64::NEG_INFINITY, f64::max));
+        return Some(format!(
+            "the tip stays {:.3} m away from the sample if its poses are in m; they are likely in {unit} (then it goes from {high:.4} m to \
+             {low:.4} m above the sample's bottom, and the top is at {:.4} m): give --position-unit {unit}",
+            nearest(1.0),
+            along.tip[2]
+        ));
+    }
+    let near = poses.iter().map(|p| offset(p, 1.0)).min_by(|a, b| norm(*a).total_cmp(&norm(*b)))?;
+    let word = if near[2] > 0.0 { "above" } else { "below" };
+    Some(format!(
+        "the tip stays {:.2} m beside the sample and {:.2} m {word} its top: its poses are in another frame, as the robot's. Give the sample's \
+         pose in that frame with --sample-pose X,Y,Z,QX,QY,QZ,QW (the centre of the sample's bottom face, z up)",
+        near[0].hypot(near[1]),
+        near[2].abs()
+    ))
+}
+
+/// What to say of a force that lies across an instrument that only goes straight in: the sensor is turned.
+pub(super) fn turned(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<String> {
+    let axis = twin.pose_at_depth(0.0).axis;
+    let of = |r: &Reading| if let At::Depth(depth) = r.at { Some((depth, measured.at(r.time_s)?)) } else { None };
+    let rows: Vec<(f64, [f64; 3])> = readings.iter().filter_map(of).filter(|(d, _)| d.is_finite()).collect();
+    let idle = rows.len() / 50;
+    let zero: [f64; 3] =
+        std::array::from_fn(|k| rows.iter().take(idle.max(5)).map(|r| r.1[k]).sum::<f64>() / idle.max(5) as f64);
+    let deep = rows.iter().map(|r| r.0).fold(f64::NEG_INFINITY, f64::max);
+    let loaded: Vec<[f64; 3]> =
+        rows.iter().filter(|(d, _)| *d > 0.8 * deep).map(|(_, f)| std::array::from_fn(|k| f[k] - zero[k])).collect();
+    let mean: [f64; 3] = std::array::from_fn(|k| loaded.iter().map(|f| f[k]).sum::<f64>() / loaded.len().max(1) as f64);
+    let along = dot(mean, axis).abs();
+    let scatter = loaded.iter().map(|f| (0..3).map(|k| (f[k] - mean[k]).powi(2)).sum::<f64>()).sum::<f64>()
+        / loaded.len().max(1) as f64;
+    let across = (dot(mean, mean) - along * along).max(0.0).sqrt();
+    let largest = (0..3).max_by(|a, b| mean[*a].abs().total_cmp(&mean[*b].abs()))?;
+    (rows.len() >= 64 && deep > 0.0 && across > along && across > 2.0 * scatter.sqrt()).then(|| {
+        format!(
+            "deep in the sample the force is mainly along {} ({:.4} N, and {along:.4} N along the instrument): the sensor is turned against the \
+             sample; give the rotation from its frame to the sample's with --sensor-rotation W,X,Y,Z",
+            ["x", "y", "z"][largest],
+            mean[largest]
+        )
+    })
+}
+
+/// The recorded depth at which the sample is likely touched, m, where by the recorded depths it never is and the load cell has clearly
+/// felt it.
+#[must_use]
+pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<f64> {
+    let pairs = super::scale::pairs(twin, readings, measured);
+    let depths = pairs.iter().map(|p| p.0);
+    let (shallow, deep) = (depths.clone().fold(f64::INFINITY, f64::min), depths.fold(f64::NEG_INFINITY, f64::max));
+    let travel = deep - shallow;
+    if pairs.len() < 64 || deep > SURFACE * travel || travel <= 0.0 {
+        return None;
+    }
+    let way = super::scale::way_in(&pairs);
+    let way: Vec<(f64, f64)> = way.iter().copied().step_by(way.len().div_ceil(LOOKED_AT)).collect();
+    let curve = curve(twin, travel.min(0.9 * twin.reach_m()))?;
+    let contacts = (0..CONTACTS).map(|i| shallow + travel * f64::from(i) / f64::from(CONTACTS));
+    let fits = contacts.filter_map(|contact| Some((contact, left(&way, &curve, contact)?)));
+    let (contact, _) = fits.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let noise = super::scale::noise(&pairs);
+    let forces = way.iter().map(|p| p.1);
+    let range = forces.clone().fold(f64::NEG_INFINITY, f64::max) - forces.fold(f64::INFINITY, f64::min);
+    (range > CLEAR * noise).then_some(contact)
+}
+
+/// What to say of a sample that is never touched; `reading` is the recorded number there, if it is not the depth in m.
+#[must_use]
+pub fn never_touched(contact_m: f64, reading: Option<f64>) -> String {
+    let what = reading.map_or_else(
+        || "give the sensor's reading there with --position-zero".to_owned(),
+        |number| format!("give --position-zero {number:.6}"),
+    );
+    format!(
+        "by the recorded depths the sample is never touched, and the load cell feels it from a recorded depth of about {:.3} mm on: the \
+         displacement sensor's zero is elsewhere; {what}",
+        1e3 * contact_m
+    )
+}
+
+/// Depths and predicted forces of a coarse way in, the surface first.
+fn curve(twin: &Twin, depth_m: f64) -> Option<Vec<(f64, f64)>> {
+    let mut double = twin.double();
+    super::scale::limit_steps(&mut double, twin);
+    let mut curve = vec![(0.0, 0.0)];
+    for k in 1..=POSES {
+        let depth = depth_m * f64::from(k) / f64::from(POSES);
+        let pose = StampedPose { time_s: f64::from(k), pose: double.pose_at_depth(depth) };
+        let answer = double.step(pose).ok()?;
+        curve.push((depth, -dot(answer.force_n, pose.pose.axis)));
+    }
+    curve.iter().all(|(_, f)| f.is_finite()).then_some(curve)
+}
+
+/// What a curve that begins at a contact leaves of the readings, by its size and the load cell's zero.
+fn left(way: &[(f64, f64)], curve: &[(f64, f64)], contact: f64) -> Option<f64> {
+    let model = |depth: f64| {
+        let d = depth - contact;
+        let after = curve.partition_point(|c| c.0 < d).clamp(1, curve.len() - 1);
+        let ((a, fa), (b, fb)) = (curve[after - 1], curve[after]);
+        if d <= 0.0 { 0.0 } else { fa + (d - a) / (b - a) * (fb - fa) }
+    };
+    let n = way.len() as f64;
+    let rows: Vec<(f64, f64)> = way.iter().map(|(d, f)| (model(*d), *f)).collect();
+    let (x, y) = (rows.iter().map(|r| r.0).sum::<f64>() / n, rows.iter().map(|r| r.1).sum::<f64>() / n);
+    let sum = |f: &dyn Fn(&(f64, f64)) -> f64| rows.iter().map(f).sum::<f64>();
+    let (xx, xy) = (sum(&|r| (r.0 - x).powi(2)), sum(&|r| (r.0 - x) * (r.1 - y)));
+    let size = xy / xx;
+    (size > 0.0).then(|| sum(&|r| (r.1 - y - size * (r.0 - x)).powi(2)))
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| a[k] * b[k]).sum()
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}

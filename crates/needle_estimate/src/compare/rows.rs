@@ -1,0 +1,169 @@
+//! Predicted and measured force side by side, in the order of time: what is judged and aligned.
+
+use super::{Answer, Run};
+use needle_core::twin::Phase;
+
+/// After a bonded instrument has lifted off, the twin's tissue oscillates for less than this, s; the force is not quasi-static then.
+pub(super) const SWINGS_S: f64 = 0.3;
+/// Fewest readings before the contact that tell the load cell's zero.
+const LEAST_IDLE: usize = 8;
+
+/// One entry per reading. Measured forces are less the load cell's zero.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rows {
+    /// s
+    pub time_s: Vec<f64>,
+    /// Depth of the tip, m.
+    pub depth_m: Vec<f64>,
+    /// N, positive against the insertion.
+    pub predicted_n: Vec<f64>,
+    /// The same.
+    pub measured_n: Vec<f64>,
+    /// Peak of the force of which this is a component, N; 0 for a force of its own.
+    pub whole_n: f64,
+    /// What was taken off as the load cell's zero, N.
+    pub zero_n: f64,
+    /// Whether force and position were stamped by one clock: no offset between them is looked for.
+    pub one_clock: bool,
+    /// What of the load cell an alignment may not take for free, of its drift and its zero: it is known.
+    pub known: usize,
+}
+
+impl Rows {
+    /// The answers of a run that have a measured force, but those of a tissue that an instrument has just let go.
+    #[must_use]
+    pub fn of(run: &Run) -> Self {
+        Self::pairs(run, |a| Some((a.predicted_n, a.measured_n?)))
+    }
+
+    /// The same of one component of the force in frame `sample`, 0 to 2 for x to z, where the load cell measured a vector. Its size is
+    /// judged against the whole force's.
+    #[must_use]
+    pub fn of_component(run: &Run, k: usize) -> Self {
+        let of = |a: &Answer| a.measured_vector_n.map(|measured| (a.predicted_vector_n[k], measured[k]));
+        Self { whole_n: Self::of(run).peak_n(), ..Self::pairs(run, of) }
+    }
+
+    /// Answers with a predicted and a measured force.
+    fn pairs(run: &Run, force: impl Fn(&Answer) -> Option<(f64, f64)>) -> Self {
+        let at_rest = at_rest(&run.answers);
+        let usable = |a: &Answer| {
+            let (predicted, measured) = force(a)?;
+            ((predicted - measured).is_finite() && a.time_s.is_finite() && a.depth_m.is_finite())
+                .then_some([a.time_s, a.depth_m, predicted, measured])
+        };
+        let kept: Vec<[f64; 4]> =
+            run.answers.iter().zip(at_rest).filter(|(_, at_rest)| *at_rest).filter_map(|(a, _)| usable(a)).collect();
+        let column = |k: usize| kept.iter().map(|row| row[k]).collect();
+        Self { one_clock: run.one_clock, ..Self::new(column(0), column(1), column(2), column(3)) }
+    }
+
+    /// From columns of equal length: times in s, depths in m, predicted and measured forces in N, of which the load cell's zero is taken off.
+    #[must_use]
+    pub fn new(time_s: Vec<f64>, depth_m: Vec<f64>, predicted_n: Vec<f64>, measured_n: Vec<f64>) -> Self {
+        let mut rows = Self { time_s, depth_m, predicted_n, measured_n, ..Self::default() };
+        rows.zero_n = rows.idle().unwrap_or(0.0);
+        rows.measured_n.iter_mut().for_each(|m| *m -= rows.zero_n);
+        rows
+    }
+
+    /// Number of readings.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.time_s.is_empty()
+    }
+
+    /// Median of what the load cell reads in the first half of the time before the first contact, N.
+    fn idle(&self) -> Option<f64> {
+        let contact = self.depth_m.iter().position(|d| *d > 0.0).unwrap_or(self.len());
+        let mut idle = self.measured_n[..contact.div_ceil(2)].to_vec();
+        idle.sort_unstable_by(f64::total_cmp);
+        (idle.len() >= LEAST_IDLE).then(|| idle[idle.len() / 2])
+    }
+
+    /// Predicted - measured, N.
+    #[must_use]
+    pub fn residual(&self, i: usize) -> f64 {
+        self.predicted_n[i] - self.measured_n[i]
+    }
+
+    /// Largest predicted or measured force, N; of the measured ones the hundredth of all that are largest doesn't count, since a
+    /// knock is no peak.
+    #[must_use]
+    pub fn peak_n(&self) -> f64 {
+        let mut sizes: Vec<f64> = self.measured_n.iter().map(|m| m.abs()).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        let measured = sizes.get(sizes.len().saturating_sub(1 + sizes.len() / 100)).copied().unwrap_or(0.0);
+        self.predicted_n.iter().map(|p| p.abs()).fold(measured.max(self.whole_n), f64::max)
+    }
+
+    /// m; 0 where the instrument stays above the sample.
+    #[must_use]
+    pub fn deepest_m(&self) -> f64 {
+        self.depth_m.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Readings at which the predicted or the measured force is more than a share of the peak.
+    #[must_use]
+    pub fn loaded(&self, share: f64) -> Vec<usize> {
+        let least = share * self.peak_n();
+        (0..self.len()).filter(|&i| self.predicted_n[i].abs().max(self.measured_n[i].abs()) > least).collect()
+    }
+
+    /// Standard deviation of the residuals of some readings about a straight line, N, and the correlation of neighbours.
+    #[must_use]
+    pub fn scatter(&self, of: &[usize]) -> (f64, f64) {
+        let n = of.len() as f64;
+        let x = |k: usize| k as f64 - 0.5 * (n - 1.0);
+        let mean = of.iter().map(|&i| self.residual(i)).sum::<f64>() / n;
+        let across: f64 = (0..of.len()).map(|k| x(k) * x(k)).sum();
+        let slope = of.iter().enumerate().map(|(k, &i)| x(k) * self.residual(i)).sum::<f64>() / across;
+        let left: Vec<f64> = of.iter().enumerate().map(|(k, &i)| self.residual(i) - mean - slope * x(k)).collect();
+        let squares: f64 = left.iter().map(|e| e * e).sum();
+        let products: f64 = left.windows(2).map(|w| w[0] * w[1]).sum();
+        ((squares / (n - 2.0).max(1.0)).sqrt(), if squares > 0.0 { products / squares } else { 0.0 })
+    }
+
+    /// Correlation of neighbouring residuals, their mean taken off.
+    #[must_use]
+    pub fn autocorrelation(&self) -> Option<f64> {
+        let n = self.len();
+        let mean = (0..n).map(|i| self.residual(i)).sum::<f64>() / n as f64;
+        let off = |i: usize| self.residual(i) - mean;
+        let squares: f64 = (0..n).map(|i| off(i) * off(i)).sum();
+        let products: f64 = (1..n).map(|i| off(i) * off(i - 1)).sum();
+        Some(products / squares).filter(|c| c.is_finite())
+    }
+
+    /// Share of the residuals' sum of squares in each of some equal parts of the depth.
+    #[must_use]
+    pub fn shares(&self, parts: usize) -> Vec<f64> {
+        let mut sums = vec![0.0; parts];
+        let deepest = self.deepest_m();
+        for i in (0..self.len()).filter(|&i| self.depth_m[i] > 0.0) {
+            let part = ((self.depth_m[i] / deepest * parts as f64) as usize).min(parts - 1);
+            sums[part] += self.residual(i).powi(2);
+        }
+        let whole: f64 = sums.iter().sum();
+        if whole > 0.0 { sums.iter().map(|s| s / whole).collect() } else { Vec::new() }
+    }
+}
+
+/// Which answers are not of a tissue that an instrument has just let go.
+#[must_use]
+pub fn at_rest(answers: &[Answer]) -> Vec<bool> {
+    let mut left_s = f64::NEG_INFINITY;
+    let mut at_rest = |a: &Answer| {
+        if a.phase != Phase::Approach {
+            left_s = a.time_s;
+        }
+        a.phase != Phase::Approach || a.time_s - left_s > SWINGS_S
+    };
+    answers.iter().map(&mut at_rest).collect()
+}

@@ -1,0 +1,300 @@
+//! Whether a recording can be of a scene at all: units, signs and sizes, before any time is spent on it.
+//!
+//! Depth against the sample's height; the sign of both by the way in, where force and depth rise together; the size of the force against
+//! that of a coarse run of the model through the first millimetres. A modulus may be wrong by ten, a unit is wrong by a thousand:
+//! what is between is left to the fit.
+
+use super::placement::{misplaced, never_touched, turned, unreached};
+use super::rows::Rows;
+use needle_core::scene::{Dimension, Preset, Scene};
+use needle_core::twin::{StampedPose, Twin};
+use needle_recording::{At, ForceSeries, Reading};
+
+/// Units that positions and forces come in, in m and N, and how unlikely each is (in factors of e).
+const LENGTHS: [(&str, f64, f64); 4] =
+    [("mm", 1e-3, 0.0), ("cm", 1e-2, 1.2), ("um", 1e-6, 0.0), ("inches", 0.0254, 1.2)];
+const FORCES: [(&str, f64, f64); 6] = [
+    ("mN", 1e-3, 0.0),
+    ("kN", 1e3, 0.0),
+    ("uN", 1e-6, 0.0),
+    ("gram-force", 9.80665e-3, 1.2),
+    ("kilogram-force", 9.80665, 1.2),
+    ("pound-force", 4.448_221_615, 1.2),
+];
+/// Units that moduli are written in, Pa, and shear moduli of soft matter: below the first there is none, below the second it is rare.
+const PRESSURES: [(&str, f64); 3] = [("kPa", 1e3), ("MPa", 1e6), ("GPa", 1e9)];
+const TOO_SOFT_PA: f64 = 20.0;
+const SOFT_PA: f64 = 200.0;
+/// How unlikely it is that the scene is another one.
+const OTHER_SCENE: f64 = 0.5;
+/// Depths beyond the model's reach by this factor are of another unit.
+const TOO_DEEP: f64 = 3.0;
+/// Forces off by this factor are no matter of a modulus.
+const TOO_FAR: f64 = 60.0;
+/// Correlation of force and depth from which a sign is known.
+const CLEAR: f64 = 0.5;
+/// Part of the height that the coarse run goes through.
+const PROBE: f64 = 0.2;
+/// Poses of the coarse run, and explicit steps of each in a half plane and in space.
+const POSES: u32 = 16;
+const STEPS: [u32; 2] = [60, 12];
+/// Poses at its end in which the tissue comes to rest.
+const RESTING: u32 = 4;
+/// Fewest readings that say anything.
+const LEAST: usize = 64;
+/// Share of the readings at either end that may be nonsense.
+const NONSENSE: f64 = 0.01;
+
+/// Depth and axial force of the readings that have one, in the order of time.
+pub(super) fn pairs(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Vec<(f64, f64)> {
+    let axial = |reading: &Reading| {
+        let (depth, axis) = match reading.at {
+            At::Depth(depth) => (depth, twin.pose_at_depth(0.0).axis),
+            At::Pose(pose) => (twin.depth_of(&pose), pose.axis),
+        };
+        let force = measured.at(reading.time_s)?;
+        Some((depth, -(0..3).map(|k| force[k] * axis[k]).sum::<f64>()))
+    };
+    readings.iter().filter_map(axial).filter(|(d, f)| d.is_finite() && f.is_finite()).collect()
+}
+
+/// What is wrong with units, signs or scene of a recording, with what is likely; `None` where nothing is.
+/// `named` is the scene that the recording says it was made for.
+#[must_use]
+pub fn mistaken(twin: &Twin, readings: &[Reading], measured: &ForceSeries, named: Option<&str>) -> Option<String> {
+    let all: Vec<f64> = readings.iter().map(|r| depth(twin, r)).filter(|d| d.is_finite()).collect();
+    if all.len() < LEAST {
+        return None;
+    }
+    if let Some(fault) = misplaced(twin, readings) {
+        return Some(fault);
+    }
+    let [shallow, deep] = ends(&all);
+    if let Some(fault) = position_unit(twin, shallow, deep) {
+        return Some(fault);
+    }
+    let pairs = pairs(twin, readings, measured);
+    if pairs.len() < LEAST {
+        return None;
+    }
+    let untouched = || unreached(twin, readings, measured).map(|contact_m| never_touched(contact_m, None));
+    let sign = turned(twin, readings, measured)
+        .or_else(|| position_sign(&pairs, shallow, deep))
+        .or_else(|| force_sign(&pairs));
+    sign.or_else(untouched).or_else(|| size(twin, &pairs, deep, named))
+}
+
+fn depth(twin: &Twin, reading: &Reading) -> f64 {
+    match reading.at {
+        At::Depth(depth) => depth,
+        At::Pose(pose) => twin.depth_of(&pose),
+    }
+}
+
+/// Least and largest value but for what may be nonsense.
+fn ends(values: &[f64]) -> [f64; 2] {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let off = ((sorted.len() as f64 * NONSENSE) as usize).max(1);
+    [sorted[off], sorted[sorted.len() - 1 - off]]
+}
+
+fn position_unit(twin: &Twin, shallow: f64, deep: f64) -> Option<String> {
+    let largest = deep.max(-shallow);
+    if largest <= TOO_DEEP * twin.reach_m().max(twin.height_m()) {
+        return None;
+    }
+    let usual = twin.scene().motion.map_or(0.5 * twin.reach_m(), |m| m.depth.get());
+    let likely = LENGTHS.iter().filter(|(_, m, _)| largest * m <= twin.reach_m());
+    let score = |(_, m, penalty): &(&str, f64, f64)| (largest * m / usual).ln().abs() + penalty;
+    let likely = likely.min_by(|a, b| score(a).total_cmp(&score(b)));
+    let unit = likely.map_or_else(
+        || "no unit of length makes it fit".to_owned(),
+        |(name, m, _)| {
+            let word = if *name == "inches" { "in" } else { name };
+            format!("the position is likely in {name} (then {:.4} m): give --position-unit {word}", largest * m)
+        },
+    );
+    Some(format!(
+        "the recorded depth goes to {largest:.4} m, and the sample is {:.4} m high: {unit}, or the right scene",
+        twin.height_m()
+    ))
+}
+
+/// Correlation of two columns; 0 where one doesn't change.
+fn correlation(pairs: &[(f64, f64)]) -> f64 {
+    let n = pairs.len() as f64;
+    let (a, b) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
+    let sum = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>();
+    let (aa, bb) = (sum(&|p| (p.0 - a).powi(2)), sum(&|p| (p.1 - b).powi(2)));
+    let both = (aa * bb).sqrt();
+    if both > 0.0 { sum(&|p| (p.0 - a) * (p.1 - b)) / both } else { 0.0 }
+}
+
+/// What the load cell reads where nothing touches it: the start of a recording.
+fn zero(pairs: &[(f64, f64)]) -> f64 {
+    let mut first: Vec<f64> = pairs[..(pairs.len() / 50).max(5)].iter().map(|p| p.1).collect();
+    first.sort_unstable_by(f64::total_cmp);
+    first[first.len() / 2]
+}
+
+fn position_sign(pairs: &[(f64, f64)], shallow: f64, deep: f64) -> Option<String> {
+    let zero = zero(pairs);
+    let sizes: Vec<(f64, f64)> = pairs.iter().map(|(d, f)| (*d, (f - zero).abs())).collect();
+    let turned = correlation(&sizes) < -CLEAR && -shallow > deep.max(0.0);
+    turned.then(|| {
+        format!(
+            "the force is largest where the recorded depth is least ({:.4} m, above the sample): the sign of the position is likely \
+             turned round: depth is positive into the sample",
+            shallow
+        )
+    })
+}
+
+/// The way in, up to the deepest reading.
+pub(super) fn way_in(pairs: &[(f64, f64)]) -> &[(f64, f64)] {
+    let deepest = pairs.iter().enumerate().max_by(|a, b| a.1.0.total_cmp(&b.1.0)).map_or(0, |d| d.0);
+    &pairs[..=deepest]
+}
+
+fn force_sign(pairs: &[(f64, f64)]) -> Option<String> {
+    let (zero, way) = (zero(pairs), way_in(pairs));
+    let last = way.last()?.1 - zero;
+    (way.len() >= LEAST && correlation(way) < -CLEAR && last < 0.0).then(|| {
+        format!(
+            "the measured force falls to {last:.4} N while the instrument goes in: the sign of the force is likely turned round: it is \
+             that of the tissue on the instrument, in frame sample, and resists insertion with a positive z"
+        )
+    })
+}
+
+/// Makes a run a coarse one.
+pub(super) fn limit_steps(double: &mut Twin, of: &Twin) {
+    double.limit_steps(STEPS[usize::from(of.dimension() != Dimension::Axisymmetric)]);
+}
+
+/// Predicted force at the end of a coarse run to a depth, N, from the undeformed state.
+fn probe(twin: &Twin, depth_m: f64) -> Option<f64> {
+    let mut double = twin.double();
+    limit_steps(&mut double, twin);
+    let mut force = None;
+    for k in 1..=POSES + RESTING {
+        let depth = depth_m * f64::from(k.min(POSES)) / f64::from(POSES);
+        let pose = StampedPose { time_s: f64::from(k), pose: double.pose_at_depth(depth) };
+        let answer = double.step(pose).ok()?;
+        force = Some(-(0..3).map(|i| answer.force_n[i] * pose.pose.axis[i]).sum::<f64>());
+    }
+    force.filter(|f| f.is_finite())
+}
+
+/// Median of the measured forces near a depth on the way in, N.
+fn measured_at(pairs: &[(f64, f64)], depth_m: f64) -> Option<f64> {
+    let zero = zero(pairs);
+    let near = |d: f64| (0.9..=1.1).contains(&(d / depth_m));
+    let mut forces: Vec<f64> = way_in(pairs).iter().filter(|p| near(p.0)).map(|p| p.1 - zero).collect();
+    forces.sort_unstable_by(f64::total_cmp);
+    (forces.len() >= 5).then(|| forces[forces.len() / 2])
+}
+
+/// Standard deviation of a reading, by second differences, N.
+pub(super) fn noise(pairs: &[(f64, f64)]) -> f64 {
+    let mut seconds: Vec<f64> = pairs.windows(3).map(|w| (w[0].1 - 2.0 * w[1].1 + w[2].1).abs()).collect();
+    seconds.sort_unstable_by(f64::total_cmp);
+    seconds[seconds.len() / 2] / (0.6745 * 6f64.sqrt())
+}
+
+/// What is wrong with unit or sign of the forces that have come so far in a live run, with what is likely.
+#[must_use]
+pub fn glance(rows: &Rows) -> Option<String> {
+    let loaded = rows.loaded(0.02);
+    let sum = |f: &dyn Fn(usize) -> f64| loaded.iter().map(|&i| f(i)).sum::<f64>();
+    let (p, m) = (|i: usize| rows.predicted_n[i], |i: usize| rows.measured_n[i]);
+    let (pp, mm, pm) = (sum(&|i| p(i) * p(i)), sum(&|i| m(i) * m(i)), sum(&|i| p(i) * m(i)));
+    let ratio = pm / pp;
+    // noise alone has no size and no sign
+    if !ratio.is_finite() || pm.abs() < CLEAR * (pp * mm).sqrt() {
+        return None;
+    }
+    if ratio < 0.0 {
+        return Some(
+            "the measured force has the other sign than the predicted one: the sign of the force is likely turned round: it is that \
+             of the tissue on the instrument, and resists insertion with a positive z"
+                .to_owned(),
+        );
+    }
+    let far = !(1.0 / TOO_FAR..=TOO_FAR).contains(&ratio);
+    far.then(|| {
+        let (unit, off) = unit_of(ratio);
+        let likely = if off < TOO_FAR.ln() { format!("the force is likely in {unit}") } else { "look at scene and load cell".to_owned() };
+        format!("the measured force is {ratio:.2e} times the predicted one: {likely}, or the scene is another one: it must be in N")
+    })
+}
+
+fn size(twin: &Twin, pairs: &[(f64, f64)], deep: f64, named: Option<&str>) -> Option<String> {
+    let at = deep.min(PROBE * twin.height_m()).min(0.9 * twin.reach_m());
+    let measured = measured_at(pairs, 0.9 * at).filter(|_| at > 0.0)?;
+    if measured < 5.0 * noise(pairs) {
+        return None;
+    }
+    let predicted = probe(twin, 0.9 * at).filter(|f| *f > 0.0)?;
+    let ratio = measured / predicted;
+    if (1.0 / TOO_FAR..=TOO_FAR).contains(&ratio) {
+        return None;
+    }
+    Some(format!(
+        "at a depth of {:.2} mm the load cell reads {measured:.3e} N where this scene's model has {predicted:.3e} N, {ratio:.2e} times as \
+         much: {}",
+        0.9e3 * at,
+        likely(twin, ratio, measured, 0.9 * at, named)
+    ))
+}
+
+/// Name of the unit that a force is likely in which is `ratio` times what it should be; and how far off it is with it.
+#[must_use]
+pub fn unit_of(ratio: f64) -> (&'static str, f64) {
+    let score = |(_, n, penalty): &(&str, f64, f64)| (ratio * n).ln().abs() + penalty;
+    let best = FORCES.iter().min_by(|a, b| score(a).total_cmp(&score(b)));
+    best.map_or(("", f64::INFINITY), |unit| (unit.0, score(unit)))
+}
+
+/// The unit that the scene's modulus is likely in, of a material that is `ratio` times as stiff; `None` where it may well be in Pa.
+fn modulus_unit(scene: &Scene, ratio: f64) -> Option<String> {
+    let modulus = scene.material.shear_modulus();
+    let off = |unit: f64| (ratio / unit).ln().abs();
+    let (name, unit) = PRESSURES.into_iter().min_by(|a, b| off(a.1).total_cmp(&off(b.1)))?;
+    let own = "material.shear_modulus_pa";
+    let key = if scene.get(own).is_some() { own } else { "the shear modulus of [material]" };
+    (modulus < SOFT_PA && off(unit) < TOO_FAR.ln()).then(|| {
+        format!("{key} = {modulus} Pa is likely meant in {name}: it must be in Pa (then {:.4})", modulus * unit)
+    })
+}
+
+/// Unit or scene with which the force would fit best.
+fn likely(twin: &Twin, ratio: f64, measured: f64, depth_m: f64, named: Option<&str>) -> String {
+    let own = &twin.scene().name;
+    if let Some(named) = named.filter(|named| named != own) {
+        return format!("the recording says that it was made for scene {named}, not {own}: give --scene {named}");
+    }
+    let off = |name: &str| {
+        let other = Twin::new(&Scene::preset(name).ok()?).ok()?;
+        let predicted = probe(&other, depth_m).filter(|f| *f > 0.0)?;
+        Some((name.to_owned(), (measured / predicted).ln().abs() + OTHER_SCENE))
+    };
+    let modulus = modulus_unit(twin.scene(), ratio);
+    if let Some(modulus) = modulus.as_ref().filter(|_| twin.scene().material.shear_modulus() < TOO_SOFT_PA) {
+        return modulus.clone();
+    }
+    let scenes = Preset::of_the_paper().iter().map(|p| p.name).filter(|name| name != own).filter_map(off);
+    let scene = scenes.min_by(|a, b| a.1.total_cmp(&b.1));
+    let (unit, far) = unit_of(ratio);
+    match scene {
+        Some((name, scene_far)) if scene_far < far && scene_far < TOO_FAR.ln() => {
+            format!("the recording is likely one of scene {name}, not {own}: give --scene {name}")
+        }
+        _ if far < TOO_FAR.ln() => match modulus {
+            Some(modulus) => format!("either the force is in {unit}, and must be in N, or {modulus}"),
+            None => format!("the force is likely in {unit}: it must be in N"),
+        },
+        _ => "no usual unit or preset explains it: look at scene and load cell".to_owned(),
+    }
+}

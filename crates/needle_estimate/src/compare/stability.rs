@@ -1,0 +1,119 @@
+//! Figures that tell whether a run's forces are those of a quasi-static equilibrium, each with the bound that says so.
+
+use super::Run;
+use needle_core::twin::Health;
+
+/// Volume ratio from which on a cell counts as folded.
+const FOLDED: f64 = 0.1;
+
+/// A row of the stability table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StabilityRow {
+    /// What it is.
+    pub name: &'static str,
+    /// Its value, in the unit below.
+    pub value: f64,
+    /// `m` or nothing.
+    pub unit: &'static str,
+    /// Whether it holds.
+    pub holds: bool,
+    /// The bound in words.
+    pub bound: &'static str,
+    /// What it says.
+    pub about: &'static str,
+    /// What to do where it doesn't hold.
+    pub remedy: &'static str,
+}
+
+impl Run {
+    /// The five rows of the stability table.
+    #[must_use]
+    pub fn stability(&self) -> [StabilityRow; 5] {
+        let (jacobian, energy) = (self.min_jacobian, self.max_kinetic_to_strain_energy);
+        let (imbalance, constraint) = (self.force_imbalance, self.constraint_error_m);
+        let folded = self.folded_energy;
+        [
+            StabilityRow {
+                name: "Smallest volume ratio",
+                value: jacobian,
+                unit: "",
+                holds: jacobian > FOLDED,
+                bound: "above 0.1",
+                about: "Volume of the most compressed cell over its volume at rest; 0 would be a cell turned inside out.",
+                remedy: "the tissue folds: a coarser discretisation.spacing_m, a smaller depth, or an earlier puncture",
+            },
+            StabilityRow {
+                name: "Energy in folded cells",
+                value: folded,
+                unit: "",
+                holds: folded < Health::MOST_FOLDED,
+                bound: "below 0.05",
+                about: "Strain energy in cells whose corners have passed through each other, over all of it: the cloud does not resolve that tissue.",
+                remedy: "the force is not to be trusted from there on: a smaller depth, a smaller discretisation.spacing_m, or a \
+                         scene about one axis (discretisation.dimension = \"auto\")",
+            },
+            StabilityRow {
+                name: "Kinetic over strain energy",
+                value: energy,
+                unit: "",
+                holds: energy < Health::MOST_KINETIC,
+                bound: "below 0.05",
+                about: "Largest value once the force passed 10 % of its peak; small means that inertia does not colour the force.",
+                remedy: "a smaller stepping.tolerance, or a slower motion",
+            },
+            StabilityRow {
+                name: "Force imbalance",
+                value: imbalance,
+                unit: "",
+                holds: imbalance < Health::MOST_IMBALANCE,
+                bound: "below 0.02",
+                about: "Instrument force plus base reaction, over the peak force.",
+                remedy: "more steps per pose: a smaller stepping.tolerance, a larger stepping.max_steps_per_pose",
+            },
+            StabilityRow {
+                name: "Constraint error",
+                value: constraint,
+                unit: " m",
+                holds: constraint < 1e-6,
+                bound: "below 10⁻⁶ m",
+                about: "Largest distance between the field and its prescribed value under the instrument and at the base.",
+                remedy: "report it with the scene: the essential boundary conditions are not met",
+            },
+        ]
+    }
+
+    /// Takes up what share of the strain energy was in folded cells at a depth.
+    pub fn note_folds(&mut self, depth_m: f64, folded_energy: f64) {
+        self.folded_energy = self.folded_energy.max(folded_energy);
+        if folded_energy >= Health::MOST_FOLDED {
+            self.folded_from_m.get_or_insert(depth_m);
+        }
+    }
+
+    /// What of the stability table doesn't hold, a line each; nothing of a run without answers.
+    #[must_use]
+    pub fn unstable(&self) -> Vec<String> {
+        if self.answers.is_empty() {
+            return Vec::new();
+        }
+        let line = |row: &StabilityRow| {
+            let value = if row.value.is_finite() {
+                format!("{:.3e}{}", row.value, row.unit)
+            } else {
+                "not a finite number".to_owned()
+            };
+            format!("{} {value} does not hold (should be {}): {}", row.name, row.bound, row.remedy)
+        };
+        let mut lines: Vec<String> = self.stability().iter().filter(|row| !row.holds).map(line).collect();
+        if let (Some(depth_m), false) = (self.folded_from_m, lines.is_empty()) {
+            lines.push(format!("cells that turned over have carried more than that from {:.2} mm on", 1e3 * depth_m));
+        }
+        lines
+    }
+
+    /// Whether the largest force of the run is a peak, and not the spike of tissue that folds or of a solution that is lost.
+    #[must_use]
+    pub fn has_peak(&self) -> bool {
+        self.diverged.is_none() && self.min_jacobian > FOLDED
+    }
+}

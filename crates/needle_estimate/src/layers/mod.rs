@@ -1,0 +1,197 @@
+//! Friction, cutting and puncture forces of layers, and where they begin, from a recording alone: insertion, way out, second insertion.
+//!
+//! No run of the twin and no modulus: what is used of the tissue is that it is pushed as far down by a shaft that slips on the way in as
+//! up on the way out.
+//!
+//! ```text
+//! second insertion   F = sum of f_i times the shaft's length in layer i, which begins at k_i = z_i + u      nothing but friction
+//! way out            F = - the same, with k_i' = z_i - u                                                    so z_i = (k_i + k_i') / 2
+//! at a boundary      the tip stands at z_i, so the friction is R_i = sum of f_j (z_j+1 - z_j) above it:
+//!                    before a drop F = R_i + puncture force;  where the rise to the drop begins F = R_i + cutting force above it
+//! at the deepest     the first insertion has cut as far as where the force of the second begins to rise: their difference is cutting
+//! ```
+//!
+//! The friction's broken lines are a least-squares fit: linear in forces per length, the breaks by search.
+
+mod fit;
+mod told;
+
+use crate::compare::crossing::{Crossing, Crossings};
+use fit::Fit;
+use needle_core::scene::Scene;
+use needle_recording::{At, ForceSeries};
+
+/// Way between two turns of the recorded depth, in diameters of the needle.
+const TURN: f64 = 0.5;
+/// Way after a drop over which the force falls, in diameters.
+const FALLS: f64 = 0.2;
+/// Width of the pieces that readings are averaged over, in diameters.
+const PIECE: f64 = 0.025;
+/// Height above the surface from which on readings are of air, in diameters.
+const AIR: f64 = 0.2;
+
+/// A value and its standard error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Known {
+    /// Value.
+    pub value: f64,
+    /// Standard error.
+    pub standard_error: f64,
+}
+
+/// What the recording says of a layer; `None`: it can't be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layer {
+    /// Depth of its upper boundary in undeformed tissue, m.
+    pub from_depth_m: Option<Known>,
+    /// Friction per length, N/m.
+    pub friction_n_per_m: Known,
+    /// Force of the tip that cuts in it, N.
+    pub cutting_force_n: Option<Known>,
+    /// Force of the tip that enters it, N; `None` where no drop was seen too.
+    pub puncture_force_n: Option<Known>,
+}
+
+/// What a recording says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// Layers from the surface down.
+    pub layers: Vec<Layer>,
+    /// What can't be told, each with the reason.
+    pub cannot_tell: Vec<String>,
+    /// What the first insertion and its way out alone could not have told.
+    pub alone: Vec<String>,
+    /// Root mean square of what the friction's fit leaves, N.
+    pub rmse_n: f64,
+    /// Drops of the first insertion, m.
+    pub drops_m: Vec<f64>,
+}
+
+/// Why a recording says nothing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LayersError {
+    /// The scene's instrument is none.
+    #[error("the scene's instrument is no needle: name one with --scene")]
+    NoNeedle,
+    /// No way out.
+    #[error(
+        "the recording has no way out after an insertion, and one insertion alone can't tell friction from cutting: record both, and a second"
+    )]
+    NoWayOut,
+    /// No readings in air.
+    #[error(
+        "the recording has no readings above the surface, so the force's zero is not known: withdraw the needle out of it"
+    )]
+    NoAir,
+    /// Too few readings.
+    #[error("the recording has too few readings for {0} layers: fewer layers, or more readings")]
+    Few(usize),
+    /// The readings don't determine the lines.
+    #[error("the readings don't determine the friction of {0} layers: try fewer")]
+    Undetermined(usize),
+}
+
+/// A reading: time in s, depth in m, force against the insertion in N.
+pub type Reading = [f64; 3];
+
+/// Layers of a recording, so many, made with a needle of a diameter in m; depth 0 is the undeformed surface.
+///
+/// # Errors
+/// If the recording lacks a way out or readings in air, or doesn't determine the layers.
+pub fn layers(readings: &[Reading], diameter: f64, layers: usize) -> Result<Found, LayersError> {
+    let legs = legs(readings, TURN * diameter);
+    let [first, out, second @ ..] = &legs[..] else { return Err(LayersError::NoWayOut) };
+    let zero = zero(readings, AIR * diameter)?;
+    let net =
+        |leg: &[Reading]| -> Vec<Reading> { leg.iter().map(|&[t, d, f]| [t, d, f - zero[0] - zero[1] * t]).collect() };
+    let (first, out) = (net(first), net(out));
+    let again = second.first().map(|leg| net(leg));
+    let seen = drops(&first, diameter);
+    let drops: Vec<f64> = seen.iter().map(|d| d[0]).collect();
+    let fit = Fit::new(&out, again.as_deref(), diameter, layers, &drops)?;
+    let mut found = told::told(&fit, &first, &seen, diameter);
+    if again.is_some() {
+        let alone = Fit::new(&out, None, diameter, layers, &drops)?;
+        found.alone = told::told(&alone, &first, &seen, diameter).cannot_tell;
+    } else {
+        found.alone.clone_from(&found.cannot_tell);
+    }
+    Ok(found)
+}
+
+/// Layers straight from a recording's readings, made with the needle of a scene.
+///
+/// # Errors
+/// [`LayersError::NoNeedle`] if the scene has none; otherwise as [`layers`].
+pub fn of_recording(
+    scene: &Scene,
+    readings: &[needle_recording::Reading],
+    measured: &ForceSeries,
+    number: usize,
+) -> Result<Found, LayersError> {
+    let diameter = scene.instrument.and_then(|i| i.needle_diameter_m()).ok_or(LayersError::NoNeedle)?;
+    let top = scene.sample.shape.height().map_or(0.0, |h| h.get());
+    let force = |r: &needle_recording::Reading| {
+        let force = measured.at(r.time_s)?;
+        Some(match r.at {
+            At::Depth(depth) => [r.time_s, depth, force[2]],
+            At::Pose(pose) => {
+                let against = -(0..3).map(|k| force[k] * pose.axis[k]).sum::<f64>();
+                [r.time_s, top - pose.tip[2], against]
+            }
+        })
+    };
+    layers(&readings.iter().filter_map(force).collect::<Vec<_>>(), diameter, number)
+}
+
+/// Insertions and ways out in turn, the first from where the depth begins to grow: turns of more than a way, m.
+fn legs(readings: &[Reading], turn: f64) -> Vec<&[Reading]> {
+    let (mut legs, mut start, mut extreme, mut down) = (Vec::new(), 0, 0, true);
+    let depth = |i: usize| readings.get(i).map_or(0.0, |r| r[1]);
+    for i in 0..readings.len() {
+        let beyond = if down { depth(i) - depth(extreme) } else { depth(extreme) - depth(i) };
+        if beyond >= 0.0 {
+            extreme = i;
+        } else if beyond < -turn {
+            // a way up before the first insertion is none of them
+            if extreme > start || !legs.is_empty() {
+                legs.extend(readings.get(start..=extreme));
+            }
+            (start, down, extreme) = (extreme, !down, i);
+        }
+    }
+    if extreme > start && (depth(extreme) - depth(start)).abs() > turn {
+        legs.extend(readings.get(start..=extreme));
+    }
+    legs
+}
+
+/// Reading without load at time 0, N, and its drift, N/s, from the readings in air; no drift where these span too little.
+fn zero(readings: &[Reading], above: f64) -> Result<[f64; 2], LayersError> {
+    let air: Vec<&Reading> = readings.iter().filter(|r| r[1] < -above).collect();
+    let (Some(a), Some(b), Some(begin), Some(end)) = (air.first(), air.last(), readings.first(), readings.last())
+    else {
+        return Err(LayersError::NoAir);
+    };
+    #[allow(clippy::cast_precision_loss)]
+    let n = air.len() as f64;
+    let mean = |k: usize| air.iter().map(|r| r[k]).sum::<f64>() / n;
+    let (time, force) = (mean(0), mean(2));
+    let spread: f64 = air.iter().map(|r| (r[0] - time).powi(2)).sum();
+    let both: f64 = air.iter().map(|r| (r[0] - time) * (r[2] - force)).sum();
+    let drift = if b[0] - a[0] > 0.25 * (end[0] - begin[0]) && spread > 0.0 { both / spread } else { 0.0 };
+    Ok([force - drift * time, drift])
+}
+
+/// Depth, m, and size, N, of the drops: down to the lowest force while the tissue springs back.
+fn drops(first: &[Reading], diameter: f64) -> Vec<[f64; 2]> {
+    let mut crossings = Crossings::new(diameter);
+    let seen = first.iter().filter_map(|&[t, d, f]| crossings.take(t, d, f));
+    let size = |c: &Crossing| {
+        let after = first.iter().filter(|r| (0.0..FALLS * diameter).contains(&(r[1] - c.depth_m)));
+        let after: Vec<Reading> = after.copied().collect();
+        fit::pieces(&after, PIECE * diameter).iter().map(|p| c.force_before_n - p[1]).fold(0.0, f64::max)
+    };
+    seen.map(|c| [c.depth_m, size(&c)]).collect()
+}

@@ -1,0 +1,8 @@
+//! Runs, calibration, ensembles: each contract a module, one program for all, since linking costs more than running.
+
+mod determinism;
+mod ensemble;
+mod folds;
+mod least_work;
+mod teams;
+mod vector_fit;

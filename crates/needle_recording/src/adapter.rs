@@ -1,0 +1,132 @@
+//! From messages to poses: the one place that says what a depth or a pose is, for the live node, a replay and a
+//! calibration alike.
+
+use ros2_messages::geometry_msgs::{PoseStamped, Quaternion};
+use ros2_messages::sensor_msgs::JointState;
+
+use needle_core::twin::Pose;
+
+/// Norms of a quaternion that is a rotation but for rounding.
+const ROTATION: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+
+/// What a message must be to be taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Adapter<'a> {
+    /// Joint whose position is the depth.
+    pub joint: &'a str,
+    /// Frame of the poses: origin at the centre of the sample's bottom face, z up.
+    pub frame_id: &'a str,
+}
+
+/// Why a message is no pose; the text says what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// The joint is not among those of the message.
+    #[error(
+        "it has no joint `{wanted}` but {}; name the one whose position is the depth in m (joint_name of the node, \
+         --joint of a replay)",
+        if found.is_empty() { "joints without names".to_owned() } else { found.join(", ") }
+    )]
+    NoSuchJoint {
+        /// The joint.
+        wanted: String,
+        /// Those that there are.
+        found: Vec<String>,
+    },
+    /// The joint has no position.
+    #[error("it names the joint `{wanted}` but has no position for it")]
+    NoPosition {
+        /// The joint.
+        wanted: String,
+    },
+    /// The position is not finite.
+    #[error("its position {depth_m} is not finite; check the sensor")]
+    Depth {
+        /// What came.
+        depth_m: f64,
+    },
+    /// The pose is in another frame.
+    #[error(
+        "it is in frame `{found}`, the twin needs `{wanted}` (origin at the centre of the sample's bottom face, z up): \
+         transform it (--sample-pose of a replay: the sample's pose in `{found}`), or name the frame if it is the sample's (frame_id of \
+         the node, --frame-id of a replay)"
+    )]
+    WrongFrame {
+        /// What the twin needs.
+        wanted: String,
+        /// What came.
+        found: String,
+    },
+    /// A coordinate is not finite.
+    #[error("its position {position:?} is not finite; check the sensor")]
+    Position {
+        /// What came, m.
+        position: [f64; 3],
+    },
+    /// The quaternion is not a rotation.
+    #[error("its quaternion has the norm {norm}, that of a rotation is 1 (taken are {} to {})", ROTATION.start(), ROTATION.end())]
+    NoRotation {
+        /// What came.
+        norm: f64,
+    },
+}
+
+impl Adapter<'_> {
+    /// Depth of the tip below the undeformed top surface, m: the position of the joint. A message with one position and no
+    /// names is that joint's.
+    ///
+    /// # Errors
+    /// [`Refusal`].
+    pub fn depth(&self, message: &JointState) -> Result<f64, Refusal> {
+        let wanted = || self.joint.to_owned();
+        let index = match message.name.iter().position(|name| name == self.joint) {
+            Some(index) => index,
+            None if message.name.is_empty() && message.position.len() == 1 => 0,
+            None => return Err(Refusal::NoSuchJoint { wanted: wanted(), found: message.name.clone() }),
+        };
+        let depth_m = *message.position.get(index).ok_or_else(|| Refusal::NoPosition { wanted: wanted() })?;
+        if depth_m.is_finite() { Ok(depth_m) } else { Err(Refusal::Depth { depth_m }) }
+    }
+
+    /// Pose of the tip in the sample's frame.
+    ///
+    /// # Errors
+    /// [`Refusal`].
+    pub fn pose(&self, message: &PoseStamped) -> Result<Pose, Refusal> {
+        let frame = |name: &str| name.trim_start_matches('/').to_owned();
+        if message.header.frame_id.trim_start_matches('/') != self.frame_id.trim_start_matches('/') {
+            return Err(Refusal::WrongFrame { wanted: frame(self.frame_id), found: frame(&message.header.frame_id) });
+        }
+        let tip: [f64; 3] = message.pose.position.into();
+        if !tip.iter().all(|x| x.is_finite()) {
+            return Err(Refusal::Position { position: tip });
+        }
+        Ok(Pose { tip, axis: forward(message.pose.orientation)? })
+    }
+}
+
+/// The instrument points along +z of its own frame (CRTK's tool frame): third column of the rotation matrix.
+pub(super) fn forward(q: Quaternion) -> Result<[f64; 3], Refusal> {
+    let norm = (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w).sqrt();
+    if !ROTATION.contains(&norm) {
+        return Err(Refusal::NoRotation { norm });
+    }
+    let (x, y, z, w) = (q.x / norm, q.y / norm, q.z / norm, q.w / norm);
+    Ok([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn straight_down_is_half_a_turn_about_x() {
+        let axis = forward(Quaternion { x: 1.0, y: 0.0, z: 0.0, w: 0.0 }).unwrap();
+        assert!((axis[2] + 1.0).abs() < 1e-12);
+        for (x, w) in [(0.0, 0.0), (f64::NAN, 1.0), (2.0, 0.0), (0.0, 0.89)] {
+            assert!(forward(Quaternion { x, y: 0.0, z: 0.0, w }).is_err(), "{x} {w}");
+        }
+    }
+}

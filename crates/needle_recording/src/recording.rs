@@ -1,0 +1,562 @@
+//! What the twin needs of a recording: depths or poses, and measured forces, each over time.
+
+use super::Adapter;
+use super::Refusal;
+use super::clocks::{self, Census};
+use super::foreign::{ForeignError, pose_of, wrench_of};
+use super::frame::{FrameError, Frames};
+use super::holes::holes;
+use super::selection::{Selection, UnknownUnit};
+use super::series::{Held, Reading, Series, in_order};
+use super::table::{Table, TableError};
+use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
+use super::unit::Dimension;
+use needle_core::instrument::reading::MeasuredAxes;
+use needle_core::twin::Pose;
+use ros2_messages::RosMessage;
+use ros2_messages::geometry_msgs::PoseArray;
+use rosbag2_mcap::{BagError, Loss};
+use rosbag2_mcap::{BagReader, Topic};
+use std::path::{Path, PathBuf};
+
+/// Which topics to take, and which joint. Left out, they are found: by the last part of the name
+/// (`/rig/measured_js` is a `measured_js`), or by the type if only one topic has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TopicNames {
+    /// sensor_msgs/JointState: the displacement sensor. Default: a `measured_js`.
+    pub joint_state: Option<String>,
+    /// geometry_msgs/PoseStamped: the tip's pose. Default: a `measured_cp`.
+    pub pose: Option<String>,
+    /// geometry_msgs/WrenchStamped: the load cell. Default: a `measured_cf`.
+    pub wrench: Option<String>,
+    /// The joint whose position is the depth. Default: `insertion`.
+    pub joint: String,
+    /// Frame that the poses must be in. Default: `sample`.
+    pub frame_id: String,
+}
+
+impl Default for TopicNames {
+    fn default() -> Self {
+        Self {
+            joint_state: None,
+            pose: None,
+            wrench: None,
+            joint: "insertion".to_owned(),
+            frame_id: "sample".to_owned(),
+        }
+    }
+}
+
+/// A depth and when it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DepthSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Depth of the tip below the undeformed top surface, m; negative above it.
+    pub depth_m: f64,
+}
+
+/// A tip pose and when it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Position of the tip in the frame of the topic, m.
+    pub tip: [f64; 3],
+    /// Unit vector along the instrument into the sample: the z axis of the tip's frame.
+    pub axis: [f64; 3],
+}
+
+impl PoseSample {
+    /// The pose as the twin takes it.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose { tip: self.tip, axis: self.axis }
+    }
+}
+
+/// Tracked points inside the sample and when they were seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MarkerSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Position of each marker in frame `sample`, m; NaN where it was not seen.
+    pub positions: Vec<[f64; 3]>,
+}
+
+/// A force and when it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForceSample {
+    /// s since [`Recording::origin_ns`].
+    pub time_s: f64,
+    /// Force of the tissue on the instrument as recorded, N.
+    pub force_n: [f64; 3],
+}
+
+/// The series of a recording. Each is in the order of time, with finite values only.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// What the force is and where it comes from, for reports: the bag, and what it says of itself.
+    pub source: String,
+    /// Scene that the recording was made for, if the bag says so.
+    pub scene: Option<String>,
+    /// Time 0 of all series, ns since 1970: the earliest stamp.
+    pub origin_ns: i64,
+    /// From the displacement sensor; empty without one.
+    pub depths: Vec<DepthSample>,
+    /// From the tip's pose; empty without one.
+    pub poses: Vec<PoseSample>,
+    /// From the load cell; empty without one.
+    pub forces: Vec<ForceSample>,
+    /// Tracked points; empty without them.
+    pub markers: Vec<MarkerSample>,
+    /// Whether force and position were stamped by one clock, as the rows of one table are.
+    pub one_clock: bool,
+    /// Topics of the three series, where there are such.
+    pub topics: TopicNames,
+    /// Frame of the forces, "" where it is not said.
+    pub force_frame: String,
+    /// Depth in m of one of the recorded numbers of the position, and the number that stands for depth 0.
+    pub position_scale: [f64; 2],
+    /// Times of which nothing was recorded though the instrument may have moved, from and to, s.
+    pub holes: Vec<[f64; 2]>,
+    /// What of the bag is lost; not empty: exit code 3.
+    pub losses: Vec<Loss>,
+    /// What is odd but cost nothing.
+    pub warnings: Vec<String>,
+}
+
+/// Why a recording can't be had.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The bag can't be read, or lacks something.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// A topic is not what the user says it is.
+    #[error(transparent)]
+    Foreign(#[from] ForeignError),
+    /// A unit is none.
+    #[error(transparent)]
+    Unit(#[from] UnknownUnit),
+    /// A frame is none.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// An option has no meaning for what is read.
+    #[error("{option} says nothing of {of}: {remedy}")]
+    NotHere {
+        /// The option.
+        option: &'static str,
+        /// What is read.
+        of: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The table can't be read, or lacks something.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// Bags can't be put together.
+    #[error("{} is a bag: one bag is a whole recording, and only tables can be several files", .0.display())]
+    SeveralBags(PathBuf),
+}
+
+/// Series with their stamps in ns, before they have a common origin.
+struct Stamped {
+    depths: Series<f64>,
+    poses: Series<Pose>,
+    forces: Series<[f64; 3]>,
+    markers: Series<Vec<[f64; 3]>>,
+}
+
+impl Recording {
+    /// Reads a bag (folder or .mcap), or a recording in one or several tables as text, each with its own clock.
+    ///
+    /// # Errors
+    /// [`RecordingError`]: what can't be opened or told, with what there is and what to do.
+    pub fn open(paths: &[PathBuf], said: &Selection) -> Result<Self, RecordingError> {
+        match paths {
+            [bag] if is_bag(bag) => Self::of_bag(&BagReader::open(bag)?, said),
+            _ => match paths.iter().find(|path| is_bag(path)) {
+                Some(bag) => Err(RecordingError::SeveralBags(bag.clone())),
+                None => Self::of_tables(&tables(paths, said)?, said),
+            },
+        }
+    }
+
+    /// Reads the series of a bag (folder or .mcap).
+    ///
+    /// # Errors
+    /// [`BagError`] if the bag can't be opened, has no topic for depth or pose (the message lists what it has), or
+    /// has several that would do.
+    pub fn load(path: impl AsRef<Path>, names: &TopicNames) -> Result<Self, BagError> {
+        Self::from_reader(&BagReader::open(path)?, names)
+    }
+
+    /// As [`Recording::load`], from an opened bag.
+    ///
+    /// # Errors
+    /// As [`Recording::load`].
+    pub fn from_reader(bag: &BagReader, names: &TopicNames) -> Result<Self, BagError> {
+        let said = Selection { names: names.clone(), ..Selection::default() };
+        Self::of_bag(bag, &said).map_err(|error| match error {
+            RecordingError::Bag(error) => error,
+            // nothing is said that could be wrong
+            other => BagError::NotABag { path: bag.name().into(), found: other.to_string(), remedy: String::new() },
+        })
+    }
+
+    /// As [`Recording::open`], from an opened bag.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn of_bag(bag: &BagReader, said: &Selection) -> Result<Self, RecordingError> {
+        let names = &said.names;
+        let by_pose = said.position.place.as_deref().is_some_and(|name| topics::is_pose(bag, name));
+        let joint_state = if by_pose { None } else { topics::joint_state(bag, said)? };
+        let pose = topics::pose(bag, said, joint_state.is_none() && said.position.place.is_none())?;
+        // poses are taken where they are asked for, and where there is no depth
+        let by_pose = pose.is_some()
+            && (by_pose || said.position.place.is_none() && names.joint_state.is_none())
+            && (joint_state.is_none() || names.pose.is_some());
+        said.fits_a_bag(by_pose)?;
+        let position = if by_pose { None } else { position_source(bag, said)? };
+        let force_source = force_source(bag, said)?;
+        let joint_state = position.as_ref().map_or(Ok(joint_state), |source| source.check(bag).map(Some))?;
+        let wrench = match &force_source {
+            Some(source) => Some(source.check(bag)?),
+            None => topics::wrench(bag, said)?,
+        };
+        let measured = |t: &Topic| t.type_name == PoseArray::TYPE && t.name.ends_with("measured_targets");
+        let targets = bag.topics().iter().position(measured);
+        if joint_state.is_none() && pose.is_none() {
+            return Err(no_motion(bag).into());
+        }
+        let frames = Frames::of(said)?;
+        let m_per_unit = if by_pose { said.position.scale(Dimension::Length, "--position-unit")? } else { 1.0 };
+        let mut reading = Reading { bag, losses: bag.losses().to_vec(), warnings: bag.warnings().to_vec() };
+        let adapter = Adapter { joint: &names.joint, frame_id: &names.frame_id };
+        let depths = reading.gather(joint_state, |message| {
+            let m = position.as_ref().map_or_else(|| bag.decode(message), |source| source.convert(bag, message))?;
+            let held = match adapter.depth(&m) {
+                Err(other @ Refusal::NoSuchJoint { .. }) => Held::Nothing(other),
+                depth => depth.into(),
+            };
+            Ok((held, m.header))
+        });
+        let poses = reading.gather(pose, |message| {
+            let m = pose_of(bag, message)?;
+            // the sample's pose in the frame was said
+            let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { adapter.frame_id };
+            let in_m = |pose: Pose| frames.pose(Pose { tip: pose.tip.map(|x| m_per_unit * x), ..pose });
+            Ok((Adapter { frame_id, ..adapter }.pose(&m).map(in_m).into(), m.header))
+        });
+        if depths.samples.is_empty() && poses.samples.is_empty() {
+            reading.lose(&depths.topic, depths.nothing.clone());
+        }
+        let mut forces = reading.gather(wrench, |message| {
+            let m = match &force_source {
+                Some(source) => source.convert(bag, message)?,
+                None => wrench_of(bag, message)?,
+            };
+            Ok((Held::<_, String>::Value(<[f64; 3]>::from(m.wrench.force)), m.header))
+        });
+        let taken = measured_axes(&forces.topic, &mut reading, forces.samples.iter().map(|s| s.1));
+        forces.samples.retain_mut(|(_, force)| {
+            taken.force(*force).is_some_and(|measured| {
+                *force = measured;
+                true
+            })
+        });
+        let markers = reading.gather(targets, |message| {
+            let m: PoseArray = bag.decode(message)?;
+            let frame_id = if said.sample_pose.is_some() { &m.header.frame_id } else { &names.frame_id };
+            let places =
+                marked(&m, frame_id).map(|places| places.into_iter().map(|p| frames.point(p)).collect::<Vec<_>>());
+            Ok((places.into(), m.header))
+        });
+        let last = |samples: &[(clocks::Arrival, Vec<[f64; 3]>)]| samples.last().map(|m| m.1.len());
+        let odd = markers.samples.iter().filter(|m| Some(m.1.len()) != last(&markers.samples)).count();
+        if odd > 0 {
+            let text = format!("measured_targets: {odd} messages have another number of markers; left out");
+            reading.warnings.push(text);
+        }
+        let (of_depth, of_pose, of_force) = (Census::of(&depths), Census::of(&poses), Census::of(&forces));
+        let of_motion = if depths.samples.is_empty() || by_pose { &of_pose } else { &of_depth };
+        let Reading { losses, warnings, .. } = &mut reading;
+        let base = clocks::choose([of_motion, &of_force], warnings);
+        let clocks_differ = base == clocks::Base::Stamps && said.time_offset_s == 0.0;
+        let ahead_ns = if clocks_differ { clocks::ahead(of_motion, &of_force, warnings) } else { 0 };
+        let with_poses = forces.frame == poses.frame && by_pose;
+        let stamped = Stamped {
+            depths: ordered(depths, base, losses, warnings),
+            poses: ordered(poses, base, losses, warnings),
+            forces: ordered(forces, base, losses, warnings),
+            markers: ordered(markers, base, losses, warnings),
+        };
+        let name = |topic: Option<usize>| topic.map(|t| bag.topics()[t].name.clone());
+        let late_ns = ((said.time_offset_s * 1e9).round() as i64).saturating_add(ahead_ns);
+        let mut recording = Self {
+            source: describe(bag),
+            scene: bag.custom_data("scene").map(str::to_owned),
+            one_clock: bag.custom_data("one_clock") == Some("true"),
+            topics: TopicNames {
+                joint_state: name(joint_state),
+                pose: name(pose),
+                wrench: name(wrench),
+                joint: names.joint.clone(),
+                frame_id: names.frame_id.clone(),
+            },
+            losses: reading.losses,
+            warnings: reading.warnings,
+            position_scale: position.map_or([m_per_unit, 0.0], |source| [source.m_per_unit, said.position.zero]),
+            ..Self::of(stamped, late_ns)
+        };
+        recording.turn(&frames, taken, with_poses);
+        recording.check(bag, joint_state.or(pose))?;
+        Ok(recording)
+    }
+
+    /// The recording that one or several tables hold.
+    ///
+    /// # Errors
+    /// [`TableError::Missing`] if none of them has the position.
+    pub fn of_tables(read: &[Table], said: &Selection) -> Result<Self, RecordingError> {
+        let columns =
+            || read.iter().map(|t| format!("{} has {}", t.file, t.all_columns)).collect::<Vec<_>>().join("; ");
+        if let Some((option, name)) = in_no_file(read) {
+            return Err(TableError::NoColumn { option, name, columns: columns() }.into());
+        }
+        let missing = |what, option| TableError::Missing { what, option, columns: columns() };
+        let moves = |t: &&Table| t.columns.position.is_some() || t.columns.pose.is_some();
+        let motion = read.iter().find(moves).ok_or_else(|| missing("position", "--position"))?;
+        let cell = read.iter().find(|t| t.columns.force.is_some() || t.columns.forces.is_some());
+        let timed = |t: &Table| t.columns.time.is_some() || t.rate_hz.is_some();
+        if let Some(untimed) = [Some(motion), cell].into_iter().flatten().find(|t| !timed(t)) {
+            return Err(match said.time.last() {
+                Some(name) => {
+                    let columns = format!("{} has {}", untimed.file, untimed.all_columns);
+                    TableError::NoColumn { option: "--time", name: name.clone(), columns }.into()
+                }
+                None => missing("time (or give --rate-hz)", "--time").into(),
+            });
+        }
+        let whole = said.pose.is_none() || motion.columns.pose.is_some();
+        if !whole || (said.forces.is_some() && cell.is_none_or(|t| t.columns.forces.is_none())) {
+            return Err(missing("three components in one file", "--pose-columns or --force-columns").into());
+        }
+        said.fits_a_table(motion.columns.pose.is_some())?;
+        let frames = Frames::of(said)?;
+        let (mut losses, mut warnings) = (Vec::new(), Vec::new());
+        read.iter().for_each(|t| warnings.extend(t.warnings.iter().cloned()));
+        for table in read.iter().filter(|t| t.bad > 0) {
+            let first = table.first_bad.as_deref().unwrap_or_default();
+            let reason = format!("a cell that is needed is no number, first in {first}");
+            losses.push(Loss::Samples { topic: table.file.clone(), count: table.bad, reason });
+        }
+        let mut axes = MeasuredAxes::default();
+        let mut forces = cell.map_or_else(Vec::new, |t| t.forces.clone());
+        forces.iter().for_each(|(_, force)| axes.note(force));
+        let all = forces.len();
+        forces.retain_mut(|(_, force)| {
+            axes.force(*force).is_some_and(|measured| {
+                *force = measured;
+                true
+            })
+        });
+        if let Some(cell) = cell {
+            warnings.extend(axes.missing());
+            lose_unmeasured(&cell.file, all - forces.len(), cell.forces.is_empty(), &mut losses);
+        }
+        let poses = motion.poses.iter().map(|&(t, pose)| (t, frames.pose(pose))).collect();
+        let places = |p: &Vec<[f64; 3]>| p.iter().map(|p| frames.point(*p)).collect();
+        let markers = motion.markers.iter().map(|(t, p)| (*t, places(p))).collect();
+        let stamped = Stamped {
+            depths: (in_order(&motion.file, motion.depths.clone(), &mut losses, &mut warnings), String::new()),
+            poses: (in_order(&motion.file, poses, &mut losses, &mut warnings), String::new()),
+            markers: (in_order(&motion.file, markers, &mut losses, &mut warnings), String::new()),
+            forces: cell.map_or_else(Default::default, |t| {
+                (in_order(&t.file, forces, &mut losses, &mut warnings), String::new())
+            }),
+        };
+        warnings.dedup();
+        let files: Vec<&str> = read.iter().map(|t| t.file.rsplit(['/', '\\']).next().unwrap_or(&t.file)).collect();
+        let mut recording = Self {
+            source: format!("table {}", files.join(" and ")),
+            one_clock: cell.is_some_and(|cell| std::ptr::eq(cell, motion)) && said.time_offset_s == 0.0,
+            topics: said.names.clone(),
+            losses,
+            warnings,
+            position_scale: motion.columns.position.as_ref().map_or([1.0, 0.0], |c| [c.scale, c.zero]),
+            ..Self::of(stamped, (said.time_offset_s * 1e9).round() as i64)
+        };
+        recording.turn(&frames, axes, false);
+        recording.check_times();
+        Ok(recording)
+    }
+
+    /// Series with a common origin; the force's stamps are late by so much.
+    fn of(stamped: Stamped, late_ns: i64) -> Self {
+        let Stamped {
+            depths: (depths, _),
+            poses: (poses, _),
+            forces: (mut forces, force_frame),
+            markers: (markers, _),
+        } = stamped;
+        forces.iter_mut().for_each(|(time, _)| *time = time.saturating_sub(late_ns));
+        let firsts = [depths.first().map(|s| s.0), poses.first().map(|s| s.0), forces.first().map(|s| s.0)];
+        let origin_ns = firsts.into_iter().flatten().min().unwrap_or(0);
+        let seconds = |ns: i64| ns.saturating_sub(origin_ns) as f64 * 1e-9;
+        let count = markers.last().map_or(0, |m| m.1.len());
+        let whole = markers.into_iter().filter(|m| m.1.len() == count);
+        let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
+        let depth = |&(t, depth_m): &(i64, f64)| DepthSample { time_s: seconds(t), depth_m };
+        let pose = |&(t, Pose { tip, axis }): &(i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
+        Self {
+            source: String::new(),
+            scene: None,
+            origin_ns,
+            depths: depths.iter().map(depth).collect(),
+            poses: poses.iter().map(pose).collect(),
+            forces: forces.iter().map(|&(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
+            markers,
+            one_clock: false,
+            topics: TopicNames::default(),
+            force_frame,
+            position_scale: [1.0, 0.0],
+            holes: Vec::new(),
+            losses: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Turns forces into the frame of the sample. A cell with one axis measures along the instrument, whichever axis its driver names.
+    fn turn(&mut self, frames: &Frames, axes: MeasuredAxes, with_poses: bool) {
+        let along = axes.only().filter(|axis| *axis < 2 && !frames.knows_sensor());
+        if let Some(axis) = along {
+            self.forces.iter_mut().for_each(|s| s.force_n.swap(axis, 2));
+            let name = ["x", "y"][axis];
+            self.warnings
+                .push(format!("the force along {name} is taken as that along z; --sensor-rotation says otherwise"));
+            return;
+        }
+        self.forces.iter_mut().for_each(|s| s.force_n = frames.force(s.force_n, with_poses));
+        if frames.knows_sensor() {
+            self.force_frame = self.topics.frame_id.clone();
+        }
+    }
+
+    /// Nothing to drive the twin with is an error; a load cell from another time is said.
+    fn check(&mut self, bag: &BagReader, motion: Option<usize>) -> Result<(), BagError> {
+        if let (true, true, Some(topic)) = (self.depths.is_empty(), self.poses.is_empty(), motion) {
+            let lost: Vec<String> = self.losses.iter().map(ToString::to_string).collect();
+            let reason = if lost.is_empty() { "it has no messages".to_owned() } else { lost.join("; ") };
+            return Err(topic_error(bag, &bag.topics()[topic], format!("nothing of it can be used: {reason}")));
+        }
+        self.check_times();
+        Ok(())
+    }
+
+    /// A load cell from another time is a loss, and so is a hole.
+    fn check_times(&mut self) {
+        let motion = span(self.depths.iter().map(|s| s.time_s).chain(self.poses.iter().map(|s| s.time_s)));
+        let force = span(self.forces.iter().map(|s| s.time_s));
+        if let (Some(motion), Some(force)) = (motion, force)
+            && (force.0 > motion.1 || motion.0 > force.1)
+        {
+            let reason = format!(
+                "their times ({:.3} to {:.3} s) and those of the motion ({:.3} to {:.3} s) have nothing in common: their stamps are from \
+                 different clocks, so there is nothing to compare; --time-offset-s says how far they are apart",
+                force.0, force.1, motion.0, motion.1
+            );
+            let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
+            self.losses.push(Loss::Samples { topic, count: self.forces.len() as u64, reason });
+        }
+        let forces: Vec<f64> = self.forces.iter().map(|s| s.time_s).collect();
+        let places = if self.depths.is_empty() {
+            self.poses.iter().map(|s| (s.time_s, s.tip)).collect()
+        } else {
+            self.depths.iter().map(|s| (s.time_s, [s.depth_m, 0.0, 0.0])).collect::<Vec<_>>()
+        };
+        self.holes = holes(&places, &forces);
+        let what =
+            "nothing was recorded of the motion or of the force: what the tissue went through there is not known";
+        let hole = |[from, to]: &[f64; 2]| {
+            let [from, to, length] = [*from, *to, to - from].map(|s| format!("{s:.3}"));
+            Loss::Hole { from, to, length, what }
+        };
+        self.losses.extend(self.holes.iter().map(hole));
+    }
+}
+
+/// Which axes are measured, of the readings of a bag; what is missing is said.
+fn measured_axes(topic: &str, reading: &mut Reading, forces: impl Iterator<Item = [f64; 3]> + Clone) -> MeasuredAxes {
+    let mut axes = MeasuredAxes::default();
+    forces.clone().for_each(|force| axes.note(&force));
+    reading.warnings.extend(axes.missing());
+    let lost = forces.filter(|force| axes.force(*force).is_none()).count();
+    lose_unmeasured(topic, lost, false, &mut reading.losses);
+    axes
+}
+
+/// Counts readings without a number, and says where a force has none at all.
+fn lose_unmeasured(topic: &str, count: usize, none: bool, losses: &mut Vec<Loss>) {
+    let mut lose = |count: usize, reason: &str| {
+        losses.push(Loss::Samples { topic: topic.to_owned(), count: count as u64, reason: reason.to_owned() });
+    };
+    if count > 0 {
+        lose(count, "their force is not finite; check the load cell");
+    }
+    if none {
+        lose(0, "the column of the force has no number in any row: there is nothing to compare");
+    }
+}
+
+/// A column that was named and is in none of the files.
+fn in_no_file(read: &[Table]) -> Option<(&'static str, String)> {
+    let (first, rest) = read.split_first()?;
+    let absent = |named: &&(&'static str, String)| rest.iter().all(|table| table.absent().contains(named));
+    first.absent().iter().find(absent).cloned()
+}
+
+/// Values with their times, in order.
+fn ordered<V: PartialEq>(
+    of: super::series::Gathered<V>,
+    base: clocks::Base,
+    losses: &mut Vec<Loss>,
+    warnings: &mut Vec<String>,
+) -> Series<V> {
+    let (topic, frame) = (of.topic.clone(), of.frame.clone());
+    let samples = clocks::timed(of, base, losses);
+    (in_order(&topic, samples, losses, warnings), frame)
+}
+
+fn span(times: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    times.fold(None, |span, t| Some(span.map_or((t, t), |(a, b): (f64, f64)| (a.min(t), b.max(t)))))
+}
+
+/// Positions of tracked points; one that is not finite was not seen.
+fn marked(m: &PoseArray, frame_id: &str) -> Result<Vec<[f64; 3]>, String> {
+    let frame = m.header.frame_id.trim_start_matches('/');
+    if !frame.is_empty() && frame != frame_id.trim_start_matches('/') {
+        return Err(format!(
+            "it is in frame `{frame}`, the twin needs `{frame_id}`: transform it, or name the frame (--frame-id)"
+        ));
+    }
+    Ok(m.poses.iter().map(|pose| pose.position.into()).collect())
+}
+
+/// Whether a path is a bag: a folder, or an MCAP file, packed or not; or a file of another kind of bag, which says what to do.
+#[must_use]
+pub fn is_bag(path: &Path) -> bool {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let ends = [".mcap", ".mcap.zstd", ".mcap.zst", ".mcap.lz4", ".db3", ".db3.zstd", ".bag"];
+    path.is_dir() || ends.iter().any(|end| name.ends_with(end)) || name == "metadata.yaml" || !path.exists()
+}
+
+/// Reads the files of a recording.
+///
+/// # Errors
+/// [`TableError`].
+pub fn tables(paths: &[PathBuf], said: &Selection) -> Result<Vec<Table>, TableError> {
+    paths.iter().enumerate().map(|(number, path)| Table::read(path, said, number)).collect()
+}

@@ -1,0 +1,280 @@
+//! The rows of a table: cells that are wanted, and where the next recording begins.
+
+use std::borrow::Cow;
+
+use super::columns::{Column, Columns};
+use super::layout::{self, Kind, Layout, Splitter};
+use super::number::number;
+use super::{Clock, Table, TableError, clock};
+use crate::adapter::forward;
+use needle_core::twin::Pose;
+use ros2_messages::geometry_msgs::Quaternion;
+
+/// The instrument of poses without an orientation points straight down.
+const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
+/// Times beyond this are no stamps in ns of 64 bits, s.
+const LONGEST_S: f64 = 9e9;
+/// A time that steps back by more begins again, ns.
+const AGAIN_NS: i64 = 1_000_000_000;
+const HALF_A_DAY_NS: i64 = 43_200_000_000_000;
+
+/// What a row says.
+#[derive(Default)]
+struct Row {
+    stamp: Option<i64>,
+    depth_m: Option<f64>,
+    force_n: Option<[f64; 3]>,
+    pose: Option<Pose>,
+    markers: Option<Vec<[f64; 3]>>,
+    /// Whether a cell that is needed is no number.
+    bad: bool,
+}
+
+/// Lines without data, and bad rows among them: the end of a recording, or of the file, or a loss.
+#[derive(Default)]
+struct Gap {
+    /// Byte and line of its beginning.
+    place: [usize; 2],
+    words: usize,
+    rows: Vec<Row>,
+    bad: u64,
+    first_bad: Option<String>,
+    /// The headers stand in it again.
+    headers: bool,
+}
+
+/// Cells of one row.
+struct Cells<'a> {
+    cells: &'a [Cow<'a, str>],
+    comma: bool,
+}
+
+impl Cells<'_> {
+    fn text(&self, index: usize) -> &str {
+        self.cells.get(index).map_or("", |cell| cell.as_ref())
+    }
+
+    /// The number in SI; `None` of an empty cell.
+    fn value(&self, column: &Column) -> Result<Option<f64>, ()> {
+        let cell = self.text(column.index);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        number(cell, self.comma).filter(|x| x.is_finite()).map(|x| Some(column.si(x))).ok_or(())
+    }
+
+    /// As [`Cells::value`], NaN of a cell that says so: an axis that is not measured.
+    fn component(&self, column: &Column) -> Result<f64, ()> {
+        let nan = |cell: &str| cell.is_empty() || cell.eq_ignore_ascii_case("nan");
+        if nan(self.text(column.index)) { Ok(f64::NAN) } else { self.value(column).map(|x| x.unwrap_or(f64::NAN)) }
+    }
+
+    fn several<const N: usize>(&self, columns: &[Column; N]) -> Result<Option<[f64; N]>, ()> {
+        let mut values = [0.0; N];
+        for (value, column) in values.iter_mut().zip(columns) {
+            let Some(found) = self.value(column)? else { return Ok(None) };
+            *value = found;
+        }
+        Ok(Some(values))
+    }
+
+    /// Time, ns; `None` of an empty cell.
+    fn stamp(&self, (column, clock): &(Column, Clock)) -> Result<Option<i64>, ()> {
+        let cell = self.text(column.index);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        let said = match clock {
+            Clock::Number => {
+                let time_s = self.value(column)?.filter(|s| s.abs() < LONGEST_S).ok_or(())?;
+                Some((time_s * 1e9).round() as i64)
+            }
+            Clock::Nanoseconds(rest) => {
+                let whole = cell.parse::<i64>().ok().filter(|s| s.unsigned_abs() < LONGEST_S as u64);
+                let rest = self.text(*rest).parse::<i64>().ok().filter(|ns| (0..1_000_000_000).contains(ns));
+                whole.zip(rest).map(|(s, ns)| s * 1_000_000_000 + ns)
+            }
+            Clock::DateTime(format) => clock::date_time(cell, format),
+            Clock::TimeOfDay => clock::of_day(cell),
+            Clock::Date(format, [date, day]) => {
+                clock::date(self.text(*date), format).zip(clock::of_day(self.text(*day))).map(|(a, b)| a + b)
+            }
+        };
+        said.map(Some).ok_or(())
+    }
+
+    fn row(&self, columns: &Columns, at_s: Option<f64>) -> Row {
+        let stamp = columns.time.as_ref().map(|time| self.stamp(time));
+        let stamp = stamp.unwrap_or(Ok(at_s.map(|s| (s * 1e9).round() as i64)));
+        let Ok(stamp) = stamp else { return Row { bad: true, ..Row::default() } };
+        let mut row = Row { stamp, ..Row::default() };
+        row.bad = stamp.is_some() && self.fill(columns, &mut row).is_err();
+        row
+    }
+
+    /// What stands before a cell that is no number is kept.
+    fn fill(&self, columns: &Columns, row: &mut Row) -> Result<(), ()> {
+        if let Some(column) = &columns.position {
+            row.depth_m = self.value(column)?;
+        }
+        if let Some(column) = &columns.force {
+            row.force_n = self.value(column)?.map(|force_n| [0.0, 0.0, force_n]);
+        }
+        if let Some([x, y, z]) = &columns.forces {
+            row.force_n = Some([self.component(x)?, self.component(y)?, self.component(z)?]);
+        }
+        if let Some(pose) = &columns.pose {
+            let axis = match &columns.orientation {
+                Some(quaternion) => {
+                    let forward = |[x, y, z, w]: [f64; 4]| forward(Quaternion { x, y, z, w }).map_err(drop);
+                    self.several(quaternion)?.map(forward).transpose()?
+                }
+                None => Some(DOWN),
+            };
+            row.pose = self.several(pose)?.zip(axis).map(|(tip, axis)| Pose { tip, axis });
+        }
+        if !columns.markers.is_empty() {
+            // an empty cell: not seen
+            let one = |column: &Column| self.value(column).map(|x| x.unwrap_or(f64::NAN));
+            let of = |[x, y, z]: &[Column; 3]| Ok::<_, ()>([one(x)?, one(y)?, one(z)?]);
+            row.markers = Some(columns.markers.iter().map(of).collect::<Result<Vec<_>, ()>>()?);
+        }
+        Ok(())
+    }
+}
+
+impl Table {
+    /// Takes the cells that are wanted of every row, and gives byte and line at which the next recording begins. `line`: number of the
+    /// text's first line, from 0.
+    pub(super) fn take(
+        &mut self,
+        text: &str,
+        layout: &Layout,
+        line: usize,
+        rate_hz: Option<f64>,
+    ) -> Option<[usize; 2]> {
+        let (columns, split) = (self.columns.clone(), Splitter::new(layout.separator));
+        let (mut byte, mut number) = (layout.offset, line + layout.first_row);
+        let (mut cells, mut gap, mut blank) = (Vec::new(), None::<Gap>, false);
+        let mut clock = Unrolled { of_day: matches!(columns.time, Some((_, Clock::TimeOfDay))), ..Unrolled::default() };
+        self.lines = [number + 1; 2];
+        let mut passed = 0_u64;
+        for whole in text[byte..].split_inclusive('\n') {
+            let (place, raw) = ([byte, number], whole.trim_end_matches(['\n', '\r']));
+            byte += whole.len();
+            number += 1;
+            if raw.trim().is_empty() {
+                blank = true;
+                continue;
+            }
+            if layout::is_comment(raw, layout.comment.as_deref()) {
+                continue;
+            }
+            split.split(raw, &mut cells);
+            let of = Cells { cells: &cells, comma: layout.decimal_comma };
+            let mut row = of.row(&columns, rate_hz.map(|hz| passed as f64 / hz));
+            row.stamp = row.stamp.map(|stamp| clock.unrolled(stamp));
+            let back = row.stamp.zip(clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
+            let text = row.bad && {
+                let data = |&c: &usize| Kind::of(of.text(c), layout.decimal_comma).is_data();
+                !layout.numeric.iter().any(data)
+            };
+            if !row.bad {
+                if gap.as_ref().map_or(blank && back, |gap| gap.headers || back) {
+                    return Some(gap.map_or(place, |gap| gap.place));
+                }
+                if let Some(gap) = gap.take() {
+                    self.lose(gap);
+                }
+                clock.last = row.stamp.or(clock.last);
+                self.add(row);
+            } else if text || gap.is_some() {
+                let gap = gap.get_or_insert_with(|| Gap { place, ..Gap::default() });
+                gap.words += usize::from(text);
+                gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
+                gap.bad += 1;
+                gap.first_bad.get_or_insert_with(|| shown(number, &cells));
+                gap.rows.push(row);
+            } else {
+                self.bad += 1;
+                self.first_bad.get_or_insert_with(|| shown(number, &cells));
+                self.add(row);
+            }
+            blank = false;
+            passed += 1;
+            if gap.is_none() {
+                self.rows += 1;
+                self.lines[1] = number;
+            }
+        }
+        let gap = gap?;
+        // what stands behind the last row is no row of it: another table, or a foot
+        let another =
+            Layout::of(&text[gap.place[0]..], &super::TableLayout { header_line: None, ..Default::default() });
+        if another.is_some_and(|other| other.has_rows()) {
+            return Some(gap.place);
+        }
+        let (file, count) = (&self.file, gap.bad);
+        let lines = if count == 1 { "1 line" } else { &format!("{count} lines") };
+        self.warnings
+            .push(format!("{file}: {lines} behind the data, from line {} on, are no rows of it", gap.place[1] + 1));
+        None
+    }
+
+    fn lose(&mut self, gap: Gap) {
+        self.bad += gap.bad;
+        self.rows += gap.bad;
+        if self.first_bad.is_none() {
+            self.first_bad = gap.first_bad;
+        }
+        gap.rows.into_iter().for_each(|row| self.add(row));
+    }
+
+    fn add(&mut self, row: Row) {
+        let Some(stamp) = row.stamp else { return };
+        self.depths.extend(row.depth_m.map(|depth_m| (stamp, depth_m)));
+        self.forces.extend(row.force_n.map(|force_n| (stamp, force_n)));
+        self.poses.extend(row.pose.map(|pose| (stamp, pose)));
+        self.markers.extend(row.markers.map(|markers| (stamp, markers)));
+    }
+
+    /// Refuses a table of which no row could be taken.
+    pub(super) fn believable(&self) -> Result<(), TableError> {
+        let nothing =
+            self.depths.is_empty() && self.forces.is_empty() && self.poses.is_empty() && self.markers.is_empty();
+        if !nothing || self.bad == 0 {
+            return Ok(());
+        }
+        let first = self.first_bad.as_deref().unwrap_or_default();
+        let time = self.columns.time.as_ref().map_or_else(String::new, |(column, _)| {
+            format!(
+                "; its time is column `{}` in {}, and a time is less than {LONGEST_S:e} s: see --time-unit",
+                column.name, column.unit
+            )
+        });
+        let reason =
+            format!("no row can be used: a cell that is needed is no number, or no time, first in {first}{time}");
+        Err(TableError::Columns { file: self.file.clone(), reason, columns: self.all_columns.clone() })
+    }
+}
+
+/// Times of day as they go on past midnight.
+#[derive(Default)]
+struct Unrolled {
+    of_day: bool,
+    days_ns: i64,
+    last: Option<i64>,
+}
+
+impl Unrolled {
+    fn unrolled(&mut self, stamp: i64) -> i64 {
+        if self.of_day && self.last.is_some_and(|last| last - (stamp + self.days_ns) > HALF_A_DAY_NS) {
+            self.days_ns += 2 * HALF_A_DAY_NS;
+        }
+        stamp + self.days_ns
+    }
+}
+
+fn shown(line: usize, cells: &[Cow<'_, str>]) -> String {
+    format!("line {line}: {}", cells.join(" | "))
+}

@@ -1,0 +1,47 @@
+//! `layers.json`: what a double insertion says of layers, for programs.
+
+use super::files::Rendered;
+use super::{ReportError, files};
+use needle_estimate::layers::{Found, Known};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Content of `layers.json`, as `calibrate --layers --json` prints it. What can't be told is `null`.
+#[must_use]
+pub fn layers_json(found: &Found, source: &str) -> String {
+    let known = |k: Option<Known>| -> Value {
+        k.filter(|k| k.value.is_finite() && k.standard_error.is_finite())
+            .map_or(Value::Null, |k| json!({ "value": k.value, "standard_error": k.standard_error }))
+    };
+    let layers: Vec<Value> = found
+        .layers
+        .iter()
+        .map(|layer| {
+            json!({
+                "from_depth_m": known(layer.from_depth_m),
+                "friction_n_per_m": known(Some(layer.friction_n_per_m)),
+                "cutting_force_n": known(layer.cutting_force_n),
+                "puncture_force_n": known(layer.puncture_force_n),
+            })
+        })
+        .collect();
+    let body = json!({
+        "measured_source": source,
+        "layers": layers,
+        "cannot_tell": found.cannot_tell,
+        "cannot_tell_from_one_insertion": found.alone,
+        "drops_m": found.drops_m,
+        "rmse_n": found.rmse_n,
+    });
+    let mut text = format!("{body:#}");
+    text.push('\n');
+    text
+}
+
+/// Writes it into a folder, which is made if need be.
+///
+/// # Errors
+/// If it can't be written.
+pub fn write_layers(out: &Path, json: &str) -> Result<Vec<PathBuf>, ReportError> {
+    files::write(out, &[Rendered::new("layers.json", json)])
+}

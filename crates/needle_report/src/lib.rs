@@ -1,0 +1,246 @@
+//! What people look at: figures, curves, pictures and the deformed sample of one run.
+//!
+//! [`write_all`] makes every file from one [`Run`]; each file has its own function as well. Everything is rendered
+//! before the first file is touched, and files appear under their names only when they are complete. Nothing here
+//! computes mechanics, and no file holds a number that is not finite.
+#![forbid(unsafe_code)]
+
+mod batch_page;
+mod batch_table;
+mod calibration_json;
+mod calibration_plot;
+mod cost_marks;
+mod cost_page;
+mod cost_plot;
+mod csv;
+mod deformation_plot;
+mod embed;
+mod error;
+mod files;
+mod force_plot;
+mod layers_json;
+mod line_plot;
+mod marker_fit;
+mod metrics;
+mod page;
+mod phases;
+mod picture;
+mod place;
+mod plot;
+mod raster;
+mod regions;
+mod reliability_plot;
+mod rest_plot;
+mod scene_section;
+mod section;
+mod settings;
+mod speed_plot;
+mod stability_map;
+mod strain;
+mod svg;
+mod tables;
+mod thin;
+mod unit;
+mod verification_plot;
+mod vtu;
+
+pub use batch_table::{batch_json, sample_path, write_batch, write_row, write_sample};
+pub use calibration_json::calibration_json;
+pub use csv::{force_csv, targets_csv};
+pub use error::ReportError;
+pub use files::prepare;
+pub use layers_json::{layers_json, write_layers};
+pub use marker_fit::{marker_fit_json, write_marker_fit};
+pub use metrics::metrics_json;
+pub use page::report_html;
+pub use regions::colour as region_colour;
+pub use vtu::{clear_series, final_vtu, write_series};
+
+use files::Rendered;
+use needle_core::scene::Scene;
+use needle_core::twin::Body;
+use needle_estimate::calibrate::Calibration;
+use needle_estimate::compare::Run;
+use needle_studies::accuracy::{Row, Steps};
+use needle_studies::bounds::Bounds;
+use needle_studies::verification::{self, Verification};
+use needle_studies::{speed, stability};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Pixels of `force.png` per px of the picture: 1920 pixels wide.
+const PNG_SCALE: f32 = 2.0;
+
+/// Writes `metrics.json`, `force.csv`, `targets.csv`, `final.vtu`, `force.png`, `force.svg` and `report.html`, and with members and a measured
+/// force `forecast.csv`, `keys.csv` and `reliability.svg`, with friction `deformation.csv` and `.svg`, into a folder, which is made if need be, and
+/// returns their paths.
+///
+/// # Errors
+/// [`ReportError`] naming the file and the reason; then no file has been replaced by a half-written one.
+pub fn write_all(out: &Path, run: &Run) -> Result<Vec<PathBuf>, ReportError> {
+    let mut rendered = vec![
+        Rendered::new("metrics.json", metrics_json(run)),
+        Rendered::new("force.csv", force_csv(run)),
+        Rendered::new("targets.csv", targets_csv(run)),
+        Rendered::new("final.vtu", final_vtu(run)?),
+        Rendered::new("force.svg", force_svg(run)),
+        Rendered::new("force.png", force_png(run)?),
+        Rendered::new("report.html", report_html(run)?),
+    ];
+    let forecasts = [
+        ("forecast.csv", csv::forecast_csv(run)),
+        ("keys.csv", csv::keys_csv(run)),
+        ("deformation.csv", csv::deformation_csv(run)),
+        ("deformation.svg", deformation_plot::deformation_plot(run).map(|picture| picture.to_svg())),
+        ("reliability.svg", reliability_plot::reliability_plot(run).map(|picture| picture.to_svg())),
+    ];
+    for (name, text) in forecasts {
+        match text {
+            Some(text) => rendered.push(Rendered::new(name, text)),
+            // that of an earlier run is not that of the files beside it
+            None => files::remove_file(&out.join(name))?,
+        }
+    }
+    files::write(out, &rendered)
+}
+
+/// Content of `force.svg`: predicted and measured force over depth, residual below.
+#[must_use]
+pub fn force_svg(run: &Run) -> String {
+    force_plot::force_plot(run).to_svg()
+}
+
+/// Content of `force.png`: the same picture as [`force_svg`], 1920 pixels wide.
+///
+/// # Errors
+/// [`ReportError::Picture`] if it can't be drawn.
+pub fn force_png(run: &Run) -> Result<Vec<u8>, ReportError> {
+    force_plot::force_plot(run).to_png("force.png", PNG_SCALE)
+}
+
+/// Draws the rows of a study of accuracy and returns the files' paths: for each scene `accuracy_SCENE.svg` and `.png`, error
+/// against cost, with all of them in `accuracy.html`; and of the rows at rest `at_rest_SCENE.svg` and `.png`.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_accuracy(out: &Path, rows: &[Row]) -> Result<Vec<PathBuf>, ReportError> {
+    let mut rendered = Vec::new();
+    let mut charted = Vec::new();
+    let scenes: BTreeSet<&str> = rows.iter().map(|r| r.scene.as_str()).collect();
+    for scene in scenes {
+        let (at_rest, moving): (Vec<&Row>, Vec<&Row>) =
+            rows.iter().filter(|r| r.scene == scene).partition(|r| r.case.steps == Steps::Rest);
+        if !at_rest.is_empty() {
+            push_picture(&mut rendered, &format!("at_rest_{scene}"), &rest_plot::rest_plot(scene, &at_rest))?;
+        }
+        if !moving.is_empty() {
+            push_picture(&mut rendered, &format!("accuracy_{scene}"), &cost_plot::cost_plot(scene, &moving))?;
+            charted.push((scene, moving));
+        }
+    }
+    if !charted.is_empty() {
+        rendered.push(Rendered::new("accuracy.html", cost_page::cost_page(&charted)));
+    }
+    files::write(out, &rendered)
+}
+
+fn push_picture(rendered: &mut Vec<Rendered>, name: &str, picture: &picture::Picture) -> Result<(), ReportError> {
+    rendered.push(Rendered::new(format!("{name}.svg"), picture.to_svg()));
+    rendered.push(Rendered::new(format!("{name}.png"), picture.to_png("the PNG", PNG_SCALE)?));
+    Ok(())
+}
+
+/// Writes a picture of a scene's body, cut along its instrument, as SVG or, if the path ends in `.png`, as PNG.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_section(path: &Path, scene: &Scene, body: &Body) -> Result<(), ReportError> {
+    let picture = scene_section::scene_section(scene, body);
+    match path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        true => write_file(path, &picture.to_png("the PNG", PNG_SCALE)?),
+        false => write_file(path, picture.to_svg().as_bytes()),
+    }
+}
+
+/// Writes one file so that no half-written one is ever seen under its name.
+///
+/// # Errors
+/// [`ReportError`] naming the file and the reason.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), ReportError> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    files::write(folder, &[Rendered::new(name, content)]).map(drop)
+}
+
+/// Writes `stability.csv` and `stability.svg` and `.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_stability(out: &Path, rows: &[stability::Row]) -> Result<Vec<PathBuf>, ReportError> {
+    let map = stability_map::stability_map(rows);
+    let rendered = [
+        Rendered::new("stability.csv", stability::csv(rows)),
+        Rendered::new("stability.svg", map.to_svg()),
+        Rendered::new("stability.png", map.to_png("stability.png", PNG_SCALE)?),
+    ];
+    files::write(out, &rendered)
+}
+
+/// Writes `verification.csv` and, for each scene, `verification_SCENE.svg` and `.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_verification(out: &Path, all: &[Verification]) -> Result<Vec<PathBuf>, ReportError> {
+    let mut rendered = vec![Rendered::new("verification.csv", verification::csv(all))];
+    for one in all {
+        let (scene, picture) = (one.scene, verification_plot::verification_plot(one));
+        let png = picture.to_png("verification_SCENE.png", PNG_SCALE)?;
+        rendered.push(Rendered::new(format!("verification_{scene}.svg"), picture.to_svg()));
+        rendered.push(Rendered::new(format!("verification_{scene}.png"), png));
+    }
+    files::write(out, &rendered)
+}
+
+/// Writes `calibration.json`, `calibration.csv`, `calibration.svg` and `.png`, and the scene with the values found,
+/// `scene.toml`; returns their paths. `source` says what was measured, `json` is that of [`calibration_json`]. Without a scene,
+/// that of an earlier calibration is removed: it isn't that of the files beside it.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_calibration(
+    out: &Path,
+    calibration: &Calibration,
+    source: &str,
+    json: &str,
+    scene_toml: Option<&str>,
+) -> Result<Vec<PathBuf>, ReportError> {
+    let mut rendered = vec![
+        Rendered::new("calibration.json", json),
+        Rendered::new("calibration.csv", csv::calibration_csv(&calibration.forces)),
+    ];
+    match scene_toml {
+        Some(text) => rendered.push(Rendered::new("scene.toml", text)),
+        None => files::remove_file(&out.join("scene.toml"))?,
+    }
+    push_picture(&mut rendered, "calibration", &calibration_plot::calibration_plot(calibration, source))?;
+    files::write(out, &rendered)
+}
+
+/// Writes `speed.csv`, `speed.svg` and `speed.png`; returns their paths.
+///
+/// # Errors
+/// As [`write_all`].
+pub fn write_speed(
+    out: &Path,
+    processor: &str,
+    bounds: Bounds,
+    rows: &[speed::Row],
+) -> Result<Vec<PathBuf>, ReportError> {
+    let picture = speed_plot::speed_plot(processor, bounds, rows);
+    let rendered = [
+        Rendered::new("speed.csv", speed::csv(rows)),
+        Rendered::new("speed.svg", picture.to_svg()),
+        Rendered::new("speed.png", picture.to_png("speed.png", PNG_SCALE)?),
+    ];
+    files::write(out, &rendered)
+}

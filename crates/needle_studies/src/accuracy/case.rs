@@ -1,0 +1,297 @@
+//! One way to discretise and step a scene: what a row of the study is the result of.
+
+use needle_core::scene::Word as _;
+use std::fmt;
+use std::str::FromStr;
+
+use super::StudyError;
+use needle_core::scene::{Dimension, Method, Override, Scene};
+use needle_core::twin::coarsest_path;
+
+/// Inertial error that is tolerated where the tissue is waited for, small against the errors under study.
+const TOLERANCE_AT_REST: &str = "0.003";
+/// Digits of a spacing that count.
+const DIGITS: i32 = 4;
+
+/// Explicit steps of one pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Steps {
+    /// As many as the scene's `stepping` keys give.
+    Auto,
+    /// So many for every pose that moves.
+    Fixed(u32),
+    /// The instrument stays at each depth that is compared until the tissue is at rest: no inertia is left.
+    Rest,
+}
+
+impl fmt::Display for Steps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(steps) => write!(f, "{steps}"),
+            Self::Rest => f.write_str("rest"),
+        }
+    }
+}
+
+impl FromStr for Steps {
+    type Err = std::num::ParseIntError;
+
+    fn from_str(word: &str) -> Result<Self, Self::Err> {
+        Ok(match word {
+            "auto" => Self::Auto,
+            "rest" => Self::Rest,
+            number => Self::Fixed(number.parse()?),
+        })
+    }
+}
+
+/// One way to discretise and step a scene, in the words of its keys.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// `discretisation.method`.
+    pub method: String,
+    /// `discretisation.volume_ratio`: the cure of volumetric locking.
+    pub volume_ratio: String,
+    /// `discretisation.dimension`: `axisymmetric` or `full`.
+    pub dimension: String,
+    /// Spacing far from every edge, m.
+    pub spacing_m: f64,
+    /// Spacing at the instrument's edge of contact or along its path, m.
+    pub edge_spacing_m: f64,
+    /// `discretisation.growth`; 0 in a table that does not say it.
+    pub growth: f64,
+    /// `discretisation.path_rings`.
+    pub path_rings: u32,
+    /// `discretisation.support_factor`; linear tetrahedra have no support, and the scene's value here.
+    pub support_factor: f64,
+    /// `discretisation.points_per_cell`.
+    pub points_per_cell: u32,
+    /// `discretisation.cells_per_point`, whether the case can follow it or not.
+    pub cells_per_point: u32,
+    /// `discretisation.points_per_support_node`, whether the case can follow it or not.
+    pub points_per_support_node: u32,
+    /// `discretisation.points_per_hexahedron`; 0: the cells are tetrahedra.
+    pub points_per_hexahedron: u32,
+    /// `discretisation.precision`.
+    pub precision: String,
+    /// Poses per second.
+    pub pose_hz: f64,
+    /// Steps of one pose.
+    pub steps: Steps,
+    /// Corrected by what a finer cloud has at rest along the path (`study::correction`).
+    pub corrected: bool,
+}
+
+/// Growth of the spacing, support factor, rings round the path, and the fewest of eight points for a node of their supports, of coarse surroundings in
+/// space: these are too soft, narrow supports too stiff, and less so without nodes that few points share (`docs/lab/performance.md`).
+const GROWTH: f64 = 0.45;
+const SUPPORT: f64 = 1.5;
+const RINGS: u32 = 2;
+const SHARING: u32 = 2;
+
+impl Case {
+    /// The scene's own choices.
+    ///
+    /// # Errors
+    /// [`StudyError::NoCloud`] for a scene whose cloud is read from a file, [`StudyError::NoMotion`] for one that
+    /// doesn't move.
+    pub fn of(scene: &Scene) -> Result<Self, StudyError> {
+        let d = &scene.discretisation;
+        let grading = d.grading.ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
+        let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
+        let spacing_m = grading.spacing.get();
+        let dimension = scene.dimension().dimension;
+        Ok(Self {
+            method: d.method.as_str().to_owned(),
+            volume_ratio: scene.volume_ratio_in(dimension).as_str().to_owned(),
+            dimension: dimension.as_str().to_owned(),
+            spacing_m,
+            edge_spacing_m: rounded(spacing_m * grading.edge_refinement),
+            growth: grading.growth,
+            path_rings: grading.path_rings,
+            support_factor: scene.support_factor(),
+            points_per_cell: d.points_per_cell,
+            cells_per_point: d.cells_per_point,
+            points_per_support_node: d.points_per_support_node,
+            points_per_hexahedron: d.cells.points_per_hexahedron(),
+            precision: d.precision.as_str().to_owned(),
+            pose_hz: motion.pose_rate.get(),
+            steps: Steps::Auto,
+            corrected: false,
+        })
+    }
+
+    /// The same with coarse surroundings and narrow supports, in space.
+    #[must_use]
+    pub fn with_coarse_surroundings(&self) -> Self {
+        let points_per_support_node = self.points_per_support_node.max(SHARING);
+        Self { growth: GROWTH, support_factor: SUPPORT, path_rings: RINGS, points_per_support_node, ..self.clone() }
+    }
+
+    /// The same in another dimension, with the scene's supports and volume ratio there.
+    #[must_use]
+    pub fn in_dimension(&self, scene: &Scene, dimension: Dimension) -> Self {
+        let support_factor = scene.support_factor_in(dimension);
+        let volume_ratio = scene.volume_ratio_in(dimension).as_str().to_owned();
+        Self { dimension: dimension.as_str().to_owned(), support_factor, volume_ratio, ..self.clone() }
+    }
+
+    /// The same with all spacings times a factor. A needle's path is never coarser than the needle takes.
+    #[must_use]
+    pub fn spaced(&self, scene: &Scene, factor: f64) -> Self {
+        let edge = (factor * self.edge_spacing_m).min(self.coarsest_edge(scene));
+        Self { spacing_m: rounded(factor * self.spacing_m), edge_spacing_m: rounded(edge), ..self.clone() }
+    }
+
+    /// The same with the spacing at the edge or along the path alone times a factor.
+    #[must_use]
+    pub fn spaced_at_edge(&self, scene: &Scene, factor: f64) -> Self {
+        let edge = factor * self.edge_spacing_m.min(self.coarsest_edge(scene));
+        Self { edge_spacing_m: rounded(edge), ..self.clone() }
+    }
+
+    /// Spacing along a needle's path above which the needle is not resolved, m.
+    fn coarsest_edge(&self, scene: &Scene) -> f64 {
+        let half_plane = self.dimension == Dimension::Axisymmetric.as_str();
+        match (&scene.instrument, &scene.discretisation.grading) {
+            (Some(instrument), Some(grading)) => coarsest_path(instrument, grading, half_plane),
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// The keys of a scene that make the case.
+    #[must_use]
+    pub fn keys(&self) -> Vec<(&'static str, String)> {
+        let refinement = (self.edge_spacing_m / self.spacing_m).clamp(0.01, 1.0);
+        let mut keys = vec![
+            ("discretisation.method", self.method.clone()),
+            ("discretisation.volume_ratio", self.volume_ratio.clone()),
+            ("discretisation.dimension", self.dimension.clone()),
+            ("discretisation.spacing_m", self.spacing_m.to_string()),
+            ("discretisation.edge_refinement", refinement.to_string()),
+            ("discretisation.growth", self.growth.to_string()),
+            ("discretisation.path_rings", self.path_rings.to_string()),
+            ("discretisation.support_factor", self.support_factor.to_string()),
+            ("discretisation.points_per_cell", self.points_per_cell.to_string()),
+            ("discretisation.cells_per_point", self.cells_per_point.to_string()),
+            ("discretisation.points_per_support_node", self.sharing().to_string()),
+            ("discretisation.precision", self.precision.clone()),
+            ("motion.pose_hz", self.pose_hz.to_string()),
+        ];
+        if self.has_hexahedra() {
+            keys.push(("discretisation.cells", "hexahedra".to_owned()));
+            keys.push(("discretisation.points_per_hexahedron", self.points_per_hexahedron.to_string()));
+        } else {
+            keys.push(("discretisation.cells", "tetrahedra".to_owned()));
+        }
+        match self.steps {
+            Steps::Auto => {}
+            Steps::Fixed(steps) => {
+                keys.push(("stepping.min_steps_per_pose", steps.to_string()));
+                keys.push(("stepping.max_steps_per_pose", steps.to_string()));
+            }
+            Steps::Rest => keys.push(("stepping.tolerance", TOLERANCE_AT_REST.to_owned())),
+        }
+        keys
+    }
+
+    /// The scene with the case's keys, and no correction.
+    ///
+    /// # Errors
+    /// [`StudyError::Scene`] if the scene does not take them.
+    pub fn scene(&self, scene: &Scene) -> Result<Scene, StudyError> {
+        let keys: Vec<_> = self.keys().iter().map(|(path, value)| Override::text(path, value, "study")).collect();
+        // which is of the scene's own cloud
+        let plain = Scene { correction: None, ..scene.clone() };
+        Ok(plain.with(&keys)?)
+    }
+
+    /// Whether it is the model of a half plane.
+    #[must_use]
+    pub fn is_half_plane(&self) -> bool {
+        self.dimension == Dimension::Axisymmetric.as_str()
+    }
+
+    /// Whether it is the model of one side of a plane of symmetry.
+    #[must_use]
+    pub fn is_half(&self) -> bool {
+        self.dimension == Dimension::Mirrored.as_str()
+    }
+
+    /// The method with its cure of locking, or that it is corrected, in a few words: `mmls`, `tet4, no cure`.
+    #[must_use]
+    pub fn method_name(&self) -> String {
+        match self.volume_ratio.as_str() {
+            "projected" | "mixed" if self.corrected => format!("{} corrected", self.method),
+            "projected" | "mixed" => self.method.clone(),
+            "pointwise" => format!("{}, no cure", self.method),
+            other => format!("{}, {other}", self.method),
+        }
+    }
+
+    /// Whether its cells are hexahedra, which half planes and linear tetrahedra have none of.
+    #[must_use]
+    pub fn has_hexahedra(&self) -> bool {
+        self.points_per_hexahedron > 0 && !self.is_half_plane() && self.method != Method::Tet4.as_str()
+    }
+
+    /// Cells that share an integration point.
+    #[must_use]
+    pub fn joined(&self) -> u32 {
+        let meshless = !self.has_hexahedra() && self.method != Method::Tet4.as_str();
+        let follows = !self.is_half_plane() && self.points_per_cell == 1 && meshless;
+        if follows { self.cells_per_point } else { 1 }
+    }
+
+    /// Fewest of eight points that a node of their supports has; linear tetrahedra have no supports.
+    #[must_use]
+    pub fn sharing(&self) -> u32 {
+        if self.method == Method::Tet4.as_str() { 1 } else { self.points_per_support_node }
+    }
+
+    /// Integration points in words: `1 point per cell`, `1 point per 2 cells`.
+    #[must_use]
+    pub fn integration(&self) -> String {
+        if self.has_hexahedra() {
+            let plural = if self.points_per_hexahedron == 1 { "" } else { "s" };
+            return format!("{} point{plural} per hexahedron", self.points_per_hexahedron);
+        }
+        match (self.points_per_cell, self.joined()) {
+            (1, 1) => "1 point per cell".to_owned(),
+            (points, 1) => format!("{points} points per cell"),
+            (_, cells) => format!("1 point per {cells} cells"),
+        }
+    }
+
+    /// Everything that makes the case, in one line.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!(
+            "{}, {}, spacing {} mm ({} mm at the edge), growth {}{}, support {}{}, {}, {}, {} Hz, steps {}",
+            self.method_name(),
+            self.dimension,
+            millimetres(self.spacing_m),
+            millimetres(self.edge_spacing_m),
+            self.growth,
+            if self.path_rings == 0 { String::new() } else { format!(", {} rings", self.path_rings) },
+            self.support_factor,
+            if self.sharing() == 1 { String::new() } else { format!(" (nodes of {} points)", self.sharing()) },
+            self.integration(),
+            self.precision,
+            self.pose_hz,
+            self.steps
+        )
+    }
+}
+
+/// A length in mm to four digits, without trailing zeros.
+pub(super) fn millimetres(length_m: f64) -> String {
+    rounded(1e3 * length_m).to_string()
+}
+
+/// A positive number to [`DIGITS`] digits.
+pub(super) fn rounded(x: f64) -> f64 {
+    // through text, so that 0.00275 is not 0.0027500000000000003
+    format!("{x:.*e}", DIGITS as usize - 1).parse().unwrap_or(x)
+}

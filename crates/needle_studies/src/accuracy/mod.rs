@@ -1,0 +1,164 @@
+//! Accuracy against cost: one scene, many ways to discretise and step it, and for each the processor time that it takes
+//! and how far forces and displacements are from independent finite elements ([`Yardstick`]).
+//!
+//! A [`Case`] is one way, [`plan`] says which there are, [`Case::run`] gives the [`Row`] of one. Runs don't share
+//! anything, so any number of them go side by side, each on a thread of its own. Cost is the processor time of that
+//! thread, the least of up to five runs where they are short: what else the machine does adds little to it.
+
+mod case;
+mod drive;
+mod order;
+mod pareto;
+mod plan;
+mod record;
+mod row;
+mod table;
+
+pub use case::{Case, Steps};
+pub use order::{observed_order, orders, refined};
+pub use pareto::front;
+pub use plan::{Extent, named, plan, source_paper, work};
+pub use record::csv;
+pub use row::{Row, heading, largest_error};
+pub use table::{Table, merge, read};
+
+pub(super) use drive::{Driven, drive};
+pub(super) use row::COMPARED_FROM;
+
+use super::yardstick::Yardstick;
+use needle_core::scene::{Scene, SceneError};
+use needle_core::twin::BuildError;
+
+/// Why a case can't be run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// There is no reference for the scene.
+    #[error(
+        "there is no reference solution of {0}; the presets compression, indentation and needle_insertion have one"
+    )]
+    NoReference(String),
+    /// The scene reads its cloud from a file, so there is no spacing to change.
+    #[error("scene {0} has no discretisation.spacing_m to change: its cloud comes from a mesh file")]
+    NoCloud(String),
+    /// The scene doesn't move.
+    #[error("scene {0} has no [motion] of its own (motion.depth_m, motion.speed_m_per_s, motion.pose_hz)")]
+    NoMotion(String),
+    /// The scene's own fine model gives no forces to compare with.
+    #[error("the own model of scene {0} on a fine cloud did not come through, so there is nothing to compare with")]
+    NoYardstick(String),
+    /// The scene's own fine model was lost on the way.
+    #[error("scene {scene}: its own model on a fine cloud ended {why}, so there is nothing to compare with")]
+    Lost {
+        /// The scene.
+        scene: String,
+        /// Where and why.
+        why: String,
+    },
+    /// The scene is wrong.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// It can't be discretised.
+    #[error("{0}")]
+    Build(#[from] BuildError),
+    /// A table of rows can't be read or written.
+    #[error("{}: {reason}", .path.display())]
+    Table {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+    /// No discretisation meets what is asked.
+    #[error("{0}")]
+    Untuned(String),
+}
+
+impl Case {
+    /// Runs the case on the present rayon pool, against a yardstick; one that is corrected needs `study::correction::row`.
+    /// `None` if it was stopped on the way.
+    ///
+    /// # Errors
+    /// [`StudyError`] if the scene doesn't take the case. A model that can't be built or diverges is a result, not an
+    /// error.
+    pub fn run(
+        &self,
+        scene: &Scene,
+        yardstick: &Yardstick,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Row>, StudyError> {
+        self.row_of(&yardstick.watched(&self.scene(scene)?), yardstick, stop)
+    }
+
+    /// The row of a scene that has the case's keys already.
+    ///
+    /// # Errors
+    /// As [`Case::run`].
+    pub(super) fn row_of(
+        &self,
+        scene: &Scene,
+        yardstick: &Yardstick,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<Row>, StudyError> {
+        let depths: Vec<f64> = yardstick.force.iter().map(|p| p.0).collect();
+        let driven = drive(scene, self, &depths, stop)?;
+        Ok((!driven.stopped).then(|| self.row(scene, yardstick, driven)))
+    }
+
+    /// The row of what came of a scene.
+    pub(super) fn row(&self, scene: &Scene, yardstick: &Yardstick, driven: Driven) -> Row {
+        let compared = yardstick.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
+        Row {
+            scene: scene.name.clone(),
+            case: self.clone(),
+            force_error: yardstick.force_errors(&driven.path, &driven.vectors),
+            displacement_error: yardstick.displacement_error(&driven.targets).filter(|_| compared),
+            way_error: yardstick.way_error(&driven.at_depths).filter(|_| compared),
+            nodes: driven.nodes,
+            integration_points: driven.integration_points,
+            simulated_s: driven.simulated_s,
+            poses: driven.poses,
+            steps: driven.steps,
+            cost_s: driven.cost_s,
+            min_jacobian: driven.min_jacobian,
+            recoveries: driven.recoveries,
+            ended: driven.ended,
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn coarse() -> (Scene, Yardstick, Case) {
+        let scene = Scene::preset("compression").unwrap();
+        let yardstick = Yardstick { displaced: Vec::new(), ..Yardstick::of(&scene, 0.001).unwrap() };
+        let case = Case { pose_hz: 100.0, ..Case::of(&scene).unwrap().spaced(&scene, 2.0) };
+        (scene, yardstick, case)
+    }
+
+    #[test]
+    fn at_rest_no_inertia_is_left() {
+        let (scene, yardstick, case) = coarse();
+        let error = |steps| {
+            let row = Case { steps, ..case.clone() }.run(&scene, &yardstick, &|| false).unwrap().unwrap();
+            assert_eq!((row.force_error.len(), row.displacement_error, row.ended), (4, None, None), "{steps}");
+            row.force_error.iter().map(|p| p.1).collect::<Vec<_>>()
+        };
+        let (rest, many, few) = (error(Steps::Rest), error(Steps::Fixed(100)), error(Steps::Fixed(1)));
+        let gap = |a: &[f64]| a.iter().zip(&rest).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(gap(&many) < 0.005, "many steps come near to rest: {many:?} {rest:?}");
+        assert!(gap(&few) > 0.05, "one step does not: {few:?} {rest:?}");
+    }
+
+    #[test]
+    fn a_case_that_is_stopped_has_no_row() {
+        let (scene, yardstick, case) = coarse();
+        let left = std::cell::Cell::new(20);
+        let stop = || left.replace(left.get() - 1) == 0;
+        assert_eq!(case.run(&scene, &yardstick, &stop).unwrap(), None);
+        assert_eq!(left.get(), -1, "asked before every pose");
+    }
+}

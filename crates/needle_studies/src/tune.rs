@@ -1,0 +1,399 @@
+//! The cheapest discretisation and the fewest steps per pose that keep a scene's force within a tolerance, found by running
+//! them on this machine.
+//!
+//! The search: coarse clouds first, with the scene's own pace, in space each with coarser surroundings as well, until one is
+//! within the tolerance; there and on the next coarser one other supports, more points and linear moving least squares; then,
+//! for the cheapest that are near enough, or for the nearest if none is, one, two, four steps per pose until the force is right
+//! and the run's stability table holds; last, the other precision. The half plane comes before space, where the scene's
+//! `discretisation.dimension` leaves the choice. What counts is measured, nothing is estimated.
+
+use super::accuracy::{Case, Row, Steps, StudyError};
+use super::yardstick::Yardstick;
+use needle_core::scene::{Dimension, Override, Scene};
+use needle_estimate::compare::{self, Answer, Collector, Keep, Watch};
+use needle_recording::{At, Reading};
+
+/// Factors on the scene's spacing in a half plane, coarse first.
+const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
+/// The same in space.
+const SPACINGS_IN_SPACE: [f64; 5] = [2.0, 1.6, 1.25, 1.0, 0.8];
+/// Steps per pose that are tried, few first.
+const STEPS: [u32; 8] = [1, 2, 3, 4, 6, 8, 16, 32];
+/// Most steps per pose at a scene's own pace: the key's default.
+pub(super) const MOST_STEPS: u32 = 2000;
+/// Discretisations whose steps per pose are tried.
+const FINALISTS: usize = 4;
+/// Share of the time between two poses that the mean pose may take: the rest is for what else the machine does.
+const HEADROOM: f64 = 0.7;
+/// Share of the tolerance that a measured error may take.
+const MARGIN: f64 = 0.95;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// Largest relative error of the force, from a fifth of the path on.
+    pub tolerance: f64,
+    /// Poses per second that have to be answered in time.
+    pub pose_hz: f64,
+}
+
+impl Goal {
+    fn near(&self, row: &Row) -> bool {
+        row.max_force_error().is_some_and(|error| error <= MARGIN * self.tolerance)
+    }
+
+    /// Whether the targets are as near on the way, where that is known.
+    fn holds_targets(&self, row: &Row) -> bool {
+        row.way_error.is_none_or(|error| error <= MARGIN * self.tolerance)
+    }
+
+    fn in_time(&self, row: &Row) -> bool {
+        row.cost_per_pose_s() <= HEADROOM / self.pose_hz
+    }
+
+    /// The scene with the poses that are asked for.
+    pub fn asked_of(&self, scene: &Scene) -> Result<Scene, StudyError> {
+        Ok(scene.with(&[Override::text("motion.pose_hz", &self.pose_hz.to_string(), "tune")])?)
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tuned {
+    /// The scene with the keys of the row.
+    pub scene: Scene,
+    /// The row that meets both.
+    pub row: Row,
+}
+
+impl Tuned {
+    fn of(scene: &Scene, row: Row) -> Result<Self, StudyError> {
+        let tuned = Scene { name: format!("{}_tuned", scene.name), ..row.case.scene(scene)? };
+        Ok(Self { scene: tuned, row })
+    }
+}
+
+/// Runs a scene with different discretisations until the cheapest within the goal is known; `seen` gets every row.
+///
+/// # Errors
+/// [`StudyError::Untuned`] if no way meets both, naming the nearest; otherwise as [`Case::run`].
+pub fn tune(
+    scene: &Scene,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let scene = goal.asked_of(scene)?;
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let own = Case::of(&scene)?;
+    let mut dimensions = vec![scene.dimension().dimension];
+    if scene.discretisation.dimension == Dimension::Auto && own.is_half_plane() {
+        dimensions.push(Dimension::Full);
+    }
+    for dimension in dimensions {
+        if search.dimension(&own.in_dimension(&scene, dimension))?.is_none() {
+            return Ok(None);
+        }
+        if let Some(row) = search.best()? {
+            return Ok(Some(Tuned::of(&scene, row)?));
+        }
+    }
+    Err(StudyError::Untuned(search.nearest()))
+}
+
+/// The scene on the coarsest cloud whose force is within a tolerance at the scene's own pace, with what that gave; `None` if it was stopped.
+///
+/// # Errors
+/// As [`tune`].
+pub fn coarsest(
+    scene: &Scene,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let scene = goal.asked_of(scene)?;
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let own = Case::of(&scene)?;
+    let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
+    let case = search.finalists(&own.dimension).into_iter().next().filter(|_| near.is_some());
+    let Some(row) = case.and_then(|case| search.rows.iter().find(|row| row.case == case).cloned()) else {
+        return Err(StudyError::Untuned(search.nearest()));
+    };
+    Ok(Some(Tuned::of(&scene, row)?))
+}
+
+/// The fewest steps per pose, or the scene's own pace, with which a scene that is [corrected](super::correction) is within the goal, of the `case` that
+/// its cloud is: the force on the way of `other`, the same with what the correction was not learnt from, and its targets if any pace holds them.
+/// `None` if it was stopped.
+///
+/// # Errors
+/// As [`tune`].
+pub fn paced(
+    [scene, other]: [&Scene; 2],
+    case: &Case,
+    yardstick: &Yardstick,
+    goal: Goal,
+    seen: &mut dyn FnMut(&Row),
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Tuned>, StudyError> {
+    let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    for steps in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)) {
+        let case = Case { steps, ..case.clone() };
+        let paced = with_pace(other, steps)?;
+        let Some(row) = case.row_of(&paced, yardstick, stop)? else { return Ok(None) };
+        (search.seen)(&row);
+        search.rows.push(row.clone());
+        // the scene's own pace may be dearer than a few steps
+        if steps != Steps::Auto && (!goal.in_time(&row) || (goal.near(&row) && goal.holds_targets(&row))) {
+            break;
+        }
+    }
+    let targets = search.meeting(|row| goal.holds_targets(row));
+    for row in targets.into_iter().chain(search.meeting(|row| !goal.holds_targets(row))) {
+        let paced = with_pace(scene, row.case.steps)?;
+        if search.holds(&paced, &row.case)? {
+            return Ok(Some(Tuned { scene: paced, row }));
+        }
+    }
+    Err(StudyError::Untuned(search.nearest()))
+}
+
+/// A scene with so many steps for every pose that moves, or with its own pace.
+pub(super) fn with_pace(scene: &Scene, steps: Steps) -> Result<Scene, StudyError> {
+    let (least, most) = match steps {
+        Steps::Fixed(steps) => (steps, steps),
+        Steps::Auto | Steps::Rest => (1, MOST_STEPS),
+    };
+    let keys = [("stepping.min_steps_per_pose", least), ("stepping.max_steps_per_pose", most)];
+    Ok(scene.with(&keys.map(|(path, steps)| Override::typed(path, steps, "tune")))?)
+}
+
+/// Ends a run where the search is ended.
+struct Stop<'a>(&'a dyn Fn() -> bool);
+
+impl Watch for Stop<'_> {
+    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
+
+    fn stop(&self) -> bool {
+        (self.0)()
+    }
+}
+
+struct Search<'a> {
+    scene: &'a Scene,
+    yardstick: &'a Yardstick,
+    goal: Goal,
+    rows: Vec<Row>,
+    /// Whether the stability table of a case's whole motion holds, of those that were asked.
+    stable: Vec<(Case, bool)>,
+    seen: &'a mut dyn FnMut(&Row),
+    stop: &'a dyn Fn() -> bool,
+}
+
+impl Search<'_> {
+    /// Runs a case that has not been run yet; `None` if it was stopped.
+    fn run(&mut self, case: &Case) -> Result<Option<Row>, StudyError> {
+        if let Some(known) = self.rows.iter().find(|row| row.case == *case) {
+            return Ok(Some(known.clone()));
+        }
+        let Some(row) = case.run(self.scene, self.yardstick, self.stop)? else { return Ok(None) };
+        (self.seen)(&row);
+        self.rows.push(row.clone());
+        Ok(Some(row))
+    }
+
+    /// Runs clouds at the scene's own pace, coarse ones first, until one is near enough: the factor on the scene's spacings of that one, and
+    /// of the next coarser; `None` if it was stopped.
+    fn first_near(&mut self, own: &Case) -> Result<Option<[Option<f64>; 2]>, StudyError> {
+        let factors: &[f64] = if own.is_half_plane() { &SPACINGS } else { &SPACINGS_IN_SPACE };
+        let mut coarser = None;
+        for &factor in factors {
+            let (mut near, mut fits) = (false, false);
+            for case in clouds(own.spaced(self.scene, factor)) {
+                let row = match self.run(&case) {
+                    // the scene's own spacing is near the coarsest that its sample takes
+                    Err(StudyError::Scene(_)) if factor > 1.0 => continue,
+                    row => row?,
+                };
+                let Some(row) = row else { return Ok(None) };
+                near |= self.goal.near(&row);
+                fits = true;
+            }
+            if near {
+                return Ok(Some([Some(factor), coarser]));
+            }
+            coarser = fits.then_some(factor);
+        }
+        Ok(Some([None, coarser]))
+    }
+
+    /// Everything in one dimension; `None` if it was stopped.
+    fn dimension(&mut self, own: &Case) -> Result<Option<()>, StudyError> {
+        let Some([near, coarser]) = self.first_near(own)? else { return Ok(None) };
+        if let Some(factor) = near {
+            let both = coarser.into_iter().chain([factor]);
+            for case in both.flat_map(|factor| variants(&own.spaced(self.scene, factor))) {
+                if self.run(&case)?.is_none() {
+                    return Ok(None);
+                }
+            }
+        }
+        for case in self.finalists(&own.dimension) {
+            if self.fewest_steps(&case)?.is_none() {
+                return Ok(None);
+            }
+        }
+        if let Some(best) = self.best()?.map(|row| row.case) {
+            let other = if best.precision == "f32" { "f64" } else { "f32" };
+            if self.run(&Case { precision: other.to_owned(), ..best })?.is_none() {
+                return Ok(None);
+            }
+        }
+        Ok(Some(()))
+    }
+
+    /// The cheapest per step of those that are near enough at the scene's own pace; the nearest if none is, since more steps may do.
+    fn finalists(&self, dimension: &str) -> Vec<Case> {
+        let own = || self.rows.iter().filter(|row| row.case.dimension == dimension);
+        let mut best: Vec<&Row> = own().filter(|row| self.goal.near(row)).collect();
+        if best.is_empty() {
+            best = own().filter(|row| row.max_force_error().is_some()).collect();
+            best.sort_by(|a, b| error(a).total_cmp(&error(b)));
+        } else {
+            let per_step = |row: &Row| row.cost_s / row.steps.max(1) as f64;
+            best.sort_by(|a, b| per_step(a).total_cmp(&per_step(b)));
+        }
+        best.into_iter().take(FINALISTS).map(|row| row.case.clone()).collect()
+    }
+
+    /// Tries few steps per pose first, until force and stability are right or the pose too late.
+    fn fewest_steps(&mut self, case: &Case) -> Result<Option<()>, StudyError> {
+        for steps in STEPS {
+            let Some(row) = self.run(&Case { steps: Steps::Fixed(steps), ..case.clone() })? else { return Ok(None) };
+            if !self.goal.in_time(&row) || (self.goal.near(&row) && self.is_stable(&row.case)?) {
+                break;
+            }
+        }
+        Ok(Some(()))
+    }
+
+    /// The cheapest row that meets both and whose stability table holds.
+    fn best(&mut self) -> Result<Option<Row>, StudyError> {
+        for row in self.meeting(|row| matches!(row.case.steps, Steps::Fixed(_))) {
+            if self.is_stable(&row.case)? {
+                return Ok(Some(row));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Those rows that meet both, cheap ones first.
+    fn meeting(&self, counts: impl Fn(&Row) -> bool) -> Vec<Row> {
+        let meets = |row: &&Row| counts(row) && self.goal.near(row) && self.goal.in_time(row);
+        let mut meeting: Vec<Row> = self.rows.iter().filter(meets).cloned().collect();
+        meeting.sort_by(|a, b| a.cost_per_pose_s().total_cmp(&b.cost_per_pose_s()));
+        meeting
+    }
+
+    /// Whether the stability table holds over the whole motion, way out included, as `solve` goes it.
+    fn is_stable(&mut self, case: &Case) -> Result<bool, StudyError> {
+        let scene = case.scene(self.scene)?;
+        self.holds(&scene, case)
+    }
+
+    /// The same of a scene that has the case's keys already.
+    fn holds(&mut self, scene: &Scene, case: &Case) -> Result<bool, StudyError> {
+        if let Some((_, known)) = self.stable.iter().find(|(of, _)| of == case) {
+            return Ok(*known);
+        }
+        let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
+        let (mut twin, build_s) = compare::build(scene)?;
+        let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
+        let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
+        let run = compare::drive(&mut twin, readings, None, collector, &mut Stop(self.stop));
+        let holds = run.diverged.is_none() && run.unstable().is_empty();
+        self.stable.push((case.clone(), holds));
+        Ok(holds)
+    }
+
+    /// What to say where nothing meets both.
+    fn nearest(&self) -> String {
+        let told = |row: &Row| {
+            format!(
+                "{} (error {:.2} %, {:.3} ms per pose)",
+                row.case.name(),
+                100.0 * row.max_force_error().unwrap_or(f64::NAN),
+                1e3 * row.cost_per_pose_s()
+            )
+        };
+        let by = |key: &dyn Fn(&Row) -> f64, rows: Vec<&Row>| {
+            rows.into_iter().min_by(|a, b| key(a).total_cmp(&key(b))).map_or_else(|| "none".to_owned(), told)
+        };
+        let whole = || self.rows.iter().filter(|row| row.max_force_error().is_some());
+        format!(
+            "nothing that was run has both an error of {:.3} % and {:.3} ms per pose ({:.0} % of the time between two){}. \
+             Nearest to the reference: {}. Nearest in time: {}. Ask for a wider --tolerance or a lower --pose-hz",
+            100.0 * self.goal.tolerance,
+            1e3 * HEADROOM / self.goal.pose_hz,
+            100.0 * HEADROOM,
+            if self.stable.iter().any(|(_, holds)| !holds) { " and a stability table that holds" } else { "" },
+            by(&error, whole().collect()),
+            by(&error, whole().filter(|row| self.goal.in_time(row)).collect()),
+        )
+    }
+}
+
+fn error(row: &Row) -> f64 {
+    row.max_force_error().unwrap_or(f64::INFINITY)
+}
+
+/// Clouds of one spacing: in space those with coarse surroundings, without support nodes that few points share and with them, beside the scene's own.
+fn clouds(case: Case) -> Vec<Case> {
+    if case.is_half_plane() || case.method == "tet4" {
+        return vec![case];
+    }
+    let around = case.with_coarse_surroundings();
+    let all_nodes = Case { points_per_support_node: case.points_per_support_node, ..around.clone() };
+    vec![around, all_nodes, case]
+}
+
+/// Other ways to discretise on the same cloud.
+fn variants(case: &Case) -> Vec<Case> {
+    let mut cases = vec![case.clone(), Case { points_per_cell: 4, ..case.clone() }];
+    if case.method != "tet4" {
+        if !case.is_half_plane() {
+            cases.push(Case { cells_per_point: 3 - case.cells_per_point, ..case.clone() });
+        }
+        cases.extend([1.4, 1.6, 2.2].map(|support_factor| Case { support_factor, ..case.clone() }));
+    }
+    if case.method == "mmls" {
+        cases.push(Case { method: "mls".to_owned(), ..case.clone() });
+    }
+    cases
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn in_space_a_cloud_with_coarse_surroundings_is_tried_first() {
+        let mut scene = Scene::preset("needle_insertion").unwrap();
+        let half_plane = Case::of(&scene).unwrap();
+        assert_eq!(clouds(half_plane.clone()), [half_plane]);
+        scene.set("instrument.tilt_rad", "0.3").unwrap();
+        let own = Case::of(&scene).unwrap();
+        let both = clouds(own.clone());
+        assert!(both.len() == 3 && both[2] == own);
+        let tried = both[0].scene(&scene).unwrap().discretisation;
+        let grading = tried.grading.unwrap();
+        assert_eq!((grading.growth, grading.path_rings, tried.support_factor), (0.45, 2, 1.5));
+        assert_eq!([0, 1, 2].map(|k: usize| both[k].points_per_support_node), [2, 1, 1]);
+        assert_eq!(grading.spacing, scene.discretisation.grading.unwrap().spacing);
+        let elements = Case { method: "tet4".to_owned(), ..own };
+        assert_eq!(clouds(elements.clone()), [elements], "which have no supports");
+    }
+}

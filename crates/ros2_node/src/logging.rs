@@ -1,0 +1,357 @@
+//! The node's log: console lines in ROS 2's format, and `/rosout`.
+//!
+//! Library code logs with `tracing`; the layer here formats, filters by `--log-level`, and hands own messages to the
+//! thread that publishes `/rosout` over a bounded channel, so that no log line can hold up a step.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{IsTerminal, Write as _};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError, RwLock};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use crossbeam_channel::{Receiver, Sender};
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Metadata, Subscriber};
+use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
+
+use super::arguments::LogArguments;
+
+pub use ros2_guarded::Throttle;
+
+/// Severity as ROS 2 numbers it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// 10.
+    Debug = 10,
+    /// 20.
+    Info = 20,
+    /// 30.
+    Warn = 30,
+    /// 40.
+    Error = 40,
+    /// 50.
+    Fatal = 50,
+}
+
+impl Severity {
+    /// Reads `debug`, `INFO`, ...
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        Some(match text.to_ascii_lowercase().as_str() {
+            "debug" => Self::Debug,
+            "info" => Self::Info,
+            "warn" => Self::Warn,
+            "error" => Self::Error,
+            "fatal" => Self::Fatal,
+            _ => return None,
+        })
+    }
+
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Debug => "DEBUG",
+            Self::Info => "INFO",
+            Self::Warn => "WARN",
+            Self::Error => "ERROR",
+            Self::Fatal => "FATAL",
+        }
+    }
+
+    fn of(level: Level) -> Self {
+        match level {
+            Level::ERROR => Self::Error,
+            Level::WARN => Self::Warn,
+            Level::INFO => Self::Info,
+            _ => Self::Debug,
+        }
+    }
+}
+
+/// One line for `/rosout`.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Wall time, ns since 1970.
+    pub wall_nanos: i64,
+    /// Severity.
+    pub severity: Severity,
+    /// The text.
+    pub message: String,
+    /// Source file.
+    pub file: &'static str,
+    /// Source line.
+    pub line: u32,
+}
+
+/// Lines that `/rosout` lost because the publishing thread was behind.
+pub static ROSOUT_DROPPED: AtomicU64 = AtomicU64::new(0);
+
+struct RosLayer {
+    name: String,
+    level: Severity,
+    loggers: Vec<(String, Severity)>,
+    console: Option<Console>,
+    file: Option<Mutex<File>>,
+    rosout: Option<Sender<Record>>,
+}
+
+/// Levels that were set while the node runs; they prevail over those of the command line.
+static LEVELS: RwLock<Vec<(String, Severity)>> = RwLock::new(Vec::new());
+
+/// Sets the level of a logger.
+pub fn set_level(logger: &str, level: Severity) {
+    let mut levels = LEVELS.write().unwrap_or_else(PoisonError::into_inner);
+    levels.retain(|(name, _)| name != logger);
+    levels.push((logger.to_owned(), level));
+    drop(levels);
+    tracing::callsite::rebuild_interest_cache();
+}
+
+/// The level that was set for a logger.
+#[must_use]
+pub fn level(logger: &str) -> Option<Severity> {
+    let levels = LEVELS.read().unwrap_or_else(PoisonError::into_inner);
+    levels.iter().find(|(name, _)| name == logger).map(|(_, level)| *level)
+}
+
+/// `NAME_PROCESS_MILLISECONDS.log`, as the programs of ROS 2 name theirs.
+fn open(folder: &Path, name: &str) -> std::io::Result<File> {
+    std::fs::create_dir_all(folder)?;
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis();
+    File::create(folder.join(format!("{name}_{}_{since}.log", std::process::id())))
+}
+
+struct Console {
+    format: String,
+    colour: bool,
+    stdout: bool,
+}
+
+/// Installs the process's log for a node and returns the lines meant for `/rosout`. Only the first call of a process
+/// has an effect on the console. With a folder every line goes into a file there too.
+#[must_use]
+pub fn install(node: &str, arguments: &LogArguments, folder: Option<&Path>) -> Receiver<Record> {
+    static INSTALLED: OnceLock<()> = OnceLock::new();
+    let (sender, receiver) = crossbeam_channel::bounded(256);
+    if INSTALLED.set(()).is_ok() {
+        let name = logger_name(node);
+        let file =
+            folder.map(|folder| open(folder, &name).map_err(|e| format!("{}: {e}", folder.display()))).transpose();
+        let unwritten = file.as_ref().err().cloned();
+        let layer = RosLayer {
+            name,
+            file: file.ok().flatten().map(Mutex::new),
+            level: arguments.level.unwrap_or(Severity::Info),
+            loggers: arguments.loggers.clone(),
+            console: arguments.stdout.unwrap_or(true).then(Console::from_environment),
+            rosout: arguments.rosout.unwrap_or(true).then_some(sender),
+        };
+        // Fails only if somebody else installed a subscriber first: then his stands.
+        let _ = tracing_subscriber::registry().with(layer).try_init();
+        if let Some(reason) = unwritten {
+            tracing::warn!("no log file can be written in ROS_LOG_DIR, {reason}");
+        }
+    }
+    receiver
+}
+
+/// `/or1/twin` as loggers are called: `or1.twin`.
+#[must_use]
+pub fn logger_name(node: &str) -> String {
+    node.trim_start_matches('/').replace('/', ".")
+}
+
+impl Console {
+    fn from_environment() -> Self {
+        let variable = |name| std::env::var(name).ok().filter(|v: &String| !v.is_empty());
+        let stdout = variable("RCUTILS_LOGGING_USE_STDOUT").is_some_and(|v| v == "1");
+        let terminal = if stdout { std::io::stdout().is_terminal() } else { std::io::stderr().is_terminal() };
+        Self {
+            format: variable("RCUTILS_CONSOLE_OUTPUT_FORMAT")
+                .unwrap_or_else(|| "[{severity}] [{time}] [{name}]: {message}".to_owned()),
+            colour: match variable("RCUTILS_COLORIZED_OUTPUT").as_deref() {
+                Some("1") => true,
+                Some("0") => false,
+                _ => terminal,
+            },
+            stdout,
+        }
+    }
+
+    fn print(&self, name: &str, record: &Record) {
+        let line = self.line(name, record);
+        // A closed pipe must not end a node.
+        if self.stdout {
+            let _ = writeln!(std::io::stdout().lock(), "{line}");
+        } else {
+            let _ = writeln!(std::io::stderr().lock(), "{line}");
+        }
+    }
+
+    fn line(&self, name: &str, record: &Record) -> String {
+        let base = record.file.rsplit('/').next().unwrap_or_default();
+        let text = self
+            .format
+            .replace("\\n", "\n")
+            .replace("\\t", "\t")
+            .replace("{severity}", record.severity.word())
+            .replace(
+                "{time}",
+                &format!("{}.{:09}", record.wall_nanos / 1_000_000_000, record.wall_nanos % 1_000_000_000),
+            )
+            .replace("{time_as_nanoseconds}", &record.wall_nanos.to_string())
+            .replace("{date_time_with_ms}", &local_time(record.wall_nanos))
+            .replace("{name}", name)
+            .replace("{short_file_name}", base)
+            .replace("{file_name}", record.file)
+            .replace("{line_number}", &record.line.to_string())
+            .replace("{function_name}", "")
+            .replace("{message}", &record.message);
+        let colour = match record.severity {
+            Severity::Debug => "\x1b[32m",
+            Severity::Info => "\x1b[0m",
+            Severity::Warn => "\x1b[33m",
+            Severity::Error | Severity::Fatal => "\x1b[31m",
+        };
+        if self.colour { format!("{colour}{text}\x1b[0m") } else { text }
+    }
+}
+
+/// `2026-01-31 13:05:09.042` on this machine's clock.
+fn local_time(wall_nanos: i64) -> String {
+    chrono::DateTime::from_timestamp_nanos(wall_nanos)
+        .with_timezone(&chrono::Local)
+        .format("%Y-%m-%d %H:%M:%S%.3f")
+        .to_string()
+}
+
+/// Whether a line is the node's own and not of a library that it is built on.
+fn is_own(target: &str) -> bool {
+    const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
+    OWN.contains(&target.split("::").next().unwrap_or_default())
+}
+
+impl RosLayer {
+    /// Lowest severity that a target may speak with.
+    fn threshold(&self, target: &str) -> Severity {
+        // A logger's level holds for what is below it: `or1` for `or1.twin`.
+        let set = LEVELS.read().unwrap_or_else(PoisonError::into_inner);
+        let own = |l: &str| self.name.strip_prefix(l).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+        let is_own = is_own(target);
+        let fits = |l: &str| target.starts_with(l) || (is_own && own(l));
+        if let Some((_, level)) = set.iter().rev().chain(self.loggers.iter().rev()).find(|(l, _)| fits(l)) {
+            return *level;
+        }
+        if is_own {
+            return self.level;
+        }
+        // RustDDS speaks of itself at length: a loopback without multicast alone gives 30 errors per second
+        // ("No locators for RtpsReaderProxy"), every malformed packet gives one, and leaving gives two, on a busy machine
+        // one more per endpoint ("Cannot remove Reader"). None is anything that a user can act on; what can't be made is
+        // returned as an error, and a flood of malformed packets is said in one line.
+        const NOISE: [&str; 4] = ["rustdds::rtps", "rustdds::network", "rustdds::discovery", "rustdds::dds::pubsub"];
+        if NOISE.iter().any(|n| target.starts_with(n)) { Severity::Fatal } else { Severity::Error }
+    }
+}
+
+#[derive(Default)]
+struct Text(String);
+
+impl Visit for Text {
+    fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+        // Events of the `log` crate carry their place as fields.
+        if field.name() == "message" {
+            let _ = write!(self.0, "{value:?}");
+        } else if !field.name().starts_with("log.") {
+            let _ = write!(self.0, " {}={value:?}", field.name());
+        }
+    }
+}
+
+impl<S: Subscriber> Layer<S> for RosLayer {
+    fn enabled(&self, metadata: &Metadata<'_>, _: Context<'_, S>) -> bool {
+        Severity::of(*metadata.level()) >= self.threshold(metadata.target())
+    }
+
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let metadata = event.metadata();
+        let mut text = Text::default();
+        event.record(&mut text);
+        let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let record = Record {
+            wall_nanos: i64::try_from(wall.as_nanos()).unwrap_or(i64::MAX),
+            severity: Severity::of(*metadata.level()),
+            message: printable::line(&text.0).into_owned(),
+            file: metadata.file().unwrap_or(""),
+            line: metadata.line().unwrap_or(0),
+        };
+        if let Some(console) = &self.console {
+            console.print(&self.name, &record);
+        }
+        if let Some(file) = &self.file {
+            let Record { severity, wall_nanos: t, message, .. } = &record;
+            let (word, s, ns) = (severity.word(), t / 1_000_000_000, t % 1_000_000_000);
+            let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+            // A full disk must not end a node.
+            let _ = writeln!(file, "[{word}] [{s}.{ns:09}] [{}]: {message}", self.name);
+        }
+        // Only own lines: publishing makes the middleware log, which would publish again.
+        if is_own(metadata.target()) && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err()) {
+            ROSOUT_DROPPED.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn format_of_ros_2() {
+        let console =
+            Console { format: "[{severity}] [{time}] [{name}]: {message}".to_owned(), colour: false, stdout: false };
+        let record = Record {
+            wall_nanos: 1_700_000_000_000_000_007,
+            severity: Severity::Warn,
+            message: "x".into(),
+            file: "f",
+            line: 1,
+        };
+        assert_eq!(console.line("or1.twin", &record), "[WARN] [1700000000.000000007] [or1.twin]: x");
+        let format = "{short_file_name}:{line_number} {time_as_nanoseconds} {message}\\n{unknown}".to_owned();
+        let console = Console { format, colour: true, stdout: false };
+        let record = Record { file: "a/b.rs", message: "{name}".into(), ..record };
+        let expected = "\x1b[33mb.rs:1 1700000000000000007 {name}\n{unknown}\x1b[0m";
+        assert_eq!(console.line("twin", &record), expected);
+        let time = local_time(record.wall_nanos);
+        assert!(time.len() == 23 && time.ends_with(":20.000"), "{time}");
+    }
+
+    #[test]
+    fn levels_per_logger() {
+        let layer = |loggers: &[(&str, Severity)]| RosLayer {
+            name: "or1.twin".to_owned(),
+            level: Severity::Info,
+            loggers: loggers.iter().map(|(l, s)| ((*l).to_owned(), *s)).collect(),
+            console: None,
+            file: None,
+            rosout: None,
+        };
+        let own = concat!(env!("CARGO_CRATE_NAME"), "::ros::twin_node");
+        assert_eq!(layer(&[]).threshold(own), Severity::Info);
+        assert_eq!(layer(&[("or1", Severity::Debug)]).threshold(own), Severity::Debug);
+        assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Warn);
+        assert_eq!(layer(&[("or1.twi", Severity::Warn)]).threshold(own), Severity::Info);
+        assert_eq!(layer(&[("or1", Severity::Debug)]).threshold("rustdds::dds::participant"), Severity::Error);
+        assert_eq!(layer(&[("rustdds", Severity::Debug)]).threshold("rustdds::rtps"), Severity::Debug);
+        assert_eq!(layer(&[]).threshold("rustdds::rtps"), Severity::Fatal);
+        // set while the node runs: the last word
+        set_level("or1.twin", Severity::Error);
+        assert_eq!((level("or1.twin"), level("or1")), (Some(Severity::Error), None));
+        assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Error);
+        set_level("or1.twin", Severity::Info);
+        assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Info);
+    }
+}

@@ -1,0 +1,377 @@
+//! Parameters of a node: declared with type, range, description and read-only flag, set at start from the command
+//! line and parameter files, and while running through the parameter services.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
+
+use ros2_client::ParameterValue;
+use ros2_client::parameters::{NumericRange, ParameterDescriptor, ParameterType};
+
+use super::arguments::ParameterOverride;
+use super::names;
+use super::parameter::{Parameter, Typed};
+
+/// Why the parameters given at start can't be used. Always fatal: a misspelt parameter is a wrong experiment.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{origin}: parameter `{name}`: {reason}")]
+pub struct ParameterError {
+    /// Where it was said.
+    pub origin: String,
+    /// Its name.
+    pub name: String,
+    /// What is wrong and what would be right.
+    pub reason: String,
+}
+
+/// Allowed values of a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Anything of the type.
+    Any,
+    /// Inclusive.
+    Integer(i64, i64),
+    /// Inclusive.
+    Double(f64, f64),
+}
+
+/// Extra check of a value; the error says what would be right.
+pub type Check = fn(&ParameterValue) -> Result<(), String>;
+
+/// A declared parameter.
+#[derive(Clone, Debug)]
+pub struct Declaration {
+    /// Dotted name.
+    pub name: String,
+    /// Default; fixes the type.
+    pub default: ParameterValue,
+    /// One sentence with the unit.
+    pub description: String,
+    /// Allowed values.
+    pub range: Range,
+    /// Constraints that a range can't say.
+    pub constraints: String,
+    /// Fixed once the node runs.
+    pub read_only: bool,
+    /// Extra check.
+    pub check: Option<Check>,
+}
+
+impl Declaration {
+    /// A parameter that may change while the node runs.
+    #[must_use]
+    pub fn new(name: &str, default: ParameterValue, range: Range, description: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            default,
+            description: description.to_owned(),
+            range,
+            constraints: String::new(),
+            read_only: false,
+            check: None,
+        }
+    }
+
+    /// The same, fixed once the node runs.
+    #[must_use]
+    pub fn fixed(mut self) -> Self {
+        self.read_only = true;
+        self
+    }
+
+    /// With an extra check, described in words.
+    #[must_use]
+    pub fn checked(mut self, constraints: &str, check: Check) -> Self {
+        constraints.clone_into(&mut self.constraints);
+        self.check = Some(check);
+        self
+    }
+
+    /// The value as this parameter stores it (an integer is taken for a double), or what would be right.
+    ///
+    /// # Errors
+    /// The reason in words.
+    pub fn accept(&self, value: &ParameterValue) -> Result<ParameterValue, String> {
+        use ParameterValue as P;
+        #[allow(clippy::cast_precision_loss)] // parameters are small numbers
+        let value = match (&self.default, value) {
+            (P::Double(_), P::Integer(v)) => P::Double(*v as f64),
+            (P::DoubleArray(_), P::IntegerArray(v)) => P::DoubleArray(v.iter().map(|v| *v as f64).collect()),
+            (P::StringArray(_), P::StringArray(v)) => P::StringArray(v.clone()),
+            (default, P::StringArray(v)) if v.is_empty() && is_array(default) => default_empty(default),
+            // `-p bag:=2024` is meant as a name.
+            (P::String(_), P::Integer(v)) => P::String(v.to_string()),
+            (default, value) if default.to_parameter_type() == value.to_parameter_type() => value.clone(),
+            (default, value) => {
+                return Err(format!("is a {}, got {} ({})", word(default), word(value), show(value)));
+            }
+        };
+        match (self.range, &value) {
+            (Range::Integer(from, to), P::Integer(v)) if !(from..=to).contains(v) => {
+                return Err(format!("{v} is not in [{from}, {to}]"));
+            }
+            (Range::Double(from, to), P::Double(v)) if !(from..=to).contains(v) => {
+                return Err(format!("{v} is not in [{from}, {to}]"));
+            }
+            (_, P::Double(v)) if !v.is_finite() => return Err(format!("{v} is not a finite number")),
+            _ => {}
+        }
+        self.check.map_or(Ok(()), |check| check(&value))?;
+        Ok(value)
+    }
+
+    fn descriptor(&self) -> ParameterDescriptor {
+        ParameterDescriptor {
+            name: self.name.clone(),
+            param_type: self.default.to_parameter_type(),
+            description: self.description.clone(),
+            additional_constraints: self.constraints.clone(),
+            read_only: self.read_only,
+            dynamic_typing: false,
+            range: match self.range {
+                Range::Any => NumericRange::NotSpecified,
+                Range::Integer(from_value, to_value) => NumericRange::IntegerRange { from_value, to_value, step: 0 },
+                Range::Double(from_value, to_value) => {
+                    NumericRange::FloatingPointRange { from_value, to_value, step: 0.0 }
+                }
+            },
+        }
+    }
+}
+
+fn is_array(value: &ParameterValue) -> bool {
+    use ParameterValue as P;
+    matches!(value, P::ByteArray(_) | P::BooleanArray(_) | P::IntegerArray(_) | P::DoubleArray(_) | P::StringArray(_))
+}
+
+fn default_empty(value: &ParameterValue) -> ParameterValue {
+    use ParameterValue as P;
+    match value {
+        P::ByteArray(_) => P::ByteArray(Vec::new()),
+        P::BooleanArray(_) => P::BooleanArray(Vec::new()),
+        P::IntegerArray(_) => P::IntegerArray(Vec::new()),
+        P::DoubleArray(_) => P::DoubleArray(Vec::new()),
+        _ => P::StringArray(Vec::new()),
+    }
+}
+
+/// The type in words.
+#[must_use]
+pub fn word(value: &ParameterValue) -> &'static str {
+    match value.to_parameter_type() {
+        ParameterType::NotSet => "nothing",
+        ParameterType::Bool => "boolean",
+        ParameterType::Integer => "integer",
+        ParameterType::Double => "double",
+        ParameterType::String => "string",
+        ParameterType::ByteArray => "list of bytes",
+        ParameterType::BoolArray => "list of booleans",
+        ParameterType::IntegerArray => "list of integers",
+        ParameterType::DoubleArray => "list of doubles",
+        ParameterType::StringArray => "list of strings",
+    }
+}
+
+/// The value as a person would write it.
+#[must_use]
+pub fn show(value: &ParameterValue) -> String {
+    use ParameterValue as P;
+    match value {
+        P::NotSet => "not set".to_owned(),
+        P::Boolean(v) => v.to_string(),
+        P::Integer(v) => v.to_string(),
+        P::Double(v) => v.to_string(),
+        P::String(v) => v.clone(),
+        P::ByteArray(v) => format!("{v:?}"),
+        P::BooleanArray(v) => format!("{v:?}"),
+        P::IntegerArray(v) => format!("{v:?}"),
+        P::DoubleArray(v) => format!("{v:?}"),
+        P::StringArray(v) => format!("{v:?}"),
+    }
+}
+
+/// The values of a node's parameters, shared by its threads.
+#[derive(Debug)]
+pub struct Parameters {
+    declarations: RwLock<BTreeMap<String, Declaration>>,
+    values: Mutex<BTreeMap<String, ParameterValue>>,
+}
+
+impl Parameters {
+    /// Declares parameters and gives them the values that the command line has for this node; what is left over comes
+    /// back as warnings (a parameter file with wildcards may be meant for several nodes).
+    ///
+    /// # Errors
+    /// [`ParameterError`] for an unknown name, a wrong type or a value out of range.
+    pub fn declare(
+        declarations: Vec<Declaration>,
+        overrides: &[ParameterOverride],
+        node: &str,
+    ) -> Result<(Self, Vec<String>), ParameterError> {
+        let declarations: BTreeMap<_, _> = declarations.into_iter().map(|d| (d.name.clone(), d)).collect();
+        let mut values: BTreeMap<_, _> =
+            declarations.iter().map(|(name, d)| (name.clone(), d.default.clone())).collect();
+        let mut warnings = Vec::new();
+        for given in overrides.iter().filter(|o| names::pattern_matches(&o.node_pattern, node)) {
+            let fail = |reason| ParameterError { origin: given.origin.clone(), name: given.name.clone(), reason };
+            if let Some(declaration) = declarations.get(&given.name) {
+                values.insert(given.name.clone(), declaration.accept(&given.value).map_err(fail)?);
+            } else if super::qos::parse_override_name(&given.name).is_some() {
+                // Taken by the endpoint that it names; the participant says which ones nobody took.
+            } else if given.origin.starts_with("-p ") || !given.node_pattern.contains('*') {
+                return Err(fail(unknown(&given.name, declarations.keys())));
+            } else {
+                warnings.push(format!(
+                    "{}: `{}`: {}",
+                    given.origin,
+                    given.name,
+                    unknown(&given.name, declarations.keys())
+                ));
+            }
+        }
+        Ok((Self { declarations: RwLock::new(declarations), values: Mutex::new(values) }, warnings))
+    }
+
+    /// Declares what is known only once the endpoints are made; the values are the defaults.
+    pub(super) fn declare_more(&self, more: Vec<Declaration>) {
+        self.lock().extend(more.iter().map(|d| (d.name.clone(), d.default.clone())));
+        let mut declarations = self.declarations.write().unwrap_or_else(PoisonError::into_inner);
+        declarations.extend(more.into_iter().map(|d| (d.name.clone(), d)));
+    }
+
+    fn declared(&self) -> RwLockReadGuard<'_, BTreeMap<String, Declaration>> {
+        self.declarations.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, ParameterValue>> {
+        // A map of values has no state that a panic elsewhere could leave half done.
+        self.values.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The value of a parameter; its default for a node that does not declare it.
+    #[must_use]
+    pub fn get<T: Typed>(&self, parameter: Parameter<T>) -> T {
+        self.lock().get(parameter.name()).and_then(T::of).unwrap_or_else(|| parameter.default())
+    }
+
+    /// The value of a parameter by the name that a peer gives.
+    #[must_use]
+    pub fn by_name(&self, name: &str) -> Option<ParameterValue> {
+        self.lock().get(name).cloned()
+    }
+
+    /// All names, sorted.
+    #[must_use]
+    pub fn names(&self) -> Vec<String> {
+        self.declared().keys().cloned().collect()
+    }
+
+    /// The descriptor of a parameter.
+    #[must_use]
+    pub fn describe(&self, name: &str) -> Option<ParameterDescriptor> {
+        self.declared().get(name).map(Declaration::descriptor)
+    }
+
+    /// Sets several parameters of a running node, all or none; returns what they are now.
+    ///
+    /// # Errors
+    /// The name of the culprit and the reason.
+    pub fn set(&self, changes: &[(String, ParameterValue)]) -> Result<Vec<(String, ParameterValue)>, (String, String)> {
+        let declared = self.declared();
+        let accepted: Vec<_> = changes
+            .iter()
+            .map(|(name, value)| {
+                let fail = |reason| (name.clone(), reason);
+                let declaration = declared.get(name).ok_or_else(|| fail(unknown(name, declared.keys())))?;
+                if declaration.read_only {
+                    return Err(fail("is fixed while the node runs; set it at start (-p or --params-file)".to_owned()));
+                }
+                Ok((name.clone(), declaration.accept(value).map_err(fail)?))
+            })
+            .collect::<Result<_, _>>()?;
+        self.lock().extend(accepted.iter().cloned());
+        Ok(accepted)
+    }
+}
+
+/// Longest name that is compared with those that are known, and said again in a message, in characters.
+const LONGEST_NAME: usize = 200;
+
+/// A name as a message says it: a caller's may be as long as it likes.
+pub(super) fn shown(name: &str) -> String {
+    match name.char_indices().nth(LONGEST_NAME) {
+        None => name.to_owned(),
+        Some((end, _)) => format!("{}...", &name[..end]),
+    }
+}
+
+fn unknown<'a>(name: &str, known: impl Iterator<Item = &'a String>) -> String {
+    if name.chars().nth(LONGEST_NAME).is_some() {
+        return format!("is not declared; no name has more than {LONGEST_NAME} characters");
+    }
+    let nearest = known.min_by_key(|k| strsim::damerau_levenshtein(k, name));
+    nearest.map_or_else(|| "is not declared".to_owned(), |n| format!("is not declared; the nearest name is `{n}`"))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::arguments;
+
+    const RATE_HZ: Parameter<f64> = Parameter::real("rate_hz", 10.0, [0.0, 1000.0], "Rate, Hz.");
+    const THREADS: Parameter<i64> = Parameter::integer("threads", 0, [0, 64], "Threads.").fixed();
+    const SCENE: Parameter<String> = Parameter::new("scene", "a", "Scene.").fixed();
+    const ENTRY_M: Parameter<[f64; 3]> = Parameter::new("entry_m", [0.0, 0.0, 1.0], "Entry, m.");
+
+    fn declared() -> Vec<Declaration> {
+        vec![RATE_HZ.declaration(), THREADS.declaration(), SCENE.declaration(), ENTRY_M.declaration()]
+    }
+
+    fn declare(line: &str) -> Result<(Parameters, Vec<String>), ParameterError> {
+        let (_, ros) = arguments::split(line.split_whitespace().map(Into::into)).unwrap();
+        Parameters::declare(declared(), &ros.parameters, "/or1/twin")
+    }
+
+    #[test]
+    fn integers_are_taken_for_doubles_and_later_wins() {
+        let (p, _) = declare("--ros-args -p rate_hz:=5 -p rate_hz:=6 -p other:rate_hz:=7 -p twin:threads:=2").unwrap();
+        assert_eq!(p.get(RATE_HZ), 6.0);
+        assert_eq!(p.get(THREADS), 2);
+        assert_eq!((p.get(SCENE), p.get(ENTRY_M)), ("a".to_owned(), [0.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn wrong_names_types_and_ranges_are_fatal_at_start() {
+        for (line, word) in [
+            ("--ros-args -p rate_h:=1.0", "rate_hz"),
+            ("--ros-args -p rate_hz:=fast", "double"),
+            ("--ros-args -p rate_hz:=-1", "[0, 1000]"),
+            ("--ros-args -p rate_hz:=.nan", "NaN"),
+            ("--ros-args -p threads:=2.5", "integer"),
+            ("--ros-args -p threads:=65", "[0, 64]"),
+            ("--ros-args -p entry_m:=[1.0,2.0]", "three"),
+        ] {
+            let message = declare(line).unwrap_err().to_string();
+            assert!(message.contains(word), "{line}: {message}");
+        }
+    }
+
+    /// Comparing a megabyte with every known name would take minutes and hundreds of megabytes.
+    #[test]
+    fn a_name_of_any_length_is_refused_in_a_line() {
+        let (p, _) = declare("").unwrap();
+        let (name, reason) = p.set(&[("x".repeat(4 << 20), ParameterValue::NotSet)]).unwrap_err();
+        assert!(shown(&name).len() < 300 && reason.len() < 300, "{reason}");
+    }
+
+    #[test]
+    fn set_while_running_is_all_or_none() {
+        let (p, _) = declare("").unwrap();
+        let double = |v| ParameterValue::Double(v);
+        assert!(p.set(&[("rate_hz".into(), double(20.0)), ("threads".into(), ParameterValue::Integer(1))]).is_err());
+        assert_eq!(p.get(RATE_HZ), 10.0);
+        p.set(&[("rate_hz".into(), ParameterValue::Integer(30))]).unwrap();
+        assert_eq!(p.get(RATE_HZ), 30.0);
+        assert!(p.describe("threads").unwrap().read_only);
+    }
+}
