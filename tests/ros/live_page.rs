@@ -322,7 +322,7 @@ fn greedy(address: &str, stop: &std::sync::Arc<std::sync::atomic::AtomicBool>) -
     })
 }
 
-/// A study, not a test: what viewers cost, see docs/lab/live_page.md. Nothing and five viewers in turn, the needle bag each time.
+/// A study, not a test: what viewers cost, see docs/lab/closed_loop.md. Nothing and five viewers in turn, the needle bag each time.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "three minutes, and a bound on times needs a machine of its own: .ci/long runs it"]

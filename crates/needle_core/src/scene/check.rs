@@ -9,7 +9,7 @@ use super::{Dimension, Instrument, InstrumentKind, Motion, Scene, SceneError, Sh
 /// Most poses that a scene's own motion may have.
 const MOST_POSES: f64 = 1e7;
 
-/// Largest Poisson's ratio for which the law's accuracy was shown (`docs/lab/poisson_ratio.md`): up to there the force on plate,
+/// Largest Poisson's ratio for which the law's accuracy was shown (`docs/lab/verification.md`): up to there the force on plate,
 /// indenter and needle goes on its flat way to that of an incompressible tissue. At 0.49999 the round-off of the pressure shows,
 /// from 0.499999 on it governs.
 pub const LARGEST_POISSON_RATIO: f64 = 0.4999;

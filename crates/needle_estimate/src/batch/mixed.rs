@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(Components::of(&[]), None);
     }
 
-    /// By statsmodels 0.15.0, MixedLM(y, 1, groups).fit(reml=True), recorded in docs/lab/mixed_model.md.
+    /// By statsmodels 0.15.0, MixedLM(y, 1, groups).fit(reml=True), recorded in docs/lab/calibration.md.
     #[test]
     fn of_unequal_numbers_it_is_what_an_independent_program_finds() {
         let samples =
