@@ -10,8 +10,7 @@ use super::options::{SetOptions, ThreadOptions};
 use super::progress::Progress;
 use super::{CliError, Outcome, print, scene_file, warn};
 use needle_core::scene::{Motion, Override, Scene, Seconds};
-use needle_estimate::compare::{self, Collector, Keep, Run};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Cancel, Keep, Run, Session};
 use needle_studies::accuracy::{self, Row, StudyError, largest_error};
 use needle_studies::correction::{self, Learnt};
 use needle_studies::tune::{self, Goal, Tuned};
@@ -122,51 +121,39 @@ struct Found {
 
 fn search(scene: &Scene, depth: f64, goal: Goal, arguments: &Arguments) -> Result<Option<Found>, CliError> {
     let interrupt = Interrupt::listen();
-    let stop = || interrupt.pressed();
+    let cancel = interrupt.cancel();
     if !arguments.cloud.is_empty() {
-        return correct(scene, depth, goal, &arguments.cloud, &stop);
+        return correct(scene, depth, goal, &arguments.cloud, cancel);
     }
     let yardstick = Yardstick::of(scene, depth)?;
     eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
     let mut seen = |row: &Row| eprint(&row.line());
     if !arguments.correct {
-        let tuned = tune::tune(scene, &yardstick, goal, &mut seen, &stop)?;
+        let tuned = tune::tune(scene, &yardstick, goal, &mut seen, cancel)?;
         return Ok(tuned.map(|tuned| Found { yardstick, tuned, learnt: None }));
     }
     let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
-    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, &stop)? else { return Ok(None) };
-    let Some(learnt) = learn(scene, &tuned.scene, depth, goal, &stop)? else { return Ok(None) };
+    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, cancel)? else { return Ok(None) };
+    let Some(learnt) = learn(scene, &tuned.scene, depth, goal, cancel)? else { return Ok(None) };
     let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
-    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, &stop)?;
+    let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, cancel)?;
     Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
 }
 
 /// The scene with these keys, corrected, at its own pace.
-fn correct(
-    scene: &Scene,
-    depth: f64,
-    goal: Goal,
-    keys: &[String],
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<Found>, CliError> {
+fn correct(scene: &Scene, depth: f64, goal: Goal, keys: &[String], cancel: &Cancel) -> Result<Option<Found>, CliError> {
     let keys = keys.iter().map(|text| Override::parse(text, "--cloud")).collect::<Result<Vec<_>, _>>()?;
     let cloud = Scene { name: format!("{}_tuned", scene.name), ..goal.asked_of(&scene.with(&keys)?)? };
-    let Some(learnt) = learn(scene, &cloud, depth, goal, stop)? else { return Ok(None) };
-    let Some(row) = learnt.on_the_way(stop)? else { return Ok(None) };
+    let Some(learnt) = learn(scene, &cloud, depth, goal, cancel)? else { return Ok(None) };
+    let Some(row) = learnt.on_the_way(cancel)? else { return Ok(None) };
     eprint(&(accuracy::heading() + &row.line()));
     let tuned = Tuned { scene: learnt.scene.clone(), row };
     Ok(Some(Found { yardstick: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
 }
 
-fn learn(
-    scene: &Scene,
-    cloud: &Scene,
-    depth: f64,
-    goal: Goal,
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<Learnt>, CliError> {
+fn learn(scene: &Scene, cloud: &Scene, depth: f64, goal: Goal, cancel: &Cancel) -> Result<Option<Learnt>, CliError> {
     eprint("a finer cloud at rest along the path, for the correction, and once more for what is left of it\n");
-    let learnt = correction::learn(scene, cloud, depth, stop)?;
+    let learnt = correction::learn(scene, cloud, depth, cancel)?;
     learnt.iter().for_each(|learnt| eprint(&told(learnt, goal)));
     Ok(learnt)
 }
@@ -241,12 +228,9 @@ fn accuracy_percent(share: f64) -> String {
 fn shown(scene: &Scene) -> Result<Run, CliError> {
     let motion = scene.motion.ok_or_else(|| CliError::NoMotion { scene: scene.name.clone() })?;
     let motion = Motion { hold: Seconds(0.0), retract: false, insertions: 1, ..motion };
-    let (mut twin, build_s) =
-        compare::build(scene).map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
-    let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
-    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-    let mut watch = Progress::silent();
-    Ok(compare::drive(&mut twin, readings, None, collector, &mut watch))
+    let session = Session::new(scene, "tune", Keep::ANSWERS)
+        .map_err(|source| CliError::Build { scene: scene.name.clone(), source })?;
+    Ok(session.run(Session::motion(&motion), &mut Progress::silent()).run)
 }
 
 struct Proof {

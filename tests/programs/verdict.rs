@@ -3,7 +3,7 @@
 //! `cargo test --release --test programs verdict::the_interval -- --nocapture` makes the record of docs/lab/verdict.md.
 #![allow(clippy::unwrap_used)]
 
-use needle_estimate::compare::Unwatched;
+use needle_estimate::compare::Cancel;
 use std::time::Instant;
 
 use crate::wrong::{self, Fault, recorded};
@@ -50,7 +50,7 @@ fn outcome(recording: &Recording, scene: &str, key: &str) -> Outcome {
             part: HoldOut::Nothing,
             table: None,
         };
-        Outcome::Found(Box::new(calibrate(&task, &mut Unwatched, &mut |_| {}).unwrap()))
+        Outcome::Found(Box::new(calibrate(&task, &mut Cancel::default(), &mut |_| {}).unwrap()))
     })
 }
 

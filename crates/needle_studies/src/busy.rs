@@ -113,7 +113,7 @@ pub fn beside(loops: usize, processors: usize, watch: &dyn Watch) -> Result<Opti
     among(loops, || {
         for _ in 0..ROUNDS {
             for (twin, team) in &mut twins {
-                if watch.stop() {
+                if watch.cancel().is_cancelled() {
                     return Ok(None);
                 }
                 let (factor, force_n) = insert(twin, &scene)?;
@@ -168,17 +168,7 @@ impl Drop for EndOnDrop<'_> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use needle_estimate::compare::Answer;
-
-    struct Quiet;
-
-    impl Watch for Quiet {
-        fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-
-        fn stop(&self) -> bool {
-            false
-        }
-    }
+    use needle_estimate::compare::Cancel;
 
     /// Two threads are not much slower than one beside a loop, whatever else the machine does: of some pairs of runs that follow each
     /// other one at least shows it. Threads that wait for one that isn't running are a half or a quarter as fast in all of them.
@@ -186,7 +176,7 @@ mod tests {
     fn a_busy_machine_does_not_slow_a_team_down() {
         let mut seen = Vec::new();
         for _ in 0..4 {
-            let Beside { teams, .. } = beside(1, 2, &Quiet).unwrap().unwrap();
+            let Beside { teams, .. } = beside(1, 2, &Cancel::default()).unwrap().unwrap();
             assert_eq!(teams.iter().map(|t| t.threads).collect::<Vec<_>>(), [1, 2]);
             assert!(teams.iter().all(|t| t.factors.len() == ROUNDS && t.force_n == teams[0].force_n), "{teams:?}");
             let pairs = teams[0].factors.iter().zip(&teams[1].factors);

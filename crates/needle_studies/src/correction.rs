@@ -7,6 +7,7 @@ use super::tune::with_pace;
 use super::yardstick::{self, Yardstick};
 use needle_core::scene::{Correction, Override, Scene};
 use needle_core::twin::Similarity;
+use needle_estimate::compare::Cancel;
 
 /// Depths, as far from each other as from the surface.
 const DEPTHS: u32 = 20;
@@ -46,19 +47,14 @@ pub struct Learnt {
 ///
 /// # Errors
 /// As [`Case::run`]. A cloud that can't be corrected is a result, not an error.
-pub fn row(
-    case: &Case,
-    scene: &Scene,
-    yardstick: &Yardstick,
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<Row>, StudyError> {
+pub fn row(case: &Case, scene: &Scene, yardstick: &Yardstick, cancel: &Cancel) -> Result<Option<Row>, StudyError> {
     if !case.corrected {
-        return case.run(scene, yardstick, stop);
+        return case.run(scene, yardstick, cancel);
     }
     let problem = yardstick.watched(scene);
-    match learn(&problem, &case.scene(&problem)?, yardstick.depth_m(), stop) {
+    match learn(&problem, &case.scene(&problem)?, yardstick.depth_m(), cancel) {
         Ok(None) => Ok(None),
-        Ok(Some(learnt)) => case.row_of(&learnt.scene, yardstick, stop),
+        Ok(Some(learnt)) => case.row_of(&learnt.scene, yardstick, cancel),
         Err(why @ (StudyError::Lost { .. } | StudyError::Untuned(_))) => {
             let ended = Some(format!("before it began: {why}"));
             Ok(Some(case.row(&problem, yardstick, Driven { ended, ..Driven::default() })))
@@ -72,12 +68,7 @@ pub fn row(
 ///
 /// # Errors
 /// [`StudyError`] if a cloud can't be built or is lost on the way, or is too far from the finer one to be corrected.
-pub fn learn(
-    problem: &Scene,
-    coarse: &Scene,
-    depth_m: f64,
-    stop: &dyn Fn() -> bool,
-) -> Result<Option<Learnt>, StudyError> {
+pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> Result<Option<Learnt>, StudyError> {
     let dimension = coarse.dimension().dimension;
     let own = Case::of(problem)?.in_dimension(problem, dimension);
     let case = own.spaced(problem, if own.is_half_plane() { yardstick::FINE } else { yardstick::FINE_IN_SPACE });
@@ -92,7 +83,7 @@ pub fn learn(
     }
     let plain = Scene { correction: None, ..coarse.clone() };
     let finer = case.scene(problem)?;
-    let run = |scene: &Scene| at_rest(scene, &depths, stop);
+    let run = |scene: &Scene| at_rest(scene, &depths, cancel);
     let (Some(known), Some(found)) = (run(&finer)?, run(&plain)?) else { return Ok(None) };
     let correction = Correction {
         learnt_from: format!("{} nodes, {} points", known.nodes, known.integration_points),
@@ -103,7 +94,7 @@ pub fn learn(
     let learnt_from = Yardstick::driven(&finer, &depths, known, source)?;
     let mut scene = Scene { correction: Some(correction), ..plain.clone() };
     let held_out = held_out(problem);
-    let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, stop);
+    let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, cancel);
     let (Some(known), Some(before), Some(found)) = (run(&finer)?, run(&plain)?, run(&scene)?) else { return Ok(None) };
     let [before, found] = [&before, &found].map(|found| errors(&plain, &between, found, &known));
     let names: Vec<&str> =
@@ -134,9 +125,9 @@ impl Learnt {
     ///
     /// # Errors
     /// As [`Case::run`].
-    pub fn on_the_way(&self, stop: &dyn Fn() -> bool) -> Result<Option<Row>, StudyError> {
+    pub fn on_the_way(&self, cancel: &Cancel) -> Result<Option<Row>, StudyError> {
         let other = Self::other(self.held_out, &self.scene)?;
-        Case::of(&other)?.row_of(&other, &self.known, stop)
+        Case::of(&other)?.row_of(&other, &self.known, cancel)
     }
 }
 
@@ -152,11 +143,11 @@ fn held_out(scene: &Scene) -> (&'static str, f64) {
 }
 
 /// Forces and targets of a scene at each depth, at rest; `None` if it was stopped.
-fn at_rest(scene: &Scene, depths: &[f64], stop: &dyn Fn() -> bool) -> Result<Option<Driven>, StudyError> {
+fn at_rest(scene: &Scene, depths: &[f64], cancel: &Cancel) -> Result<Option<Driven>, StudyError> {
     let case = Case { steps: Steps::Rest, ..Case::of(scene)? };
     let keys = case.keys().into_iter().filter(|(path, _)| path.starts_with("stepping."));
     let keys: Vec<Override> = keys.map(|(path, value)| Override::text(path, &value, "tune")).collect();
-    let driven = drive(&with_pace(scene, case.steps)?.with(&keys)?, &case, depths, stop)?;
+    let driven = drive(&with_pace(scene, case.steps)?.with(&keys)?, &case, depths, cancel)?;
     match driven.ended {
         _ if driven.stopped => Ok(None),
         Some(why) => Err(StudyError::Lost { scene: scene.name.clone(), why }),

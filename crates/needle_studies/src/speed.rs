@@ -12,7 +12,7 @@ use super::csv;
 use mtled::solver::StepWork;
 use needle_core::scene::{Override, Preset, Scene, SceneError};
 use needle_core::twin::{BuildError, Halt, StampedPose, Twin};
-use needle_estimate::compare::Watch;
+use needle_estimate::compare::{Cancel, Watch};
 
 /// Poses that are timed.
 const POSES: u32 = 120;
@@ -272,12 +272,12 @@ struct Insertion {
     steps_per_pose: f64,
 }
 
-/// Drives the needle of the preset to the end of its path; `None` if `watch` ended it.
+/// Drives the needle of the preset to the end of its path; `None` if it was cancelled.
 fn insertion(
     speed: f64,
     pose_hz: f64,
     keys: &[(&'static str, String)],
-    watch: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Insertion>, SpeedError> {
     let scene = scene("needle_insertion", keys)?;
     let depth = scene.motion.map_or(0.0, |m| m.depth.get());
@@ -286,7 +286,7 @@ fn insertion(
     let start = Instant::now();
     let mut force = Vec::with_capacity(count as usize);
     for i in 0..=count {
-        if watch() {
+        if cancel.is_cancelled() {
             return Ok(None);
         }
         let at = depth * f64::from(i) / f64::from(count);
@@ -306,10 +306,10 @@ fn insertion(
 /// # Errors
 /// [`SpeedError`] if the scene can't be built or the twin gives up.
 pub fn motions(progress: &dyn Watch, mut row: impl FnMut(&Motion)) -> Result<(), SpeedError> {
-    let stop = || progress.stop();
+    let cancel = progress.cancel();
     let full = ("discretisation.dimension", "full".to_owned());
     let patient = [full.clone(), ("stepping.min_steps_per_pose", QUASI_STATIC_STEPS.to_owned())];
-    let Some(Insertion { force: reference, .. }) = insertion(5e-3, 1000.0, &patient, &stop)? else { return Ok(()) };
+    let Some(Insertion { force: reference, .. }) = insertion(5e-3, 1000.0, &patient, cancel)? else { return Ok(()) };
     let peak = reference.iter().fold(0.0_f64, |peak, p| peak.max(p[1]));
     let at = |depth: f64| {
         let i = reference.partition_point(|p| p[0] < depth).clamp(1, reference.len() - 1);
@@ -318,7 +318,7 @@ pub fn motions(progress: &dyn Watch, mut row: impl FnMut(&Motion)) -> Result<(),
     };
     for (speed, pose_hz) in MOTIONS {
         let keys = std::slice::from_ref(&full);
-        let Some(run) = insertion(speed, pose_hz, keys, &stop)? else { break };
+        let Some(run) = insertion(speed, pose_hz, keys, cancel)? else { break };
         let Insertion { real_time_factor, steps_per_pose, .. } = run;
         let error = run.force.iter().map(|p| (p[1] - at(p[0])).abs()).fold(0.0, f64::max) / peak;
         row(&Motion { speed, pose_hz, real_time_factor, steps_per_pose, error });

@@ -266,7 +266,7 @@ impl Case {
                 Err(Halt::Diverged { .. }) => ended = Ended::Step,
                 Err(_) => ended = Ended::Refused,
             }
-            if watch.stop() {
+            if watch.cancel().is_cancelled() {
                 ended = Ended::Interrupted;
             }
             if ended != Ended::Reached || depth >= self.deepest_m {

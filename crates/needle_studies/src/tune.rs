@@ -10,8 +10,7 @@
 use super::accuracy::{Case, Row, Steps, StudyError};
 use super::yardstick::Yardstick;
 use needle_core::scene::{Dimension, Override, Scene};
-use needle_estimate::compare::{self, Answer, Collector, Keep, Watch};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Cancel, Keep, Session};
 
 /// Factors on the scene's spacing in a half plane, coarse first.
 const SPACINGS: [f64; 8] = [2.8, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25];
@@ -82,10 +81,10 @@ pub fn tune(
     yardstick: &Yardstick,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
-    stop: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
     let scene = goal.asked_of(scene)?;
-    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     let own = Case::of(&scene)?;
     let mut dimensions = vec![scene.dimension().dimension];
     if scene.discretisation.dimension == Dimension::Auto && own.is_half_plane() {
@@ -111,10 +110,10 @@ pub fn coarsest(
     yardstick: &Yardstick,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
-    stop: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
     let scene = goal.asked_of(scene)?;
-    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     let own = Case::of(&scene)?;
     let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
     let case = search.finalists(&own.dimension).into_iter().next().filter(|_| near.is_some());
@@ -136,13 +135,13 @@ pub fn paced(
     yardstick: &Yardstick,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
-    stop: &dyn Fn() -> bool,
+    cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
-    let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, stop };
+    let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     for steps in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)) {
         let case = Case { steps, ..case.clone() };
         let paced = with_pace(other, steps)?;
-        let Some(row) = case.row_of(&paced, yardstick, stop)? else { return Ok(None) };
+        let Some(row) = case.row_of(&paced, yardstick, cancel)? else { return Ok(None) };
         (search.seen)(&row);
         search.rows.push(row.clone());
         // the scene's own pace may be dearer than a few steps
@@ -170,17 +169,6 @@ pub(super) fn with_pace(scene: &Scene, steps: Steps) -> Result<Scene, StudyError
     Ok(scene.with(&keys.map(|(path, steps)| Override::typed(path, steps, "tune")))?)
 }
 
-/// Ends a run where the search is ended.
-struct Stop<'a>(&'a dyn Fn() -> bool);
-
-impl Watch for Stop<'_> {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
-}
-
 struct Search<'a> {
     scene: &'a Scene,
     yardstick: &'a Yardstick,
@@ -189,7 +177,7 @@ struct Search<'a> {
     /// Whether the stability table of a case's whole motion holds, of those that were asked.
     stable: Vec<(Case, bool)>,
     seen: &'a mut dyn FnMut(&Row),
-    stop: &'a dyn Fn() -> bool,
+    cancel: &'a Cancel,
 }
 
 impl Search<'_> {
@@ -198,7 +186,7 @@ impl Search<'_> {
         if let Some(known) = self.rows.iter().find(|row| row.case == *case) {
             return Ok(Some(known.clone()));
         }
-        let Some(row) = case.run(self.scene, self.yardstick, self.stop)? else { return Ok(None) };
+        let Some(row) = case.run(self.scene, self.yardstick, self.cancel)? else { return Ok(None) };
         (self.seen)(&row);
         self.rows.push(row.clone());
         Ok(Some(row))
@@ -309,10 +297,8 @@ impl Search<'_> {
             return Ok(*known);
         }
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
-        let (mut twin, build_s) = compare::build(scene)?;
-        let collector = Collector::new(&twin, "tune", build_s, Keep::ANSWERS);
-        let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-        let run = compare::drive(&mut twin, readings, None, collector, &mut Stop(self.stop));
+        let session = Session::new(scene, "tune", Keep::ANSWERS)?;
+        let run = session.run(Session::motion(&motion), &mut self.cancel.clone()).run;
         let holds = run.diverged.is_none() && run.unstable().is_empty();
         self.stable.push((case.clone(), holds));
         Ok(holds)

@@ -12,8 +12,7 @@ use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use super::yardstick::force_at;
 use needle_core::instrument::surface::has_wall;
 use needle_core::scene::{Dimension, Override, Scene, Target};
-use needle_estimate::compare::{self, Answer, Collector, Keep, Run, Watch};
-use needle_recording::{At, Reading};
+use needle_estimate::compare::{Answer, Keep, Run, Session, Watch};
 
 /// Half of the stretch over which the smooth curve of the saw-tooth is fitted, m: the layers of nodes along the needle
 /// preset's path are half as far apart.
@@ -195,10 +194,8 @@ impl Verification {
 
 fn drive(scene: &Scene, watch: &mut dyn Watch) -> Result<Run, StudyError> {
     let motion = scene.motion.ok_or_else(|| StudyError::NoReference(scene.name.clone()))?;
-    let (mut twin, build_s) = compare::build(scene)?;
-    let collector = Collector::new(&twin, "study verification", build_s, Keep::ANSWERS);
-    let readings = motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) });
-    Ok(compare::drive(&mut twin, readings, None, collector, watch))
+    let session = Session::new(scene, "study verification", Keep::ANSWERS)?;
+    Ok(session.run(Session::motion(&motion), watch).run)
 }
 
 /// Largest distance between the force and a smooth curve, over the force. The curve at a depth is the parabola that

@@ -6,6 +6,7 @@ use super::composites::{COMPOSITES, Composite, posed};
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
 use super::tune::MOST_STEPS;
 use needle_core::scene::{Motion, Override, Preset, Scene, Target};
+use needle_estimate::compare::Cancel;
 
 /// Spacing of the own fine cloud over the scene's, in a half plane.
 pub(super) const FINE: f64 = 0.5;
@@ -73,7 +74,7 @@ impl Yardstick {
             scene.targets = probes(&scene);
         }
         let depths: Vec<f64> = (1..=DEPTHS).map(|k| depth_m * f64::from(k) / f64::from(DEPTHS)).collect();
-        let driven = super::accuracy::drive(&scene, &case, &depths, &|| false)?;
+        let driven = super::accuracy::drive(&scene, &case, &depths, &Cancel::default())?;
         let source = format!("the own model, {} nodes, double precision", driven.nodes);
         Ok(Self { places: Vec::new(), ..Self::driven(&scene, &depths, driven, source)? })
     }

@@ -181,16 +181,18 @@ fn side_by_side(
     let bar = bar(tasks.iter().map(|task| task.work).sum(), "{percent:>3}%");
     let queue = Mutex::new(tasks.iter());
     let failed = AtomicBool::new(false);
-    let stop = || interrupt.pressed() || failed.load(Ordering::Relaxed);
+    // a failure ends the other runs as well
+    let cancel = interrupt.cancel();
     let (sender, finished) = mpsc::channel();
     std::thread::scope(|scope| {
         for _ in 0..workers.min(tasks.len()) {
-            let (sender, queue, stop) = (sender.clone(), &queue, &stop);
+            let (sender, queue) = (sender.clone(), &queue);
             scope.spawn(move || {
                 loop {
                     let next = queue.lock().map(|mut queue| queue.next());
-                    let (Ok(Some(task)), false) = (next, stop()) else { return };
-                    let row = alone(|| correction::row(&task.case, &task.subject.scene, &task.subject.yardstick, stop));
+                    let (Ok(Some(task)), false) = (next, cancel.is_cancelled()) else { return };
+                    let row =
+                        alone(|| correction::row(&task.case, &task.subject.scene, &task.subject.yardstick, cancel));
                     if sender.send((row, task.work)).is_err() {
                         return;
                     }

@@ -42,7 +42,7 @@ impl Speed {
         print(&speed::heading())?;
         let mut rows = Vec::new();
         for case in speed::cases(most, self.quick) {
-            if progress.stop() {
+            if progress.cancel().is_cancelled() {
                 break;
             }
             let threads = ThreadOptions { threads: u16::try_from(case.threads).ok() };
@@ -50,14 +50,14 @@ impl Speed {
             print(&row.line())?;
             rows.push(row);
         }
-        if !progress.stop() {
+        if !progress.cancel().is_cancelled() {
             print(&busy::heading())?;
             for loops in busy::loads(most) {
                 let Some(row) = busy::beside(loops, most, &progress)? else { break };
                 print(&row.line())?;
             }
         }
-        if !self.quick && !progress.stop() {
+        if !self.quick && !progress.cancel().is_cancelled() {
             print(&speed::motion_heading())?;
             let mut said = Ok(());
             self.threads.install(|| {
@@ -74,7 +74,7 @@ impl Speed {
                 print(&format!("{}\n", path.display()))?;
             }
         }
-        Ok(if progress.stop() { Outcome::Lossy } else { Outcome::Complete })
+        Ok(if progress.cancel().is_cancelled() { Outcome::Lossy } else { Outcome::Complete })
     }
 }
 

@@ -8,24 +8,10 @@ use xxhash_rust::xxh3::Xxh3;
 use super::fit::{calibrated, replayed};
 use super::{Candidate, Curve, Entry, Fit, Manifest, Row, Tables};
 use crate::calibrate::{CurveTable, HoldOut, LoadCell, Task, Wanted, calibrate};
-use crate::compare::{self, Answer, Collector, Keep, Watch};
+use crate::compare::{self, Cancel, Keep, Session};
 use needle_core::scene::{Override, Scene, file as scene_file};
-use needle_core::twin::Twin;
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};
-
-/// Whether to end.
-pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
-
-struct Quiet<'a>(Stop<'a>);
-
-impl Watch for Quiet<'_> {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
-}
 
 /// A recording of a manifest.
 #[derive(Clone, Copy, Debug)]
@@ -96,7 +82,7 @@ impl<'a> Job<'a> {
 
     /// The row: what fails is said in it.
     #[must_use]
-    pub fn run(&self, stop: Stop) -> Row {
+    pub fn run(&self, cancel: &Cancel) -> Row {
         let entry = self.entry();
         let sample = entry.sample.clone().unwrap_or_default();
         let group = entry.group.clone().unwrap_or_else(|| sample.clone());
@@ -117,14 +103,14 @@ impl<'a> Job<'a> {
             Err(error) => return Row { failed: Some(error.to_string()), ..row },
         };
         let losses = recording.losses.iter().map(ToString::to_string).collect();
-        let fits: Vec<Fit> = self.manifest.candidates.iter().map(|c| self.fit(c, &recording, stop)).collect();
+        let fits: Vec<Fit> = self.manifest.candidates.iter().map(|c| self.fit(c, &recording, cancel)).collect();
         // every candidate failed: so did the recording
         let failed = fits.iter().all(|fit| fit.failed.is_some()).then(|| fits.first()?.failed.clone()).flatten();
         Row { failed, losses, fits, ..row }
     }
 
-    fn fit(&self, candidate: &Candidate, recording: &Recording, stop: Stop) -> Fit {
-        self.tried(candidate, recording, stop).unwrap_or_else(|reason| Fit {
+    fn fit(&self, candidate: &Candidate, recording: &Recording, cancel: &Cancel) -> Fit {
+        self.tried(candidate, recording, cancel).unwrap_or_else(|reason| Fit {
             candidate: candidate.name.clone(),
             scene: String::new(),
             failed: Some(reason),
@@ -161,23 +147,24 @@ impl<'a> Job<'a> {
         Ok(prepared)
     }
 
-    fn tried(&self, candidate: &Candidate, recording: &Recording, stop: Stop) -> Result<Fit, String> {
+    fn tried(&self, candidate: &Candidate, recording: &Recording, cancel: &Cancel) -> Result<Fit, String> {
         let prepared = self.prepared(candidate, recording)?;
         let Prepared { scene, readings, measured, .. } = &prepared;
-        let mut watch = Quiet(stop);
+        let mut watch = cancel.clone();
         // with a table the candidates differ in nothing that units depend on
         let first = self.manifest.candidates.first().is_none_or(|first| first.name == candidate.name);
         let looked_at = prepared.table.is_none() || first;
-        let twin = looked_at.then(|| compare::build(scene).map_err(|e| e.to_string())).transpose()?;
-        let mistaken =
-            |(twin, _): &(Twin, f64)| compare::scale::mistaken(twin, readings, measured, recording.scene.as_deref());
-        if let Some(what) = twin.as_ref().and_then(mistaken) {
+        let session =
+            looked_at.then(|| Session::new(scene, "batch", Keep::ANSWERS).map_err(|e| e.to_string())).transpose()?;
+        let mistaken = |session: &Session| {
+            compare::scale::mistaken(session.twin(), readings, measured, recording.scene.as_deref())
+        };
+        if let Some(what) = session.as_ref().and_then(mistaken) {
             return Err(what);
         }
-        if let (Some((mut twin, _)), true) = (twin, prepared.wanted.is_empty()) {
-            let collector = Collector::new(&twin, "batch", 0.0, Keep::ANSWERS);
-            let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, &mut watch);
-            return if stop() { Err("interrupted".to_owned()) } else { Ok(replayed(candidate, &run)) };
+        if let (Some(session), true) = (session, prepared.wanted.is_empty()) {
+            let run = session.compared_with(measured).run(readings.iter().copied(), &mut watch).run;
+            return if cancel.is_cancelled() { Err("interrupted".to_owned()) } else { Ok(replayed(candidate, &run)) };
         }
         let found = calibrate(&prepared.task(), &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
         let fit = calibrated(candidate, &found, readings);

@@ -17,7 +17,7 @@ mod tables;
 mod together;
 
 pub use curve::Curve;
-pub use job::{Job, Stop};
+pub use job::Job;
 pub use manifest::{Candidate, Entry, Manifest, ManifestError};
 pub use merge::{MergeError, Merged, ROWS, SAMPLES, merge, read, read_sample, sealed};
 pub use pool::{Group, Pooled, Sample};

@@ -5,8 +5,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Candidate, Job, Stop};
+use super::{Candidate, Job};
 use crate::calibrate::{CurveTable, Wanted};
+use crate::compare::Cancel;
 use crate::kept::Kept;
 
 /// Folder of the kept tables.
@@ -87,13 +88,13 @@ impl Needed {
 
     /// Makes what is not there, by runs of the twin on the current rayon pool, and keeps it below a folder. `done` is called after each run.
     #[must_use]
-    pub fn make(self, folder: &Path, stop: Stop, done: &(dyn Fn() + Sync)) -> Tables {
+    pub fn make(self, folder: &Path, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Tables {
         let mut made = Tables::default();
         let kept = Kept::below(folder, FOLDER);
         for (name, table) in self.0 {
             let table = table.and_then(|mut table| {
                 if table.curves().is_empty() {
-                    table.run_all(stop, done).map_err(|e| e.to_string())?;
+                    table.run_all(cancel, done).map_err(|e| e.to_string())?;
                     made.runs += table.runs();
                     // without the file the next batch takes the runs again, so no failure is one of the batch
                     let _ = kept.put(&name, table.curves());

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Job, Key, Stop};
+use super::{Job, Key};
 use crate::calibrate::{Joint, calibrate_together};
+use crate::compare::Cancel;
 use needle_recording::Recording;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -67,7 +68,7 @@ impl<'a> SampleJob<'a> {
 
     /// The row. A recording that can't be read is left out: its own row says why.
     #[must_use]
-    pub fn run(&self, stop: Stop) -> SampleRow {
+    pub fn run(&self, cancel: &Cancel) -> SampleRow {
         let open = |job: &Job<'a>| Some((*job, Recording::open(&job.files(), &job.entry().selection()).ok()?));
         let opened: Vec<(Job, Recording)> = self.jobs.iter().filter_map(open).collect();
         let candidates = self.jobs.first().map_or(&[][..], |job| &job.manifest.candidates);
@@ -78,7 +79,7 @@ impl<'a> SampleJob<'a> {
             let all: Vec<_> = opened.iter().filter_map(prepared).collect();
             let tasks: Vec<_> = all.iter().map(|(_, prepared)| prepared.task()).collect();
             let names = all.iter().map(|(name, _)| name.clone());
-            let found = calibrate_together(&tasks, stop).map_err(|e| e.to_string());
+            let found = calibrate_together(&tasks, cancel).map_err(|e| e.to_string());
             fit_of(&candidate.name, names, found)
         };
         SampleRow {

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::paths;
 use super::{CalibrateError, Wanted};
-use crate::compare::{Answer, Run, Watch};
+use crate::compare::{Answer, Cancel, Run};
 use needle_core::scene::{ContactLaw, InstrumentKind, Override, Scene};
 use needle_core::twin::Phase;
 use needle_recording::{At, ForceSeries, Reading};
@@ -95,14 +95,9 @@ impl CurveTable {
     ///
     /// # Errors
     /// [`CalibrateError`] if the force of the scene is no function of the depth and these keys, or a run fails.
-    pub fn new(
-        scene: &Scene,
-        wanted: &[Wanted],
-        to_depth_m: f64,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> Result<Self, CalibrateError> {
+    pub fn new(scene: &Scene, wanted: &[Wanted], to_depth_m: f64, cancel: &Cancel) -> Result<Self, CalibrateError> {
         let mut table = Self::planned(scene, wanted, to_depth_m)?;
-        table.run_all(stop, &|| {})?;
+        table.run_all(cancel, &|| {})?;
         Ok(table)
     }
 
@@ -130,12 +125,8 @@ impl CurveTable {
     ///
     /// # Errors
     /// [`CalibrateError`] if a run fails.
-    pub fn run_all(
-        &mut self,
-        stop: &(dyn Fn() -> bool + Sync),
-        done: &(dyn Fn() + Sync),
-    ) -> Result<(), CalibrateError> {
-        let one = |n: usize| self.curve(n, stop).inspect(|_| done());
+    pub fn run_all(&mut self, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Result<(), CalibrateError> {
+        let one = |n: usize| self.curve(n, cancel).inspect(|_| done());
         self.curves = (0..self.runs()).into_par_iter().map(one).collect::<Result<_, CalibrateError>>()?;
         Ok(())
     }
@@ -186,7 +177,7 @@ impl CurveTable {
         Ok(self.scene.with(&changes)?)
     }
 
-    fn curve(&self, number: usize, stop: &(dyn Fn() -> bool + Sync)) -> Result<Vec<f64>, CalibrateError> {
+    fn curve(&self, number: usize, cancel: &Cancel) -> Result<Vec<f64>, CalibrateError> {
         let scene = self.scene_at(&self.coordinates(number))?;
         let reading = |i: usize| {
             let depth_m = self.deepest_m * i as f64 / (PLACES - 1) as f64;
@@ -194,7 +185,7 @@ impl CurveTable {
         };
         let readings: Vec<Reading> = (0..PLACES).map(reading).collect();
         let none = ForceSeries::new(Vec::new());
-        let run = paths::run(&scene, None, &readings, &none, &mut Stopped(stop))?;
+        let run = paths::run(&scene, None, &readings, &none, &mut cancel.clone())?;
         if let Some(reason) = run.diverged {
             return Err(CalibrateError::Diverged(reason));
         }
@@ -315,16 +306,6 @@ fn check(scene: &Scene) -> Result<(), CalibrateError> {
     Ok(())
 }
 
-struct Stopped<'a>(&'a (dyn Fn() -> bool + Sync));
-
-impl Watch for Stopped<'_> {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -348,14 +329,14 @@ mod tests {
         let friction = ("instrument.friction_coefficient=0.0..0.6", 0.13, 1e-2);
         for (key, x, bound) in [exponents, friction] {
             let key = wanted(key);
-            let table = CurveTable::new(&scene, &[modulus.clone(), key.clone()], 9e-3, &|| false).unwrap();
+            let table = CurveTable::new(&scene, &[modulus.clone(), key.clone()], 9e-3, &Cancel::default()).unwrap();
             assert_eq!(table.runs(), POINTS);
             let at = [Override::typed(&key.key, x, "test"), Override::typed(&modulus.key, 2.5e3, "test")];
             let scene = scene.with(&at).unwrap();
             let readings: Vec<Reading> =
                 (0..180).map(|i| Reading { time_s: f64::from(i) * 0.05, at: At::Depth(f64::from(i) * 5e-5) }).collect();
             let none = ForceSeries::new(Vec::new());
-            let run = paths::run(&scene, None, &readings, &none, &mut Stopped(&|| false)).unwrap();
+            let run = paths::run(&scene, None, &readings, &none, &mut Cancel::default()).unwrap();
             let read = table.run(&scene, &readings, &none).unwrap();
             assert_eq!(run.answers.len(), read.answers.len());
             let peak = run.answers.last().unwrap().predicted_n;
@@ -374,10 +355,11 @@ mod tests {
         let relaxing = Override::parse("material.prony_shares=[0.3]", "test").unwrap();
         let times = Override::parse("material.prony_times_s=[1.0]", "test").unwrap();
         let modulus = [wanted("material.ogden_shear_moduli_pa")];
-        let error = CurveTable::new(&scene.with(&[relaxing, times]).unwrap(), &modulus, 9e-3, &|| false).unwrap_err();
+        let error =
+            CurveTable::new(&scene.with(&[relaxing, times]).unwrap(), &modulus, 9e-3, &Cancel::default()).unwrap_err();
         assert!(error.to_string().contains("relaxes"), "{error}");
         let unbounded = [modulus[0].clone(), wanted("material.ogden_exponents")];
-        let error = CurveTable::new(&scene, &unbounded, 9e-3, &|| false).unwrap_err();
+        let error = CurveTable::new(&scene, &unbounded, 9e-3, &Cancel::default()).unwrap_err();
         assert!(error.to_string().contains("bounds"), "{error}");
         let table = CurveTable { scene, axes: Vec::new(), deepest_m: 9e-3, curves: vec![vec![0.0; PLACES]] };
         let back = [0.0, 5e-3, 4e-3].map(|d| Reading { time_s: 0.0, at: At::Depth(d) });

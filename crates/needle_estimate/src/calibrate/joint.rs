@@ -17,9 +17,9 @@ use super::problem::Recorded;
 use super::search::{Searched, search};
 use super::unknown::Sought;
 use super::{CalibrateError, Task};
+use crate::compare::Cancel;
 use crate::compare::least_squares::{self, Problem, Unknown};
 use crate::compare::uncertainty::Uncertainty;
-use crate::compare::{Answer, Watch};
 
 /// A shared key.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,17 +54,6 @@ pub struct Joint {
     pub runs: u32,
     /// Whether the search arrived.
     pub converged: bool,
-}
-
-/// Nothing is shown, and the caller may end it.
-struct Quiet<'a>(&'a (dyn Fn() -> bool + Sync));
-
-impl Watch for Quiet<'_> {
-    fn progress(&mut self, _done: usize, _answer: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        (self.0)()
-    }
 }
 
 struct Together<'a> {
@@ -133,8 +122,8 @@ impl Problem for Together<'_> {
 ///
 /// # Errors
 /// [`CalibrateError`] as of [`super::calibrate`] for any of them.
-pub fn calibrate_together(tasks: &[Task], stop: &(dyn Fn() -> bool + Sync)) -> Result<Joint, CalibrateError> {
-    let mut watches: Vec<Quiet> = tasks.iter().map(|_| Quiet(stop)).collect();
+pub fn calibrate_together(tasks: &[Task], cancel: &Cancel) -> Result<Joint, CalibrateError> {
+    let mut watches: Vec<Cancel> = tasks.iter().map(|_| cancel.clone()).collect();
     let mut silent: Vec<fn(&str)> = tasks.iter().map(|_| (|_: &str| ()) as fn(&str)).collect();
     let (mut parts, mut alone) = (Vec::new(), Vec::new());
     for ((task, watch), tell) in tasks.iter().zip(&mut watches).zip(&mut silent) {
@@ -252,7 +241,7 @@ mod tests {
         let (truth, spread, repeats, seeds) = (1e4, 0.01, 5, 30);
         let scene = Scene::from_toml(BLOCK, "block").unwrap();
         let wanted = [MODULUS, "align.contact_depth_m=-0.001..0.001"].map(|text| Wanted::parse(text).unwrap());
-        let table = CurveTable::new(&scene, &wanted, 6e-3, &|| false).unwrap();
+        let table = CurveTable::new(&scene, &wanted, 6e-3, &Cancel::default()).unwrap();
         let readings: Vec<Reading> = (0..220)
             .map(|i| Reading { time_s: 0.05 * f64::from(i), at: At::Depth(2.5e-5 * f64::from(i) - 1e-3) })
             .collect();
@@ -288,7 +277,7 @@ mod tests {
                     table: Some(&table),
                 })
                 .collect();
-            let found = calibrate_together(&tasks, &|| false).unwrap();
+            let found = calibrate_together(&tasks, &Cancel::default()).unwrap();
             assert!(found.converged && found.own.len() == repeats && found.runs == 0);
             values.push(found.keys[0].value);
             variances.push(found.keys[0].standard_error.unwrap().powi(2));

@@ -3,7 +3,7 @@
 use super::{CalibrateError, Task};
 use crate::compare::components::Component;
 use crate::compare::path::ForcePath;
-use crate::compare::{self, Answer, Collector, Keep, Run, Watch};
+use crate::compare::{Answer, Keep, Run, Session, Watch};
 use needle_core::scene::{Region, Scene};
 use needle_recording::{ForceSeries, Reading};
 
@@ -23,11 +23,13 @@ pub(super) fn run(
     measured: &ForceSeries,
     watch: &mut dyn Watch,
 ) -> Result<Run, CalibrateError> {
-    let built = regions.map_or_else(|| compare::build(scene), |regions| compare::build_on(scene, regions));
-    let (mut twin, build_s) = built.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
-    let collector = Collector::new(&twin, "calibrate", build_s, Keep::ANSWERS);
-    let run = compare::drive(&mut twin, readings.iter().copied(), Some(measured), collector, watch);
-    if watch.stop() { Err(CalibrateError::Interrupted) } else { Ok(run) }
+    let session = match regions {
+        None => Session::new(scene, "calibrate", Keep::ANSWERS),
+        Some(regions) => Session::on_cloud_of(scene, regions, "calibrate", Keep::ANSWERS),
+    };
+    let session = session.map_err(|source| CalibrateError::Build { scene: scene.name.clone(), source })?;
+    let run = session.compared_with(measured).run(readings.iter().copied(), watch).run;
+    if watch.cancel().is_cancelled() { Err(CalibrateError::Interrupted) } else { Ok(run) }
 }
 
 /// The force along a run; `None` where the instrument doesn't go into the sample.

@@ -4,6 +4,7 @@ use super::super::clock::ThreadClock;
 use super::{Case, Steps, StudyError};
 use needle_core::scene::{Motion, Scene, Seconds};
 use needle_core::twin::{BuildError, Halt, StampedPose, Twin};
+use needle_estimate::compare::Cancel;
 
 /// A run shorter than this is repeated, and the least cost counts, s.
 const LONG_ENOUGH_S: f64 = 0.5;
@@ -49,7 +50,7 @@ pub(crate) struct Driven {
 ///
 /// # Errors
 /// [`StudyError::NoMotion`]. A twin that can't be built or diverges is a result, not an error.
-pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], stop: &dyn Fn() -> bool) -> Result<Driven, StudyError> {
+pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], cancel: &Cancel) -> Result<Driven, StudyError> {
     let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
     let mut twin = match Twin::new(scene) {
         Ok(twin) => twin,
@@ -63,7 +64,7 @@ pub(crate) fn drive(scene: &Scene, case: &Case, depths: &[f64], stop: &dyn Fn() 
     for _ in 0..REPEATS {
         twin.reset();
         let driven = Driven { min_jacobian: 1.0, ..Driven::default() };
-        let mut run = Run { twin: &mut twin, driven, force_n: [0.0; 3], stop };
+        let mut run = Run { twin: &mut twin, driven, force_n: [0.0; 3], cancel };
         let clock = ThreadClock::start();
         let end = match case.steps {
             Steps::Rest => run.rest_at_each(depths),
@@ -96,7 +97,7 @@ struct Run<'a> {
     driven: Driven,
     /// Force of the last pose, N.
     force_n: [f64; 3],
-    stop: &'a dyn Fn() -> bool,
+    cancel: &'a Cancel,
 }
 
 impl Run<'_> {
@@ -157,7 +158,7 @@ impl Run<'_> {
 
     /// Answers one pose: the steps that it took.
     fn pose(&mut self, time_s: f64, depth_m: f64) -> Result<u32, End> {
-        if (self.stop)() {
+        if self.cancel.is_cancelled() {
             return Err(End::Stopped);
         }
         let pose = self.twin.pose_at_depth(depth_m);

@@ -28,6 +28,7 @@ pub(super) use row::COMPARED_FROM;
 use super::yardstick::Yardstick;
 use needle_core::scene::{Scene, SceneError};
 use needle_core::twin::BuildError;
+use needle_estimate::compare::Cancel;
 
 /// Why a case can't be run.
 #[derive(Debug, thiserror::Error)]
@@ -81,13 +82,8 @@ impl Case {
     /// # Errors
     /// [`StudyError`] if the scene doesn't take the case. A model that can't be built or diverges is a result, not an
     /// error.
-    pub fn run(
-        &self,
-        scene: &Scene,
-        yardstick: &Yardstick,
-        stop: &dyn Fn() -> bool,
-    ) -> Result<Option<Row>, StudyError> {
-        self.row_of(&yardstick.watched(&self.scene(scene)?), yardstick, stop)
+    pub fn run(&self, scene: &Scene, yardstick: &Yardstick, cancel: &Cancel) -> Result<Option<Row>, StudyError> {
+        self.row_of(&yardstick.watched(&self.scene(scene)?), yardstick, cancel)
     }
 
     /// The row of a scene that has the case's keys already.
@@ -98,10 +94,10 @@ impl Case {
         &self,
         scene: &Scene,
         yardstick: &Yardstick,
-        stop: &dyn Fn() -> bool,
+        cancel: &Cancel,
     ) -> Result<Option<Row>, StudyError> {
         let depths: Vec<f64> = yardstick.force.iter().map(|p| p.0).collect();
-        let driven = drive(scene, self, &depths, stop)?;
+        let driven = drive(scene, self, &depths, cancel)?;
         Ok((!driven.stopped).then(|| self.row(scene, yardstick, driven)))
     }
 
@@ -143,7 +139,7 @@ mod tests {
     fn at_rest_no_inertia_is_left() {
         let (scene, yardstick, case) = coarse();
         let error = |steps| {
-            let row = Case { steps, ..case.clone() }.run(&scene, &yardstick, &|| false).unwrap().unwrap();
+            let row = Case { steps, ..case.clone() }.run(&scene, &yardstick, &Cancel::default()).unwrap().unwrap();
             assert_eq!((row.force_error.len(), row.displacement_error, row.ended), (4, None, None), "{steps}");
             row.force_error.iter().map(|p| p.1).collect::<Vec<_>>()
         };
@@ -156,9 +152,9 @@ mod tests {
     #[test]
     fn a_case_that_is_stopped_has_no_row() {
         let (scene, yardstick, case) = coarse();
-        let left = std::cell::Cell::new(20);
-        let stop = || left.replace(left.get() - 1) == 0;
-        assert_eq!(case.run(&scene, &yardstick, &stop).unwrap(), None);
-        assert_eq!(left.get(), -1, "asked before every pose");
+        let cancel = Cancel::default();
+        assert!(case.run(&scene, &yardstick, &cancel).unwrap().is_some());
+        cancel.cancel();
+        assert_eq!(case.run(&scene, &yardstick, &cancel).unwrap(), None);
     }
 }

@@ -130,13 +130,12 @@ impl<'a> Runs<'a> {
     /// # Errors
     /// [`RunsError`] if no thread can be started, or figures can't be kept.
     pub fn make(&mut self, runs: &[usize], crew: &Crew) -> Result<(), RunsError> {
-        let stopped = || crew.stop.as_ref().is_some_and(|flag| flag.load(std::sync::atomic::Ordering::Relaxed));
         for runs in runs.chunks(AT_ONCE * crew.threads.max(1)) {
             let mine: Vec<usize> = (0..self.members.len()).filter(|k| runs.contains(&self.run_of[*k])).collect();
             let members: Vec<Member> = mine.iter().map(|k| self.members[*k].clone()).collect();
             let found = paths(&members, self.readings, crew)?;
             for (k, path) in mine.into_iter().zip(found.of_member) {
-                if path.is_err() && stopped() {
+                if path.is_err() && crew.cancel.is_cancelled() {
                     continue;
                 }
                 let figures = path.as_ref().map_or_else(|_| Vec::new(), |path| figures(self.scene, path));
@@ -145,7 +144,7 @@ impl<'a> Runs<'a> {
                 }
                 self.figures[k] = Some(figures);
             }
-            if stopped() {
+            if crew.cancel.is_cancelled() {
                 return Ok(());
             }
         }

@@ -514,7 +514,7 @@ impl Hazards {
             rows.push(seen.row(hazard));
             csv.push(seen.csv(hazard));
             bar.inc(1);
-            if progress.stop() {
+            if progress.cancel().is_cancelled() {
                 break;
             }
         }
@@ -524,6 +524,6 @@ impl Hazards {
             std::fs::write(&path, lines.join("\n") + "\n")
                 .map_err(|error| CliError::Nodes(format!("{}: {error}", path.display())))?;
         }
-        Ok(if hold && !progress.stop() { Outcome::Complete } else { Outcome::Lossy })
+        Ok(if hold && !progress.cancel().is_cancelled() { Outcome::Complete } else { Outcome::Lossy })
     }
 }

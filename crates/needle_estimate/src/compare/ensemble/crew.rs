@@ -1,17 +1,18 @@
 //! Many runs on the threads that there are: each thread takes the next run that nobody has taken, so that the result of a run depends
 //! on nothing but the run.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::ThreadPoolBuildError;
+
+use crate::compare::Cancel;
 
 /// Threads that take runs, and who is told of it.
 pub struct Crew<'a> {
     /// How many threads.
     pub threads: usize,
-    /// Set by whoever wants the runs to end.
-    pub stop: Option<Arc<AtomicBool>>,
+    /// What ends the runs.
+    pub cancel: Cancel,
     /// Called after each run, by the thread that made it.
     pub done: &'a (dyn Fn() + Sync),
 }

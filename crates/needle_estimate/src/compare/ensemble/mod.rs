@@ -6,7 +6,6 @@
 //! only in what the mechanics doesn't see share a run (`path`). Each runs on one thread; the threads that there are take runs
 //! one by one.
 
-mod answered;
 pub mod assimilate;
 mod band;
 mod crew;
@@ -17,7 +16,6 @@ mod path;
 pub mod points;
 mod together;
 
-pub use answered::Answered;
 pub use assimilate::{Assimilated, Assimilation};
 pub use band::{Band, Spread};
 pub use crew::Crew;
@@ -93,7 +91,7 @@ pub struct Size {
 pub struct Driven<'a> {
     /// All readings of the instrument's place.
     pub readings: &'a [Reading],
-    /// Those that its answers belong to ([`Answered`]).
+    /// Those that its answers belong to ([`super::Finished::answered`]).
     pub at: &'a [usize],
     /// Tracked points, in the order of time.
     pub sightings: &'a [MarkerSample],

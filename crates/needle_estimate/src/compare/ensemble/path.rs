@@ -9,11 +9,9 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::{Answered, Crew, EnsembleError, Member, together};
-use crate::compare::{self, Answer, Collector, Keep, TargetRow, Watch};
+use super::{Crew, EnsembleError, Member, together};
+use crate::compare::{Cancel, Finished, Keep, Session, TargetRow};
 use needle_core::scene::Scene;
 use needle_core::twin::{Pose, Team, Twin};
 use needle_recording::{At, Reading};
@@ -75,7 +73,7 @@ pub(super) fn paths_beside(
     // members on one cloud share it; a first one that can't be built says so in its own run
     let build = |scene: &Scene| twin.and_then(|twin| twin.sibling(scene)).or_else(|| Twin::new(scene).ok());
     let cloud = if first.len() > 1 { build(&members[first[0]].scene) } else { None };
-    let course = Course { readings, times_s, stop: crew.stop.clone() };
+    let course = Course { readings, times_s, cancel: crew.cancel.clone() };
     let groups = together::groups(first.len(), crew.threads);
     let beside = cloud.as_ref().filter(|_| groups.iter().any(|g| g.len() > 1)).and_then(|c| Team::new(&[c], None));
     let of_group = |g: usize| {
@@ -97,13 +95,13 @@ pub(super) struct Course<'a> {
     pub readings: &'a [Reading],
     /// When the targets are wanted, s.
     pub times_s: &'a [f64],
-    pub stop: Option<Arc<AtomicBool>>,
+    pub cancel: Cancel,
 }
 
 impl Course<'_> {
     /// Whether somebody wants the run to end.
     pub fn is_stopped(&self) -> bool {
-        self.stop.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
+        self.cancel.is_cancelled()
     }
 
     /// The path of a run, from its forces, the readings that it has answered, and the targets at each answer.
@@ -135,16 +133,14 @@ pub fn distinct(members: &[Member]) -> (Vec<usize>, Vec<usize>) {
 
 /// The run of a member's scene, the same as any run of it; on a twin's cloud, if that is its own.
 fn mechanics(member: &Member, cloud: Option<&Twin>, course: &Course) -> Result<MemberPath, String> {
-    let mut quiet = Quiet(course.stop.clone());
-    if quiet.stop() {
+    let mut cancel = course.cancel.clone();
+    if cancel.is_cancelled() {
         return Err(INTERRUPTED.to_owned());
     }
-    let (mut twin, build_s) = compare::build_beside(&member.scene, cloud).map_err(|error| error.to_string())?;
-    let collector = Collector::new(&twin, "ensemble", build_s, Keep::ANSWERS);
-    let mut answered = Answered::new(&mut quiet);
+    let session =
+        Session::sibling(&member.scene, cloud, "ensemble", Keep::ANSWERS).map_err(|error| error.to_string())?;
     let touched = course.readings.iter().map(|reading| deeper(reading, -member.shift.contact_depth_m));
-    let run = compare::drive(&mut twin, touched, None, collector, &mut answered);
-    let at = answered.at;
+    let Finished { run, answered: at, .. } = session.run(touched, &mut cancel);
     if let Some(why) = run.diverged {
         return Err(why);
     }
@@ -152,7 +148,7 @@ fn mechanics(member: &Member, cloud: Option<&Twin>, course: &Course) -> Result<M
     for (i, answer) in at.iter().zip(&run.answers) {
         force_n[*i] = answer.predicted_n;
     }
-    if quiet.stop() { Err(INTERRUPTED.to_owned()) } else { Ok(course.path(force_n, &at, &run.targets)) }
+    if cancel.is_cancelled() { Err(INTERRUPTED.to_owned()) } else { Ok(course.path(force_n, &at, &run.targets)) }
 }
 
 /// Positions of the targets at a time of the run, linear between rows; `None` outside.
@@ -201,19 +197,4 @@ fn at(readings: &[Reading], force_n: &[f64], time_s: f64) -> f64 {
     };
     let share = (time_s - readings[before].time_s) / (next.time_s - readings[before].time_s);
     force_n[before] + share * (force_n[after] - force_n[before])
-}
-
-/// Says nothing, and ends when it is told to.
-struct Quiet(Option<Arc<AtomicBool>>);
-
-impl Watch for Quiet {
-    fn progress(&mut self, _: usize, _: Option<&Answer>) {}
-
-    fn stop(&self) -> bool {
-        self.0.as_ref().is_some_and(|flag| flag.load(Ordering::Relaxed))
-    }
-
-    fn stop_flag(&self) -> Option<Arc<AtomicBool>> {
-        self.0.clone()
-    }
 }

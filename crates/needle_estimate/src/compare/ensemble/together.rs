@@ -35,9 +35,7 @@ pub(super) fn run(
     let mut twins: Vec<Twin> = members.iter().map(build).collect::<Option<_>>()?;
     let mut team = Team::new(&twins.iter().collect::<Vec<_>>(), beside)?;
     let mut runs: Vec<Run> = members.iter().map(|_| Run::new(course.readings.len())).collect();
-    if let Some(flag) = &course.stop {
-        twins.iter_mut().for_each(|twin| twin.stop_on(flag.clone()));
-    }
+    twins.iter_mut().for_each(|twin| twin.stop_on(course.cancel.flag()));
     for (i, reading) in course.readings.iter().enumerate() {
         if course.is_stopped() {
             break;
@@ -74,7 +72,7 @@ impl Run {
         Self { force_n: vec![f64::NAN; readings], at: Vec::new(), targets: Vec::new(), begin_s: None, lost: None }
     }
 
-    /// Takes the answer to a reading, as [`compare::drive`] does.
+    /// Takes the answer to a reading, as [`super::super::Session::run`] does.
     fn take(&mut self, reading: usize, twin: &Twin, pose: &StampedPose, answer: Result<Prediction, Halt>) {
         match answer {
             Ok(answer) if answer.force_n.iter().all(|f| f.is_finite()) => {
