@@ -13,8 +13,8 @@ use needle_core::scene::{Motion, Override, Scene, Seconds};
 use needle_estimate::compare::{Cancel, Keep, Run, Session};
 use needle_studies::accuracy::{self, Row, StudyError, largest_error};
 use needle_studies::correction::{self, Learnt};
+use needle_studies::reference_solution::ReferenceSolution;
 use needle_studies::tune::{self, Goal, Tuned};
-use needle_studies::yardstick::Yardstick;
 
 /// How far off a cloud may be that is to be corrected, over the tolerance: what was left at depths between was 0.3 to 0.6 of it (docs/lab/performance.md).
 const TO_BE_CORRECTED: f64 = 4.0;
@@ -76,15 +76,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, CliError> {
     let depth = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?.depth.get();
     let goal = Goal { tolerance: arguments.tolerance, pose_hz: arguments.pose_hz };
     let found = arguments.threads.install(|| search(&scene, depth, goal, arguments))??;
-    let Some(Found { yardstick, tuned, learnt }) = found else {
+    let Some(Found { reference_solution, tuned, learnt }) = found else {
         warn("interrupted: nothing is written");
         return Ok(Outcome::Lossy);
     };
-    let text = written(&tuned, &yardstick, goal, arguments, learnt.as_ref());
+    let text = written(&tuned, &reference_solution, goal, arguments, learnt.as_ref());
     // what is shown is what the file says
     let scene = scene_file::from_text(&text, &tuned.scene.name)?;
     let run = arguments.threads.install(|| shown(&scene))??;
-    let mut proof = proof(&run, &yardstick, goal);
+    let mut proof = proof(&run, &reference_solution, goal);
     if let Some(learnt) = &learnt {
         proof.text += &(told(learnt, goal) + &told_of_targets(&tuned.row, goal));
         proof.met &= learnt.left <= goal.tolerance && tuned.row.way_error.is_none_or(|error| error <= goal.tolerance);
@@ -114,7 +114,7 @@ fn eprint(text: &str) {
 
 /// What was found, and what was measured on the way.
 struct Found {
-    yardstick: Yardstick,
+    reference_solution: ReferenceSolution,
     tuned: Tuned,
     learnt: Option<Learnt>,
 }
@@ -125,19 +125,19 @@ fn search(scene: &Scene, depth: f64, goal: Goal, arguments: &Arguments) -> Resul
     if !arguments.cloud.is_empty() {
         return correct(scene, depth, goal, &arguments.cloud, cancel);
     }
-    let yardstick = Yardstick::of(scene, depth)?;
-    eprint(&format!("forces are held against {}\n{}", yardstick.source, accuracy::heading()));
+    let reference_solution = ReferenceSolution::of(scene, depth)?;
+    eprint(&format!("forces are held against {}\n{}", reference_solution.source, accuracy::heading()));
     let mut seen = |row: &Row| eprint(&row.line());
     if !arguments.correct {
-        let tuned = tune::tune(scene, &yardstick, goal, &mut seen, cancel)?;
-        return Ok(tuned.map(|tuned| Found { yardstick, tuned, learnt: None }));
+        let tuned = tune::tune(scene, &reference_solution, goal, &mut seen, cancel)?;
+        return Ok(tuned.map(|tuned| Found { reference_solution, tuned, learnt: None }));
     }
     let wide = Goal { tolerance: (TO_BE_CORRECTED * goal.tolerance).min(0.5), ..goal };
-    let Some(tuned) = tune::coarsest(scene, &yardstick, wide, &mut seen, cancel)? else { return Ok(None) };
+    let Some(tuned) = tune::coarsest(scene, &reference_solution, wide, &mut seen, cancel)? else { return Ok(None) };
     let Some(learnt) = learn(scene, &tuned.scene, depth, goal, cancel)? else { return Ok(None) };
     let scenes = [&learnt.scene, &Learnt::other(learnt.held_out, &learnt.scene)?];
     let paced = tune::paced(scenes, &tuned.row.case, &learnt.known, goal, &mut seen, cancel)?;
-    Ok(paced.map(|tuned| Found { yardstick, tuned, learnt: Some(learnt) }))
+    Ok(paced.map(|tuned| Found { reference_solution, tuned, learnt: Some(learnt) }))
 }
 
 /// The scene with these keys, corrected, at its own pace.
@@ -148,7 +148,7 @@ fn correct(scene: &Scene, depth: f64, goal: Goal, keys: &[String], cancel: &Canc
     let Some(row) = learnt.on_the_way(cancel)? else { return Ok(None) };
     eprint(&(accuracy::heading() + &row.line()));
     let tuned = Tuned { scene: learnt.scene.clone(), row };
-    Ok(Some(Found { yardstick: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
+    Ok(Some(Found { reference_solution: learnt.learnt_from.clone(), tuned, learnt: Some(learnt) }))
 }
 
 fn learn(scene: &Scene, cloud: &Scene, depth: f64, goal: Goal, cancel: &Cancel) -> Result<Option<Learnt>, CliError> {
@@ -190,7 +190,13 @@ fn met(is: bool) -> &'static str {
 }
 
 /// The scene file, with what was measured above it.
-fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, arguments: &Arguments, learnt: Option<&Learnt>) -> String {
+fn written(
+    tuned: &Tuned,
+    reference_solution: &ReferenceSolution,
+    goal: Goal,
+    arguments: &Arguments,
+    learnt: Option<&Learnt>,
+) -> String {
     let (row, threads) = (&tuned.row, rayon_threads(arguments));
     let wanted = if arguments.cloud.is_empty() {
         format!("force within {} % of", accuracy_percent(goal.tolerance))
@@ -204,7 +210,7 @@ fn written(tuned: &Tuned, yardstick: &Yardstick, goal: Goal, arguments: &Argumen
         "# Written by `needle_twin tune`: {wanted} {} at {} poses per second.\n\
          # Measured on {threads} thread{}: largest error {:.2} %, {:.4} ms of processor time per pose, {} nodes, {} points.\n\
          # Another machine has other costs: run it there.\n",
-        learnt.map_or(&yardstick.source, |learnt| &learnt.known.source),
+        learnt.map_or(&reference_solution.source, |learnt| &learnt.known.source),
         goal.pose_hz,
         if threads == 1 { "" } else { "s" },
         100.0 * row.max_force_error().unwrap_or(f64::NAN),
@@ -239,11 +245,11 @@ struct Proof {
 }
 
 /// What the run of the written scene shows.
-fn proof(run: &Run, yardstick: &Yardstick, goal: Goal) -> Proof {
+fn proof(run: &Run, reference_solution: &ReferenceSolution, goal: Goal) -> Proof {
     let path: Vec<(f64, f64)> = run.answers.iter().map(|a| (a.depth_m, a.predicted_n)).collect();
     let vectors: Vec<[f64; 3]> = run.answers.iter().map(|a| a.predicted_vector_n).collect();
-    let errors = yardstick.force_errors(&path, &vectors);
-    let whole = errors.len() == yardstick.force.len() && run.diverged.is_none();
+    let errors = reference_solution.force_errors(&path, &vectors);
+    let whole = errors.len() == reference_solution.force.len() && run.diverged.is_none();
     let error = largest_error(&errors).filter(|_| whole);
     let factor = run.real_time_factor().unwrap_or(0.0);
     let latency = run.latency_ms().map_or_else(String::new, |l| {

@@ -6,7 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod batch;
+pub mod cache;
 pub mod calibrate;
 pub mod compare;
-pub mod kept;
 pub mod layers;

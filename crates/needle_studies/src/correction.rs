@@ -3,8 +3,8 @@
 //! (a needle), or another Poisson's ratio, at depths between.
 
 use super::accuracy::{COMPARED_FROM, Case, Driven, Row, Steps, StudyError, drive};
+use super::reference_solution::{self, ReferenceSolution};
 use super::tune::with_pace;
-use super::yardstick::{self, Yardstick};
 use needle_core::scene::{Correction, Override, Scene};
 use needle_core::twin::Similarity;
 use needle_estimate::compare::Cancel;
@@ -29,11 +29,11 @@ pub struct Learnt {
     /// The scene with its correction.
     pub scene: Scene,
     /// The finer cloud that it was learnt from, at rest at each depth.
-    pub learnt_from: Yardstick,
+    pub learnt_from: ReferenceSolution,
     /// Key and value of the run that it was not learnt from.
     pub held_out: (&'static str, f64),
     /// The finer cloud in that run, at rest at each depth.
-    pub known: Yardstick,
+    pub known: ReferenceSolution,
     /// Largest error of that run without the correction.
     pub before: f64,
     /// What is left of it.
@@ -43,21 +43,26 @@ pub struct Learnt {
     pub dropped: Vec<String>,
 }
 
-/// The row of a case; of one that is corrected after it was learnt how, to the yardstick's last depth. `None` if it was stopped.
+/// The row of a case; of one that is corrected after it was learnt how, to the reference solution's last depth. `None` if it was stopped.
 ///
 /// # Errors
 /// As [`Case::run`]. A cloud that can't be corrected is a result, not an error.
-pub fn row(case: &Case, scene: &Scene, yardstick: &Yardstick, cancel: &Cancel) -> Result<Option<Row>, StudyError> {
+pub fn row(
+    case: &Case,
+    scene: &Scene,
+    reference_solution: &ReferenceSolution,
+    cancel: &Cancel,
+) -> Result<Option<Row>, StudyError> {
     if !case.corrected {
-        return case.run(scene, yardstick, cancel);
+        return case.run(scene, reference_solution, cancel);
     }
-    let problem = yardstick.watched(scene);
-    match learn(&problem, &case.scene(&problem)?, yardstick.depth_m(), cancel) {
+    let problem = reference_solution.watched(scene);
+    match learn(&problem, &case.scene(&problem)?, reference_solution.depth_m(), cancel) {
         Ok(None) => Ok(None),
-        Ok(Some(learnt)) => case.row_of(&learnt.scene, yardstick, cancel),
+        Ok(Some(learnt)) => case.row_of(&learnt.scene, reference_solution, cancel),
         Err(why @ (StudyError::Lost { .. } | StudyError::Untuned(_))) => {
             let ended = Some(format!("before it began: {why}"));
-            Ok(Some(case.row(&problem, yardstick, Driven { ended, ..Driven::default() })))
+            Ok(Some(case.row(&problem, reference_solution, Driven { ended, ..Driven::default() })))
         }
         Err(error) => Err(error),
     }
@@ -71,7 +76,10 @@ pub fn row(case: &Case, scene: &Scene, yardstick: &Yardstick, cancel: &Cancel) -
 pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> Result<Option<Learnt>, StudyError> {
     let dimension = coarse.dimension().dimension;
     let own = Case::of(problem)?.in_dimension(problem, dimension);
-    let case = own.spaced(problem, if own.is_half_plane() { yardstick::FINE } else { yardstick::FINE_IN_SPACE });
+    let case = own.spaced(
+        problem,
+        if own.is_half_plane() { reference_solution::FINE } else { reference_solution::FINE_IN_SPACE },
+    );
     let depths = |before: f64| -> Vec<f64> {
         (1..=DEPTHS).map(|k| depth_m * (f64::from(k) - before) / f64::from(DEPTHS)).collect()
     };
@@ -91,7 +99,7 @@ pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> 
     }
     .sealed();
     let source = format!("a finer cloud of {} nodes at rest", known.nodes);
-    let learnt_from = Yardstick::driven(&finer, &depths, known, source)?;
+    let learnt_from = ReferenceSolution::driven(&finer, &depths, known, source)?;
     let mut scene = Scene { correction: Some(correction), ..plain.clone() };
     let held_out = held_out(problem);
     let run = |scene: &Scene| at_rest(&Learnt::other(held_out, scene)?, &between, cancel);
@@ -107,7 +115,7 @@ pub fn learn(problem: &Scene, coarse: &Scene, depth_m: f64, cancel: &Cancel) -> 
     let left = scene.correction.as_ref().map_or(0.0, |c| c.left);
     let before = before.into_iter().fold(0.0, f64::max);
     let source = format!("a finer cloud of {} nodes at rest with {} = {:.4}", known.nodes, held_out.0, held_out.1);
-    let known = Yardstick::driven(&finer, &between, known, source)?;
+    let known = ReferenceSolution::driven(&finer, &between, known, source)?;
     Ok(Some(Learnt { before, left, dropped, scene, learnt_from, held_out, known }))
 }
 

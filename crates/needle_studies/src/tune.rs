@@ -8,7 +8,7 @@
 //! `discretisation.dimension` leaves the choice. What counts is measured, nothing is estimated.
 
 use super::accuracy::{Case, Row, Steps, StudyError};
-use super::yardstick::Yardstick;
+use super::reference_solution::ReferenceSolution;
 use needle_core::scene::{Dimension, Override, Scene};
 use needle_estimate::compare::{Cancel, Keep, Session};
 
@@ -78,13 +78,14 @@ impl Tuned {
 /// [`StudyError::Untuned`] if no way meets both, naming the nearest; otherwise as [`Case::run`].
 pub fn tune(
     scene: &Scene,
-    yardstick: &Yardstick,
+    reference_solution: &ReferenceSolution,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
     cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
     let scene = goal.asked_of(scene)?;
-    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
+    let mut search =
+        Search { scene: &scene, reference_solution, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     let own = Case::of(&scene)?;
     let mut dimensions = vec![scene.dimension().dimension];
     if scene.discretisation.dimension == Dimension::Auto && own.is_half_plane() {
@@ -107,13 +108,14 @@ pub fn tune(
 /// As [`tune`].
 pub fn coarsest(
     scene: &Scene,
-    yardstick: &Yardstick,
+    reference_solution: &ReferenceSolution,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
     cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
     let scene = goal.asked_of(scene)?;
-    let mut search = Search { scene: &scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
+    let mut search =
+        Search { scene: &scene, reference_solution, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     let own = Case::of(&scene)?;
     let Some([near, _]) = search.first_near(&own)? else { return Ok(None) };
     let case = search.finalists(&own.dimension).into_iter().next().filter(|_| near.is_some());
@@ -132,16 +134,16 @@ pub fn coarsest(
 pub fn paced(
     [scene, other]: [&Scene; 2],
     case: &Case,
-    yardstick: &Yardstick,
+    reference_solution: &ReferenceSolution,
     goal: Goal,
     seen: &mut dyn FnMut(&Row),
     cancel: &Cancel,
 ) -> Result<Option<Tuned>, StudyError> {
-    let mut search = Search { scene, yardstick, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
+    let mut search = Search { scene, reference_solution, goal, rows: Vec::new(), stable: Vec::new(), seen, cancel };
     for steps in std::iter::once(Steps::Auto).chain(STEPS.map(Steps::Fixed)) {
         let case = Case { steps, ..case.clone() };
         let paced = with_pace(other, steps)?;
-        let Some(row) = case.row_of(&paced, yardstick, cancel)? else { return Ok(None) };
+        let Some(row) = case.row_of(&paced, reference_solution, cancel)? else { return Ok(None) };
         (search.seen)(&row);
         search.rows.push(row.clone());
         // the scene's own pace may be dearer than a few steps
@@ -171,7 +173,7 @@ pub(super) fn with_pace(scene: &Scene, steps: Steps) -> Result<Scene, StudyError
 
 struct Search<'a> {
     scene: &'a Scene,
-    yardstick: &'a Yardstick,
+    reference_solution: &'a ReferenceSolution,
     goal: Goal,
     rows: Vec<Row>,
     /// Whether the stability table of a case's whole motion holds, of those that were asked.
@@ -186,7 +188,7 @@ impl Search<'_> {
         if let Some(known) = self.rows.iter().find(|row| row.case == *case) {
             return Ok(Some(known.clone()));
         }
-        let Some(row) = case.run(self.scene, self.yardstick, self.cancel)? else { return Ok(None) };
+        let Some(row) = case.run(self.scene, self.reference_solution, self.cancel)? else { return Ok(None) };
         (self.seen)(&row);
         self.rows.push(row.clone());
         Ok(Some(row))

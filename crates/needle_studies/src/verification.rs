@@ -9,7 +9,7 @@ use super::accuracy::StudyError;
 use super::composites::{Composite, posed};
 use super::csv;
 use super::reference::{self, DISPLACEMENT_DEPTH_M};
-use super::yardstick::force_at;
+use super::reference_solution::force_at;
 use needle_core::instrument::surface::has_wall;
 use needle_core::scene::{Dimension, Override, Scene, Target};
 use needle_estimate::compare::{Answer, Keep, Run, Session, Watch};

@@ -1,8 +1,8 @@
 //! A scene that is as coarse as a tolerance allows and as fast as a stream of poses asks.
 
 use needle_studies::accuracy::StudyError;
+use needle_studies::reference_solution::ReferenceSolution;
 use needle_studies::tune::{self as tuning, Goal};
-use needle_studies::yardstick::Yardstick;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -36,7 +36,7 @@ pub fn tune<'py>(
     let scene = scene::Scene { scene: scene::of(scene)? }.changed(changes)?.scene;
     let motion = scene.motion.ok_or_else(|| failed(StudyError::NoMotion(scene.name.clone())))?;
     let work = |cancel: &mut Cancel| -> Result<_, StudyError> {
-        let against = Yardstick::of(&scene, motion.depth.get())?;
+        let against = ReferenceSolution::of(&scene, motion.depth.get())?;
         let tuned = tuning::tune(&scene, &against, Goal { tolerance, pose_hz }, &mut |_| {}, cancel)?;
         Ok(tuned.map(|tuned| (tuned, against.source)))
     };

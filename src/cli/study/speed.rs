@@ -10,9 +10,9 @@ use crate::cli::progress::Progress;
 use crate::cli::{CliError, Outcome, print};
 use needle_estimate::compare::Watch as _;
 use needle_studies::bounds::Bounds;
-use needle_studies::{busy, speed};
+use needle_studies::{contention, speed};
 
-/// Time the step: presets, support, size of the model, threads; a needle beside busy loops; and how fast one may go in three dimensions
+/// Time the step: presets, support, size of the model, threads; a needle while other programs use the processors; and how fast one may go in three dimensions
 #[derive(Debug, Args)]
 pub(super) struct Speed {
     /// Smaller models, no motions: one to two minutes
@@ -51,9 +51,9 @@ impl Speed {
             rows.push(row);
         }
         if !progress.cancel().is_cancelled() {
-            print(&busy::heading())?;
-            for loops in busy::loads(most) {
-                let Some(row) = busy::beside(loops, most, &progress)? else { break };
+            print(&contention::heading())?;
+            for loops in contention::loads(most) {
+                let Some(row) = contention::beside(loops, most, &progress)? else { break };
                 print(&row.line())?;
             }
         }

@@ -1,14 +1,14 @@
 //! Force curves that the recordings of a batch share: made once, before the first of them, and kept beside the rows.
 //!
-//! A kept table ([`Kept`]) is of program, scene, keys with bounds, depth.
+//! A kept table ([`Cache`]) is of program, scene, keys with bounds, depth.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Candidate, Job};
+use crate::cache::Cache;
 use crate::calibrate::{CurveTable, Wanted};
 use crate::compare::Cancel;
-use crate::kept::Kept;
 
 /// Folder of the kept tables.
 const FOLDER: &str = "curves";
@@ -72,7 +72,7 @@ impl Needed {
 
     /// Reads those that are kept below a folder.
     pub fn read(&mut self, folder: &Path) {
-        let kept = Kept::below(folder, FOLDER);
+        let kept = Cache::below(folder, FOLDER);
         for (name, table) in &mut self.0 {
             if let (Ok(table), Some(curves)) = (table, kept.get(name)) {
                 table.take(curves);
@@ -90,7 +90,7 @@ impl Needed {
     #[must_use]
     pub fn make(self, folder: &Path, cancel: &Cancel, done: &(dyn Fn() + Sync)) -> Tables {
         let mut made = Tables::default();
-        let kept = Kept::below(folder, FOLDER);
+        let kept = Cache::below(folder, FOLDER);
         for (name, table) in self.0 {
             let table = table.and_then(|mut table| {
                 if table.curves().is_empty() {

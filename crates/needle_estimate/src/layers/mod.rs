@@ -14,7 +14,7 @@
 //! The friction's broken lines are a least-squares fit: linear in forces per length, the breaks by search.
 
 mod fit;
-mod told;
+mod resistance;
 
 use crate::compare::crossing::{Crossing, Crossings};
 use fit::Fit;
@@ -110,10 +110,10 @@ pub fn layers(readings: &[Reading], diameter: f64, layers: usize) -> Result<Foun
     let seen = drops(&first, diameter);
     let drops: Vec<f64> = seen.iter().map(|d| d[0]).collect();
     let fit = Fit::new(&out, again.as_deref(), diameter, layers, &drops)?;
-    let mut found = told::told(&fit, &first, &seen, diameter);
+    let mut found = resistance::resistance(&fit, &first, &seen, diameter);
     if again.is_some() {
         let alone = Fit::new(&out, None, diameter, layers, &drops)?;
-        found.alone = told::told(&alone, &first, &seen, diameter).cannot_tell;
+        found.alone = resistance::resistance(&alone, &first, &seen, diameter).cannot_tell;
     } else {
         found.alone.clone_from(&found.cannot_tell);
     }

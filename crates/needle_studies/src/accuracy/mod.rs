@@ -1,5 +1,5 @@
 //! Accuracy against cost: one scene, many ways to discretise and step it, and for each the processor time that it takes
-//! and how far forces and displacements are from independent finite elements ([`Yardstick`]).
+//! and how far forces and displacements are from independent finite elements ([`ReferenceSolution`]).
 //!
 //! A [`Case`] is one way, [`plan`] says which there are, [`Case::run`] gives the [`Row`] of one. Runs don't share
 //! anything, so any number of them go side by side, each on a thread of its own. Cost is the processor time of that
@@ -25,7 +25,7 @@ pub use table::{Table, merge, read};
 pub(super) use drive::{Driven, drive};
 pub(super) use row::COMPARED_FROM;
 
-use super::yardstick::Yardstick;
+use super::reference_solution::ReferenceSolution;
 use needle_core::scene::{Scene, SceneError};
 use needle_core::twin::BuildError;
 use needle_estimate::compare::Cancel;
@@ -76,14 +76,19 @@ pub enum StudyError {
 }
 
 impl Case {
-    /// Runs the case on the present rayon pool, against a yardstick; one that is corrected needs `study::correction::row`.
+    /// Runs the case on the present rayon pool, against a reference solution; one that is corrected needs `study::correction::row`.
     /// `None` if it was stopped on the way.
     ///
     /// # Errors
     /// [`StudyError`] if the scene doesn't take the case. A model that can't be built or diverges is a result, not an
     /// error.
-    pub fn run(&self, scene: &Scene, yardstick: &Yardstick, cancel: &Cancel) -> Result<Option<Row>, StudyError> {
-        self.row_of(&yardstick.watched(&self.scene(scene)?), yardstick, cancel)
+    pub fn run(
+        &self,
+        scene: &Scene,
+        reference_solution: &ReferenceSolution,
+        cancel: &Cancel,
+    ) -> Result<Option<Row>, StudyError> {
+        self.row_of(&reference_solution.watched(&self.scene(scene)?), reference_solution, cancel)
     }
 
     /// The row of a scene that has the case's keys already.
@@ -93,23 +98,23 @@ impl Case {
     pub(super) fn row_of(
         &self,
         scene: &Scene,
-        yardstick: &Yardstick,
+        reference_solution: &ReferenceSolution,
         cancel: &Cancel,
     ) -> Result<Option<Row>, StudyError> {
-        let depths: Vec<f64> = yardstick.force.iter().map(|p| p.0).collect();
+        let depths: Vec<f64> = reference_solution.force.iter().map(|p| p.0).collect();
         let driven = drive(scene, self, &depths, cancel)?;
-        Ok((!driven.stopped).then(|| self.row(scene, yardstick, driven)))
+        Ok((!driven.stopped).then(|| self.row(scene, reference_solution, driven)))
     }
 
     /// The row of what came of a scene.
-    pub(super) fn row(&self, scene: &Scene, yardstick: &Yardstick, driven: Driven) -> Row {
-        let compared = yardstick.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
+    pub(super) fn row(&self, scene: &Scene, reference_solution: &ReferenceSolution, driven: Driven) -> Row {
+        let compared = reference_solution.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
         Row {
             scene: scene.name.clone(),
             case: self.clone(),
-            force_error: yardstick.force_errors(&driven.path, &driven.vectors),
-            displacement_error: yardstick.displacement_error(&driven.targets).filter(|_| compared),
-            way_error: yardstick.way_error(&driven.at_depths).filter(|_| compared),
+            force_error: reference_solution.force_errors(&driven.path, &driven.vectors),
+            displacement_error: reference_solution.displacement_error(&driven.targets).filter(|_| compared),
+            way_error: reference_solution.way_error(&driven.at_depths).filter(|_| compared),
             nodes: driven.nodes,
             integration_points: driven.integration_points,
             simulated_s: driven.simulated_s,
@@ -128,18 +133,20 @@ impl Case {
 mod tests {
     use super::*;
 
-    fn coarse() -> (Scene, Yardstick, Case) {
+    fn coarse() -> (Scene, ReferenceSolution, Case) {
         let scene = Scene::preset("compression").unwrap();
-        let yardstick = Yardstick { displaced: Vec::new(), ..Yardstick::of(&scene, 0.001).unwrap() };
+        let reference_solution =
+            ReferenceSolution { displaced: Vec::new(), ..ReferenceSolution::of(&scene, 0.001).unwrap() };
         let case = Case { pose_hz: 100.0, ..Case::of(&scene).unwrap().spaced(&scene, 2.0) };
-        (scene, yardstick, case)
+        (scene, reference_solution, case)
     }
 
     #[test]
     fn at_rest_no_inertia_is_left() {
-        let (scene, yardstick, case) = coarse();
+        let (scene, reference_solution, case) = coarse();
         let error = |steps| {
-            let row = Case { steps, ..case.clone() }.run(&scene, &yardstick, &Cancel::default()).unwrap().unwrap();
+            let row =
+                Case { steps, ..case.clone() }.run(&scene, &reference_solution, &Cancel::default()).unwrap().unwrap();
             assert_eq!((row.force_error.len(), row.displacement_error, row.ended), (4, None, None), "{steps}");
             row.force_error.iter().map(|p| p.1).collect::<Vec<_>>()
         };
@@ -151,10 +158,10 @@ mod tests {
 
     #[test]
     fn a_case_that_is_stopped_has_no_row() {
-        let (scene, yardstick, case) = coarse();
+        let (scene, reference_solution, case) = coarse();
         let cancel = Cancel::default();
-        assert!(case.run(&scene, &yardstick, &cancel).unwrap().is_some());
+        assert!(case.run(&scene, &reference_solution, &cancel).unwrap().is_some());
         cancel.cancel();
-        assert_eq!(case.run(&scene, &yardstick, &cancel).unwrap(), None);
+        assert_eq!(case.run(&scene, &reference_solution, &cancel).unwrap(), None);
     }
 }

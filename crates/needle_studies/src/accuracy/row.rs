@@ -28,7 +28,7 @@ pub struct Row {
     pub force_error: Vec<(f64, f64)>,
     /// Largest distance between predicted and reference place of a point in the tissue at the last depth, over it.
     pub displacement_error: Option<f64>,
-    /// The same on the way, of a point's greatest motion, where the yardstick knows it ([`super::super::yardstick::Yardstick::way_error`]).
+    /// The same on the way, of a point's greatest motion, where the reference solution knows it ([`super::super::reference_solution::ReferenceSolution::way_error`]).
     pub way_error: Option<f64>,
     /// Smallest volume ratio on the way.
     pub min_jacobian: f64,

@@ -11,8 +11,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use needle_core::scene::Scene;
+use needle_estimate::cache::Cache;
 use needle_estimate::compare::ensemble::{Crew, EnsembleError, Member, MemberPath, distinct, paths};
-use needle_estimate::kept::Kept;
 use needle_recording::Reading;
 use sobol::{Indices, design, indices};
 
@@ -94,7 +94,7 @@ pub struct Runs<'a> {
     /// Figures of each member, where they are known.
     figures: Vec<Option<Figures>>,
     /// Where figures are kept, and what those of each member depend on.
-    kept: Option<(Kept, Vec<String>)>,
+    kept: Option<(Cache, Vec<String>)>,
 }
 
 impl<'a> Runs<'a> {
@@ -102,7 +102,7 @@ impl<'a> Runs<'a> {
     #[must_use]
     pub fn new(scene: &'a Scene, members: &'a [Member], readings: &'a [Reading], folder: Option<&Path>) -> Self {
         let run_of = distinct(members).1;
-        let kept = folder.map(|folder| (Kept::below(folder, FOLDER), names(scene, members, readings)));
+        let kept = folder.map(|folder| (Cache::below(folder, FOLDER), names(scene, members, readings)));
         let known = |k: usize| kept.as_ref().and_then(|(kept, names)| kept.get(&names[k])?.pop());
         let figures = (0..members.len()).map(known).collect();
         Self { scene, members, readings, run_of, figures, kept }
@@ -140,7 +140,7 @@ impl<'a> Runs<'a> {
                 }
                 let figures = path.as_ref().map_or_else(|_| Vec::new(), |path| figures(self.scene, path));
                 if let Some((kept, names)) = &self.kept {
-                    kept.put(&names[k], std::slice::from_ref(&figures)).map_err(RunsError::Kept)?;
+                    kept.put(&names[k], std::slice::from_ref(&figures)).map_err(RunsError::Cache)?;
                 }
                 self.figures[k] = Some(figures);
             }
@@ -186,7 +186,7 @@ pub enum RunsError {
     Ensemble(#[from] EnsembleError),
     /// Figures can't be kept.
     #[error("what a run has said can't be kept in the folder: {0}; free its disk, or give another --out")]
-    Kept(io::Error),
+    Cache(io::Error),
 }
 
 /// All that the figures of each member depend on: program, member, readings, targets.

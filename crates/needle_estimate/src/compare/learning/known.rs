@@ -20,8 +20,8 @@ use std::sync::OnceLock;
 use mtled::number::lanes::{Loop, run};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::batched_matrix::{at, mean};
 use super::process::{Block, Posterior, Processes};
-use super::side::{at, mean};
 
 /// How far apart sizes and times of errors are.
 const STEP: f64 = 4.0;

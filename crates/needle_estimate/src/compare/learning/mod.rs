@@ -11,11 +11,11 @@
 //! Forecasts go on with all readings.
 
 mod basis;
+mod batched_matrix;
 mod known;
 mod noise;
 mod process;
 mod reading;
-mod side;
 mod swing;
 
 use nalgebra::DVector;

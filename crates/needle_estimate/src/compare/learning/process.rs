@@ -19,7 +19,7 @@ use std::array::from_fn;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::side::{add, at, form, scale, solve, subtract};
+use super::batched_matrix::{add, at, form, scale, solve, subtract};
 
 /// Variance over what is known, for a state that is to be forgotten: six digits are left to double precision.
 const FORGOTTEN: f64 = 1e6;

@@ -21,7 +21,7 @@ const NEEDLE_DEPTH_M: f64 = 0.005;
 
 /// What predictions are held against.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Yardstick {
+pub struct ReferenceSolution {
     /// Where the forces come from, in a few words.
     pub source: String,
     /// (depth in m, force in N) by rising depth.
@@ -38,27 +38,27 @@ pub struct Yardstick {
     pub displacement_source: String,
 }
 
-impl Yardstick {
-    /// The yardstick of a scene to a depth, m; runs the scene's own model where finite elements don't say all of it.
+impl ReferenceSolution {
+    /// The reference solution of a scene to a depth, m; runs the scene's own model where finite elements don't say all of it.
     ///
     /// # Errors
     /// [`StudyError`] if the scene has no motion, or can't be built and driven.
     pub fn of(scene: &Scene, depth_m: f64) -> Result<Self, StudyError> {
         let published = preset_of(scene).and_then(reference::force).and_then(|table| within(table, depth_m));
         let indented = is_indentation_at_4mm(scene, depth_m);
-        let mut yardstick = match (published, indented) {
+        let mut reference_solution = match (published, indented) {
             (Some(force), true) => Self { force, ..Self::default() },
             (Some(force), false) => Self { force, ..Self::own(scene, depth_m)? },
             (None, _) => return Self::own(scene, depth_m),
         };
-        yardstick.source = "independent finite elements".to_owned();
-        yardstick.uncertainty = preset_of(scene).and_then(|preset| reference::uncertainty(preset, depth_m));
+        reference_solution.source = "independent finite elements".to_owned();
+        reference_solution.uncertainty = preset_of(scene).and_then(|preset| reference::uncertainty(preset, depth_m));
         if indented && let Some(height) = scene.sample.shape.height() {
-            yardstick.displaced =
+            reference_solution.displaced =
                 reference::targets(height.get()).into_iter().zip(reference::displaced(height.get())).collect();
-            yardstick.displacement_source = yardstick.source.clone();
+            reference_solution.displacement_source = reference_solution.source.clone();
         }
-        Ok(yardstick)
+        Ok(reference_solution)
     }
 
     /// The scene's own model: half of the spacing, double precision, four steps per pose or more.
@@ -111,8 +111,8 @@ impl Yardstick {
         self.force.last().map_or(0.0, |p| p.0)
     }
 
-    /// Where a path of (depth in m, force) reaches: depth, and force over that of the yardstick - 1. Where a path leans it is the distance of the
-    /// forces of `vectors` from the yardstick's, over their length.
+    /// Where a path of (depth in m, force) reaches: depth, and force over that of the reference solution - 1. Where a path leans it is the distance of the
+    /// forces of `vectors` from the reference solution's, over their length.
     #[must_use]
     pub fn force_errors(&self, path: &[(f64, f64)], vectors: &[[f64; 3]]) -> Vec<(f64, f64)> {
         let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -248,10 +248,14 @@ mod tests {
     fn what_is_across_a_path_that_leans_is_an_error_of_its_force() {
         let path = [(0.0, 0.0), (0.001, 2.0), (0.002, 4.0)];
         let vectors = [[0.0; 3], [0.3, 0.0, 2.0], [0.6, 0.0, 4.0]];
-        let all = Yardstick { force: vec![(0.0015, 3.0)], vectors: vec![[0.0, 0.0, 3.0]], ..Yardstick::default() };
+        let all = ReferenceSolution {
+            force: vec![(0.0015, 3.0)],
+            vectors: vec![[0.0, 0.0, 3.0]],
+            ..ReferenceSolution::default()
+        };
         let errors = all.force_errors(&path, &vectors);
         assert!(errors.len() == 1 && errors[0].0 == 0.0015 && (errors[0].1 - 0.15).abs() < 1e-12, "{errors:?}");
-        let along = Yardstick { vectors: Vec::new(), ..all };
+        let along = ReferenceSolution { vectors: Vec::new(), ..all };
         assert!(along.force_errors(&path, &vectors)[0].1.abs() < 1e-12);
         // and so `of` a scene
         let leaning = |tilt: &str| {
@@ -261,7 +265,7 @@ mod tests {
             {
                 scene.set(key, value).unwrap();
             }
-            Yardstick::own(&scene, 0.001).unwrap().vectors
+            ReferenceSolution::own(&scene, 0.001).unwrap().vectors
         };
         assert!(leaning("0.0").is_empty());
         let all = leaning("0.3");
@@ -296,14 +300,22 @@ mod tests {
     #[test]
     fn finite_elements_are_taken_where_there_are_any() {
         let scene = Scene::preset("indentation").unwrap();
-        let yardstick = Yardstick::of(&scene, 0.004).unwrap();
-        assert_eq!((yardstick.force.len(), yardstick.depth_m()), (8, 0.004));
-        assert_eq!(yardstick.source, "independent finite elements");
-        assert!((1e-3..5e-3).contains(&yardstick.uncertainty.unwrap()), "{:?}", yardstick.uncertainty);
-        let places: Vec<[f64; 3]> = yardstick.displaced.iter().map(|(_, then)| *then).collect();
-        assert_eq!(yardstick.displacement_error(&places), Some(0.0));
-        let undeformed: Vec<[f64; 3]> = yardstick.displaced.iter().map(|(target, _)| target.position).collect();
-        assert!((yardstick.displacement_error(&undeformed).unwrap() - 1.0).abs() < 1e-9, "the disc moved by the depth");
+        let reference_solution = ReferenceSolution::of(&scene, 0.004).unwrap();
+        assert_eq!((reference_solution.force.len(), reference_solution.depth_m()), (8, 0.004));
+        assert_eq!(reference_solution.source, "independent finite elements");
+        assert!(
+            (1e-3..5e-3).contains(&reference_solution.uncertainty.unwrap()),
+            "{:?}",
+            reference_solution.uncertainty
+        );
+        let places: Vec<[f64; 3]> = reference_solution.displaced.iter().map(|(_, then)| *then).collect();
+        assert_eq!(reference_solution.displacement_error(&places), Some(0.0));
+        let undeformed: Vec<[f64; 3]> =
+            reference_solution.displaced.iter().map(|(target, _)| target.position).collect();
+        assert!(
+            (reference_solution.displacement_error(&undeformed).unwrap() - 1.0).abs() < 1e-9,
+            "the disc moved by the depth"
+        );
     }
 
     #[test]
@@ -312,10 +324,10 @@ mod tests {
         scene.set("material.poisson_ratio", "0.4").unwrap();
         scene.set("discretisation.spacing_m", "0.004").unwrap();
         scene.set("motion.pose_hz", "100").unwrap();
-        let yardstick = Yardstick::of(&scene, 0.001).unwrap();
-        assert_eq!(yardstick.force.len(), 20);
-        assert!(yardstick.source.starts_with("the own model") && yardstick.uncertainty.is_none());
-        assert!(yardstick.force.windows(2).all(|w| w[1].1 > w[0].1), "{:?}", yardstick.force);
-        assert_eq!(yardstick.displaced.len(), 3);
+        let reference_solution = ReferenceSolution::of(&scene, 0.001).unwrap();
+        assert_eq!(reference_solution.force.len(), 20);
+        assert!(reference_solution.source.starts_with("the own model") && reference_solution.uncertainty.is_none());
+        assert!(reference_solution.force.windows(2).all(|w| w[1].1 > w[0].1), "{:?}", reference_solution.force);
+        assert_eq!(reference_solution.displaced.len(), 3);
     }
 }

@@ -10,11 +10,11 @@ use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 /// See the module.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct Cache {
     folder: PathBuf,
 }
 
-impl Kept {
+impl Cache {
     /// What is kept in a folder of this name below another.
     #[must_use]
     pub fn below(folder: &Path, name: &str) -> Self {
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn kept_numbers_come_back_to_the_bit_and_damaged_ones_do_not() {
         let folder = tempfile::tempdir().unwrap();
-        let (kept, of) = (Kept::below(folder.path(), "curves"), "scene and keys");
+        let (kept, of) = (Cache::below(folder.path(), "curves"), "scene and keys");
         let lists = vec![vec![0.0, 0.1, 1.0 / 3.0], vec![-0.0, f64::MIN_POSITIVE], Vec::new()];
         assert_eq!(kept.get(of), None);
         kept.put(of, &lists).unwrap();

@@ -18,7 +18,7 @@ const MEMBRANE: f64 = 2.0;
 /// Fewest pieces on either side of a bend.
 const FEWEST: usize = 3;
 
-pub(super) fn told(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f64) -> Found {
+pub(super) fn resistance(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f64) -> Found {
     let n = fit.layers;
     let mut cannot_tell = Vec::new();
     let largest = largest(drops, n);
