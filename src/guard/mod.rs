@@ -24,7 +24,7 @@ use std::fmt;
 
 pub use outlook::{Odds, Outlook, Place, Question};
 
-use crate::rig::{MotionLimits, Trajectory};
+use needle_rig::{MotionLimits, Trajectory};
 
 /// Share of a limit (of the force, of a probability) from which the speed falls, to nothing at the limit.
 pub const SLOWS_AT: f64 = 0.8;

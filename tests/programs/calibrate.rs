@@ -10,7 +10,7 @@ use needle_estimate::calibrate::{Calibration, HoldOut, LoadCell, Task, Wanted, c
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
 use needle_recording::{At, ForceSeries, Reading};
 use needle_recording::{Recording, TopicNames};
-use needle_twin::rig::make::{RigRecording, RigScene};
+use needle_rig::make::{RigRecording, RigScene};
 use serde_json::Value;
 
 const MODULUS: &str = "material.shear_modulus_pa";

@@ -16,7 +16,7 @@ use needle_estimate::compare::scale::mistaken;
 use needle_estimate::compare::uncertainty::FORCE_ERROR;
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};
-use needle_twin::rig::make::RigScene;
+use needle_rig::make::RigScene;
 use rayon::prelude::*;
 use serde_json::Value;
 

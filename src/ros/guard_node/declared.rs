@@ -1,7 +1,7 @@
 //! Parameters of the guard.
 
 use crate::guard::{Orders, Place};
-use crate::rig::MotionLimits;
+use needle_rig::MotionLimits;
 use ros2_node::parameter::{Parameter, parameters};
 use ros2_node::parameters::{Declaration, Parameters};
 use ros2_node::recorder;

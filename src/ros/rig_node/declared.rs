@@ -3,10 +3,10 @@
 use ros2_client::ParameterValue as P;
 
 use super::driver::{Load, Rig};
-use crate::rig::make::RigScene;
-use crate::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
-use crate::rig::{Driver, DriverLimits, MotionLimits, PlayOptions, Stretch};
 use needle_recording::{ForceSource, PositionSource};
+use needle_rig::make::RigScene;
+use needle_rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
+use needle_rig::{Driver, DriverLimits, MotionLimits, PlayOptions, Stretch};
 use ros2_node::parameter::{Parameter, Typed, parameters};
 use ros2_node::parameters::{Declaration, Parameters};
 use ros2_node::recorder;

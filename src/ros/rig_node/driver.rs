@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 
 use super::declared::TISSUE_STIFFNESS;
-use crate::rig::make::Curve;
-use crate::rig::sensors::{DisplacementSensor, LoadCell};
-use crate::rig::{Delay, Driver};
+use needle_rig::make::Curve;
+use needle_rig::sensors::{DisplacementSensor, LoadCell};
+use needle_rig::{Delay, Driver};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::geometry_msgs::{Wrench, WrenchStamped};
 use ros2_messages::sensor_msgs::JointState;

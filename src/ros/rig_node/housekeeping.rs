@@ -7,7 +7,7 @@ use crossbeam_channel::{Receiver, Sender};
 
 use super::declared;
 use super::playback::Command;
-use crate::rig::Stretch;
+use needle_rig::Stretch;
 use ros2_client::ParameterValue;
 use ros2_guarded::Bell;
 use ros2_messages::rosbag2_interfaces::{

@@ -18,7 +18,7 @@ use ros2_client::ParameterValue;
 use self::housekeeping::Housekeeping;
 use self::outputs::{Outputs, Wishes};
 use self::playback::{Command, Report};
-use crate::rig::Player;
+use needle_rig::Player;
 use ros2_guarded::signals::Signals;
 use ros2_guarded::threads::{join, spawn};
 use ros2_node::arguments::ParameterOverride;

@@ -6,8 +6,8 @@ use std::time::Duration;
 use ros2_client::qos::{Durability, History};
 use ros2_client::{MessageTypeName, QosProfile};
 
-use crate::rig::Player;
 use needle_recording::{ForceSource, PositionSource};
+use needle_rig::Player;
 use ros2_guarded::RawCdr;
 use ros2_messages::geometry_msgs::WrenchStamped;
 use ros2_messages::rosgraph_msgs::Clock;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 
 use super::outputs::Outputs;
-use crate::rig::{Player, Step, Stretch};
+use needle_rig::{Player, Step, Stretch};
 use ros2_messages::builtin_interfaces::Time;
 use ros2_messages::rosgraph_msgs::Clock;
 use rosbag2_mcap::{BagReader, Message};

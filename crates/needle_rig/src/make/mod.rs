@@ -1,12 +1,12 @@
 //! Synthetic recordings of the rig: depth and force as its sensors would give them for a stated motion.
 //!
 //! The force is that of the independent finite-element curves in `bags/reference/`, read at the true depth; both depth
-//! and force then go through the sensor models of [`crate::rig::sensors`]. Nothing here is a measurement.
+//! and force then go through the sensor models of [`crate::sensors`]. Nothing here is a measurement.
 
 mod curve;
 mod motion;
 
-use crate::rig::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
+use crate::sensors::{DisplacementModel, DisplacementSensor, LoadCell, LoadCellModel};
 pub use curve::Curve;
 use motion::Motion;
 use ros2_messages::builtin_interfaces::Time;
@@ -58,9 +58,9 @@ impl RigScene {
     #[must_use]
     pub fn curve(self) -> Curve {
         Curve::from_table(match self {
-            Self::Compression => include_str!("../../../bags/reference/compression_force.csv"),
-            Self::Indentation => include_str!("../../../bags/reference/indentation_force.csv"),
-            Self::NeedleInsertion => include_str!("../../../bags/reference/needle_force_capture_radius_0.50mm.csv"),
+            Self::Compression => include_str!("../../../../bags/reference/compression_force.csv"),
+            Self::Indentation => include_str!("../../../../bags/reference/indentation_force.csv"),
+            Self::NeedleInsertion => include_str!("../../../../bags/reference/needle_force_capture_radius_0.50mm.csv"),
         })
     }
 }
