@@ -44,8 +44,8 @@ impl Common {
         Self { of_regions, made_for: moves.then(|| scene.regions.clone()), steps: None }
     }
 
-    /// The scene as it is run. Additional steps of the scene apply only to the first poses, where contact begins with
-    /// an impulse.
+    /// The scene as it is run, with the least number of steps raised. Only the first poses, where contact begins with
+    /// an impulse, take more steps than that.
     pub fn posed(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         let stepping = &mut scene.stepping;
