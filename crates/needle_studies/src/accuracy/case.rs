@@ -84,8 +84,9 @@ pub struct Case {
 }
 
 /// Coarse surroundings in three dimensions: growth of the spacing, support factor, rings around the path, and the
-/// least number of eight points that must use a support node. Coarse surroundings are too soft, and narrow supports
-/// too stiff. The latter is reduced if nodes that few points share are left out (`docs/lab/performance.md`).
+/// least number, of eight neighbouring points, that must share a support node. Coarse surroundings are too soft, and
+/// narrow supports too stiff. The stiffness is reduced if nodes that few points share are left out
+/// (`docs/lab/performance.md`).
 const GROWTH: f64 = 0.45;
 const SUPPORT: f64 = 1.5;
 const RINGS: u32 = 2;
