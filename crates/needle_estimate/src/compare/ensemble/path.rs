@@ -81,7 +81,7 @@ pub(super) fn paths_beside(
         let members: Vec<&Member> = groups[g].iter().map(|k| &members[first[*k]]).collect();
         let found = together::run(&members, cloud.as_ref(), beside.as_ref(), &course);
         let found = found.unwrap_or_else(|| members.iter().map(|m| mechanics(m, cloud.as_ref(), &course)).collect());
-        // the crew has reported one member as done
+        // a worker thread has reported one of these members as done
         (1..members.len()).for_each(|_| (crew.done)());
         found
     };

@@ -1,7 +1,7 @@
 //! Noise of a sensor's readings, and of block means, from second differences. These contain little of the signal.
 //!
 //! ```text
-//! sigma^2 = median(|r_i - 2 r_(i-l) + r_(i-2l)|)^2 / (6 * 0.6745^2),   r: reading less what the model says
+//! sigma^2 = median(|r_i - 2 r_(i-l) + r_(i-2l)|)^2 / (6 * 0.6745^2),   r: reading minus the model's prediction
 //! ```
 //!
 //! l is half a block, so that correlated neighbours (a filter, an interpolation) don't hide the noise. The same
