@@ -29,8 +29,8 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An axis that contains all finite values, extended by a part `margin` of their range at each end that is not
-    /// zero, with about `count` ticks of 1, 2 or 5 times a power of ten. For a single value or none it gets a default
+    /// An axis that contains all finite values, extended by a part `margin` of their range at each end that is
+    /// not zero. It has about `count` ticks of 1, 2 or 5 times a power of ten. For a single value or none it gets a default
     /// width.
     pub fn holding(values: impl IntoIterator<Item = f64>, count: usize, margin: f64) -> Self {
         let finite = values.into_iter().filter(|v| v.is_finite());

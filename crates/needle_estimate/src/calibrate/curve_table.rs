@@ -33,8 +33,8 @@ const SPEED_M_PER_S: f64 = 1e-3;
 const DEEPER: f64 = 1.15;
 /// Reversal of the motion, as a share of the largest depth, that is attributed to noise of the displacement sensor.
 const WAY_BACK: f64 = 0.01;
-/// Ranges of pressures over the small-strain modulus mu_0 in which a curve is tabulated. C01 <= mu_0 / 2 since C10 >
-/// 0. The scene rejects a negative C20 of Yeoh's law if C30 is 0.
+/// Ranges of pressures over the small-strain modulus mu_0 in which a curve is tabulated. C01 <= mu_0 / 2 because
+/// C10 > 0. The scene rejects a negative C20 of Yeoh's law if C30 is 0.
 const RATIOS: [(&str, [f64; 2]); 3] =
     [("material.c01_pa", [0.0, 0.499]), ("material.c20_pa", [0.0, 0.5]), ("material.c30_pa", [0.0, 0.5])];
 /// Keys that the force is proportional to. The first one that is sought gets the remainder of mu_0.

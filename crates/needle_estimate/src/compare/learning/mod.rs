@@ -9,10 +9,10 @@
 //! Readings are averaged in blocks of [`BLOCK_S`]. A block that deviates by more than three standard deviations is
 //! **rejected**: it does not update the unknowns.
 //!
-//! **Trouble**: the state is saved every half a second. If the state of half a second to a second ago does not
-//! explain the load cell for two blocks either, with its own force error allowed for, the unknowns are reset to it.
-//! The load cell then updates them again only after ten blocks that this state explains. Forecasts continue to use
-//! all readings.
+//! **Trouble**: the state is saved every half a second. The older saved state, of half a second to a second ago, is
+//! checked with its own force error included. If it does not explain two blocks of the load cell, the unknowns are
+//! reset to it. The load cell then updates them again only after ten blocks that this state explains. Forecasts
+//! continue to use all readings.
 
 mod basis;
 mod batched_matrix;

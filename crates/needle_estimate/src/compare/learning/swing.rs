@@ -1,10 +1,10 @@
 //! Possible error of the force while the tissue oscillates.
 //!
 //! Tissue oscillates about its equilibrium if it is moved in jumps (an overloaded computer does not answer every
-//! pose) or released. Model it as a column on its base that is compressed at its other end by u, and that oscillates
-//! in its first mode, u z / h + b sin(pi z / h). When the mode passes its equilibrium, all its energy is kinetic, E_k
-//! = (pi b / h)^2 E A h / 4. The energy of the compressed column is E_s = E A u^2 / 2 h, and the force is off by E A
-//! pi b / h at most:
+//! pose) or released. Model it as a column on its base that is compressed at its other end by u. It oscillates
+//! in its first mode, u z / h + b sin(pi z / h). When the mode passes its equilibrium, all its energy is kinetic,
+//! E_k = (pi b / h)^2 E A h / 4. The energy of the compressed column is E_s = E A u^2 / 2 h, and the force is off by
+//! E A pi b / h at most:
 //!
 //! ```text
 //! F_swing / F = pi b / u = sqrt(2 E_k / E_s)
