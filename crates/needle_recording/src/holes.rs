@@ -1,12 +1,12 @@
-//! Times of which nothing was recorded, or no force while the instrument moved: what happened there is not known.
+//! Finds the intervals without data, or without force while the instrument moved. The forces in them are unknown.
 
-/// A pause of more than so many ordinary intervals, and of more than so long, s.
+/// A pause exceeds this many typical intervals, and `LEAST_S`.
 const INTERVALS: f64 = 10.0;
 const LEAST_S: f64 = 0.25;
-/// Share of the whole way that an instrument moves which does not rest.
+/// The instrument has moved if it travelled by more than this share of the total travel.
 const MOVED: f64 = 0.02;
 
-/// Where an instrument was: time in s, and a place in m.
+/// Position of an instrument: time in s, and a position in m.
 pub(super) type Place = (f64, [f64; 3]);
 
 /// Pauses of a series, from and to, s.
@@ -18,7 +18,8 @@ fn pauses(times: &[f64]) -> Vec<[f64; 2]> {
     times.windows(2).filter(|pair| pair[1] - pair[0] > longest).map(|pair| [pair[0], pair[1]]).collect()
 }
 
-/// The holes of a recording, in the order of time. A sensor that only says what changes is silent while the instrument rests: that is none.
+/// The holes of a recording, in order of time. A sensor that publishes only changes is silent while the instrument
+/// rests; that is not a hole.
 pub(super) fn holes(motion: &[Place], force_s: &[f64]) -> Vec<[f64; 2]> {
     let moved = |[from, to]: &[f64; 2], least: f64| {
         let (a, b) = (motion.partition_point(|m| m.0 < *from), motion.partition_point(|m| m.0 <= *to));
@@ -44,7 +45,7 @@ pub(super) fn holes(motion: &[Place], force_s: &[f64]) -> Vec<[f64; 2]> {
     all
 }
 
-/// Largest extent of the places along an axis, m.
+/// Largest extent of the positions along an axis, m.
 fn extent(places: &[Place]) -> f64 {
     let along = |k: usize| {
         let values = places.iter().map(|p| p.1[k]);
@@ -57,7 +58,7 @@ fn extent(places: &[Place]) -> f64 {
 mod tests {
     use super::*;
 
-    /// In at 1 mm/s, a rest of 2 s, and out, at 100 Hz.
+    /// Insertion at 1 mm/s, a rest of 2 s, and retraction, at 100 Hz.
     fn motion() -> Vec<Place> {
         let depth = |t: f64| if t < 4.0 { t } else { 4.0 - (t - 6.0).max(0.0) };
         (0..1000).map(|i| f64::from(i) * 0.01).map(|t| (t, [1e-3 * depth(t), 0.0, 0.0])).collect()

@@ -1,4 +1,5 @@
-//! Tables that are no text: spreadsheets, arrays of NumPy, variables of MATLAB. Each becomes text, so that all else is one.
+//! Binary tables: spreadsheets, arrays of NumPy, variables of MATLAB. Each is converted to text, so that all tables
+//! are read in the same way.
 
 use std::fmt::Write as _;
 use std::io::Cursor;
@@ -13,10 +14,10 @@ use super::TableError;
 /// A column with its name.
 type Named = (String, Vec<f64>);
 
-/// What a file holds, as a table between tabs; a text is left as it is.
+/// Content of a file as a tab-separated table; text is returned unchanged.
 ///
 /// # Errors
-/// [`TableError::Foreign`] of a file that can't be read here, with what converts it.
+/// [`TableError::Foreign`] for a file that can't be read here; the message names a converter.
 pub(super) fn as_text(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>, TableError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let file = path.display();
@@ -55,7 +56,7 @@ pub(super) fn as_text(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>, TableError
     }
 }
 
-/// Columns of one length side by side, with their names.
+/// Columns of equal length with their names, as text.
 fn text_of(columns: &[Named], headers: bool) -> String {
     let rows = columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
     let columns: Vec<&Named> = columns.iter().filter(|(_, values)| values.len() == rows).collect();
@@ -67,7 +68,7 @@ fn text_of(columns: &[Named], headers: bool) -> String {
     for row in 0..rows {
         for (k, (_, values)) in columns.iter().enumerate() {
             let tab = if k == 0 { "" } else { "\t" };
-            let _ = write!(text, "{tab}{}", values[row]); // a String takes anything
+            let _ = write!(text, "{tab}{}", values[row]); // writing to a String can't fail
         }
         text.push('\n');
     }
@@ -90,7 +91,7 @@ fn cell(cell: &Data) -> String {
     }
 }
 
-/// Days since 1899-12-30 as date and time of day; less than a day is a time of day.
+/// Days since 1899-12-30 as date and time of day; a number below one is a time of day.
 fn date(days: f64) -> String {
     let zero = chrono::NaiveDate::from_ymd_opt(1899, 12, 30).and_then(|day| day.and_hms_opt(0, 0, 0));
     let since = chrono::TimeDelta::try_milliseconds((days * 86_400_000.0).round() as i64);
@@ -99,7 +100,7 @@ fn date(days: f64) -> String {
     time.map_or_else(String::new, |time| time.format(format).to_string())
 }
 
-/// The numbers of an array, in the order of rows, and its shape.
+/// The numbers of an array in row-major order, and its shape.
 fn numbers<R: std::io::Read>(file: NpyFile<R>) -> Option<(Vec<f64>, Vec<u64>)> {
     let (shape, rows_first) = (file.shape().to_vec(), file.order() == npyz::Order::C);
     let all = match file.try_data::<f64>() {
@@ -147,7 +148,7 @@ fn archive(bytes: Vec<u8>) -> Option<Vec<Named>> {
     (!all.is_empty()).then_some(all)
 }
 
-/// Vectors and matrices of a MATLAB file of version 5; a vector is a column, however it lies.
+/// Vectors and matrices of a MATLAB file of version 5. A row vector also becomes a column.
 fn variables(bytes: &[u8]) -> Option<Vec<Named>> {
     let file = MatFile::parse(bytes).ok()?;
     let all = file.arrays().iter().filter_map(|array| {
@@ -157,7 +158,7 @@ fn variables(bytes: &[u8]) -> Option<Vec<Named>> {
             [rows, width] => (rows, width),
             _ => return None,
         };
-        // the order of MATLAB is by columns
+        // MATLAB's order is column-major
         let by_rows = (0..values.len()).map(|i| values[i % width * rows + i / width]).collect();
         columns(array.name(), (by_rows, vec![rows as u64, width as u64]))
     });

@@ -1,9 +1,9 @@
-//! Bytes of a text file as text.
+//! Decodes the bytes of a text file.
 
 use encoding_rs::{Encoding, GBK, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
-/// UTF-8; UTF-16, with its mark or without; GBK where every other character is one of Chinese text; else Latin-1, in which the units µm and °C
-/// stand in old files.
+/// UTF-8; UTF-16, with or without a byte-order mark; GBK if at least every other character is typical of Chinese
+/// text; otherwise Latin-1 (Windows-1252), in which old files write the units µm and °C.
 pub(super) fn text(bytes: Vec<u8>) -> String {
     if let Some((encoding, mark)) = Encoding::for_bom(&bytes) {
         return encoding.decode_without_bom_handling(&bytes[mark..]).0.into_owned();
@@ -22,8 +22,8 @@ pub(super) fn text(bytes: Vec<u8>) -> String {
     }
 }
 
-/// Whether all bytes beyond ASCII come in pairs of GB 2312, most of them characters of its first level, the common ones: an accent of
-/// Latin-1 mostly stands alone, and two in a row (as in German) are of the second level.
+/// Whether all bytes beyond ASCII are pairs of GB 2312, most of them characters of its first level, the common ones.
+/// Accents of Latin-1 are mostly single, and two in a row (as in German) are of the second level.
 fn is_chinese(bytes: &[u8]) -> bool {
     let (mut rest, mut characters, mut all) = (bytes, 0_usize, 0_usize);
     while let [first, tail @ ..] = rest {

@@ -1,4 +1,4 @@
-//! Tables of numbers as text: what load cells, testing machines and spreadsheets write.
+//! Text tables of numbers, as written by load cells, testing machines and spreadsheets.
 
 mod clock;
 mod columns;
@@ -31,17 +31,17 @@ pub enum TableError {
         /// Why.
         source: std::io::Error,
     },
-    /// A file of another program.
+    /// A file in another format.
     #[error("{}: {what} is not read; make a CSV of it: {how}", .path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// Its format.
         what: &'static str,
-        /// How to make a table of it.
+        /// How to convert it to a table.
         how: String,
     },
-    /// There is no table in it.
+    /// The file contains no table.
     #[error(
         "{}: no rows of numbers were found in its first lines; say how it is laid out with --separator, --decimal-comma, \
          --header-line or --comment", .path.display()
@@ -50,72 +50,72 @@ pub enum TableError {
         /// The file.
         path: PathBuf,
     },
-    /// Columns can't be told, or have no unit.
+    /// Columns are ambiguous, or have no unit.
     #[error("{file}: {reason}. Its columns: {columns}")]
     Columns {
         /// The file.
         file: String,
         /// What is wrong, and what to do.
         reason: String,
-        /// What there is.
+        /// The columns of the file.
         columns: String,
     },
-    /// No file has what is needed.
+    /// No file has a required quantity.
     #[error("no column for the {what}: name it with {option}, by its header or its number from 1. {columns}")]
     Missing {
-        /// What is needed.
+        /// The quantity.
         what: &'static str,
-        /// How it is named.
+        /// The option that names its column.
         option: &'static str,
         /// Columns of all files.
         columns: String,
     },
-    /// No file has a column that was named.
+    /// No file has a column that the user named.
     #[error("{option} {name}: there is no such column. {columns}")]
     NoColumn {
-        /// How it was named.
+        /// The option that named it.
         option: &'static str,
         /// Its name.
         name: String,
         /// Columns of all files.
         columns: String,
     },
-    /// Several recordings are in one file, or not as many as was said.
+    /// One file has several recordings, or not the requested number.
     #[error("{file}: {reason}: {blocks}")]
     Blocks {
         /// The file.
         file: String,
         /// What is wrong, and what to do.
         reason: String,
-        /// What there is.
+        /// The recordings of the file.
         blocks: String,
     },
 }
 
-/// Rows of one file, as far as they were taken.
+/// The rows of one file that were read.
 #[derive(Debug, Default)]
 pub struct Table {
     /// Its name.
     pub file: String,
-    /// How it is laid out, in words.
+    /// Description of the layout.
     pub layout: String,
-    /// The columns that were taken.
+    /// The columns that are used.
     pub columns: Columns,
-    /// All columns, in words.
+    /// Description of all columns.
     pub all_columns: String,
-    /// Rows of data.
+    /// Number of data rows.
     pub rows: u64,
-    /// Rows with a cell that is no number, and the first of them with its line.
+    /// Number of rows with a cell that is not a number.
     pub bad: u64,
-    /// See `bad`.
+    /// The first of these rows with its line number.
     pub first_bad: Option<String>,
-    /// What is odd but cost nothing.
+    /// Irregularities without a loss of data.
     pub warnings: Vec<String>,
-    /// Rows per second, where they have no time of their own.
+    /// Rows per second, if they have no time.
     pub rate_hz: Option<f64>,
-    /// Columns that were named, by their options, and are not in this file.
+    /// Columns that the user named, by their options, and that are not in this file.
     absent: Vec<(&'static str, String)>,
-    /// Lines from the first to the last, from 1.
+    /// First and last line, from 1.
     lines: [usize; 2],
     pub(super) depths: Vec<(i64, f64)>,
     pub(super) forces: Vec<(i64, [f64; 3])>,
@@ -123,7 +123,7 @@ pub struct Table {
     pub(super) markers: Vec<(i64, Vec<[f64; 3]>)>,
 }
 
-/// Files that are no text, with the one line of Python that makes a table of them.
+/// Rejects binary files, with a line of Python that converts them to a table.
 fn refuse_foreign(path: &Path) -> Result<(), TableError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let file = path.display();
@@ -147,14 +147,14 @@ fn refuse_foreign(path: &Path) -> Result<(), TableError> {
     Err(TableError::Foreign { path: path.to_owned(), what, how })
 }
 
-/// Whether a file can be read and begins so.
+/// Whether a file can be read and begins with these bytes.
 fn starts_with(path: &Path, bytes: &[u8]) -> bool {
     let mut start = vec![0; bytes.len()];
     fs::File::open(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok() && start == bytes)
 }
 
 impl Table {
-    /// Reads the file with the given number, from 0, of those of a recording.
+    /// Reads one file of a recording; `file_number` is its index, from 0.
     ///
     /// # Errors
     /// [`TableError`].
@@ -162,7 +162,7 @@ impl Table {
         Self::from_bytes(path, bytes_of(path)?, said, file_number)
     }
 
-    /// As [`Table::read`], from what the file holds.
+    /// Same as [`Table::read`], with the file's content given.
     ///
     /// # Errors
     /// [`TableError`].
@@ -180,7 +180,7 @@ impl Table {
                     all.push(block.extent());
                     wanted = if said.layout.block == Some(number) { block } else { wanted };
                 }
-                // of a block that nobody wants the columns don't matter
+                // errors in the columns of a block that is not requested are ignored
                 Err(error) if said.layout.block == Some(number) => return Err(error),
                 Err(_) => all.push("of other columns".to_owned()),
             }
@@ -194,7 +194,7 @@ impl Table {
         Err(TableError::Blocks { file: file.clone(), reason: reason.to_owned(), blocks: blocks.join(", ") })
     }
 
-    /// Columns that were named and are not in this file.
+    /// Columns that the user named and that are not in this file.
     pub(super) fn absent(&self) -> &[(&'static str, String)] {
         &self.absent
     }
@@ -210,7 +210,7 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>, TableError> {
     fs::read(path).map_err(|source| TableError::Open { path: path.to_owned(), source })
 }
 
-/// How many recordings a file holds one after the other; 1 where that can't be told.
+/// Number of consecutive recordings in a file; 1 if it can't be determined.
 #[must_use]
 pub fn blocks(path: &Path, said: &Selection) -> usize {
     let Ok(bytes) = bytes_of(path) else { return 1 };
@@ -221,13 +221,13 @@ pub fn blocks(path: &Path, said: &Selection) -> usize {
         .max(1)
 }
 
-/// The recordings that stand one after the other in a text.
+/// The consecutive recordings in a text.
 struct Blocks<'a> {
     text: &'a str,
     said: &'a Selection,
     file: &'a str,
     file_number: usize,
-    /// Byte and line at which the next one begins.
+    /// Byte offset and line at which the next one begins.
     place: Option<[usize; 2]>,
 }
 
@@ -236,7 +236,7 @@ impl Iterator for Blocks<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         let [byte, line] = self.place.take()?;
-        // the line of the headers was said of the first
+        // the header line that the user gave is that of the first block
         let header_line = self.said.layout.header_line.filter(|n| byte == 0 || *n == 0);
         let said = TableLayout { header_line, ..self.said.layout.clone() };
         let text = &self.text[byte..];
