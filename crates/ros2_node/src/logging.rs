@@ -91,6 +91,8 @@ pub static ROSOUT_DROPPED: AtomicU64 = AtomicU64::new(0);
 
 struct RosLayer {
     name: String,
+    /// Crate of the program.
+    program: &'static str,
     level: Severity,
     loggers: Vec<(String, Severity)>,
     console: Option<Console>,
@@ -133,7 +135,7 @@ struct Console {
 /// Installs the process's log for a node and returns the lines for `/rosout`. Only the first call in a process
 /// affects the console. With a folder, every line is also written to a file there.
 #[must_use]
-pub fn install(node: &str, arguments: &LogArguments, folder: Option<&Path>) -> Receiver<Record> {
+pub fn install(node: &str, program: &'static str, arguments: &LogArguments, folder: Option<&Path>) -> Receiver<Record> {
     static INSTALLED: OnceLock<()> = OnceLock::new();
     let (sender, receiver) = crossbeam_channel::bounded(256);
     if INSTALLED.set(()).is_ok() {
@@ -143,6 +145,7 @@ pub fn install(node: &str, arguments: &LogArguments, folder: Option<&Path>) -> R
         let unwritten = file.as_ref().err().cloned();
         let layer = RosLayer {
             name,
+            program,
             file: file.ok().flatten().map(Mutex::new),
             level: arguments.level.unwrap_or(Severity::Info),
             loggers: arguments.loggers.clone(),
@@ -228,19 +231,20 @@ fn local_time(wall_nanos: i64) -> String {
         .to_string()
 }
 
-/// Whether a line is the node's own, and not that of a library.
-fn is_own(target: &str) -> bool {
-    const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
-    OWN.contains(&target.split("::").next().unwrap_or_default())
-}
-
 impl RosLayer {
+    /// Whether a line is the node's own, and not that of a library.
+    fn is_own(&self, target: &str) -> bool {
+        const OWN: [&str; 3] = [env!("CARGO_CRATE_NAME"), "ros2_guarded", "rosbag2_mcap"];
+        let of = target.split("::").next().unwrap_or_default();
+        of == self.program || OWN.contains(&of)
+    }
+
     /// Lowest severity that is logged for a target.
     fn threshold(&self, target: &str) -> Severity {
         // A logger's level applies to its descendants: `or1` to `or1.twin`.
         let set = LEVELS.read().unwrap_or_else(PoisonError::into_inner);
         let own = |l: &str| self.name.strip_prefix(l).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-        let is_own = is_own(target);
+        let is_own = self.is_own(target);
         let fits = |l: &str| target.starts_with(l) || (is_own && own(l));
         if let Some((_, level)) = set.iter().rev().chain(self.loggers.iter().rev()).find(|(l, _)| fits(l)) {
             return *level;
@@ -299,7 +303,8 @@ impl<S: Subscriber> Layer<S> for RosLayer {
             let _ = writeln!(file, "[{word}] [{s}.{ns:09}] [{}]: {message}", self.name);
         }
         // Only the node's own lines: publishing makes the middleware log, which would publish again.
-        if is_own(metadata.target()) && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err()) {
+        if self.is_own(metadata.target()) && self.rosout.as_ref().is_some_and(|rosout| rosout.try_send(record).is_err())
+        {
             ROSOUT_DROPPED.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -334,13 +339,14 @@ mod tests {
     fn levels_per_logger() {
         let layer = |loggers: &[(&str, Severity)]| RosLayer {
             name: "or1.twin".to_owned(),
+            program: "their_program",
             level: Severity::Info,
             loggers: loggers.iter().map(|(l, s)| ((*l).to_owned(), *s)).collect(),
             console: None,
             file: None,
             rosout: None,
         };
-        let own = concat!(env!("CARGO_CRATE_NAME"), "::ros::twin_node");
+        let own = "their_program::their_node";
         assert_eq!(layer(&[]).threshold(own), Severity::Info);
         assert_eq!(layer(&[("or1", Severity::Debug)]).threshold(own), Severity::Debug);
         assert_eq!(layer(&[("or1.twin", Severity::Warn)]).threshold(own), Severity::Warn);

@@ -92,13 +92,19 @@ pub struct Start {
 ///
 /// # Errors
 /// [`NodeError`] naming the cause.
-pub fn start(default_name: &str, arguments: impl IntoIterator<Item = OsString>) -> Result<Start, NodeError> {
+pub fn start(
+    default_name: &str,
+    program: &'static str,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<Start, NodeError> {
     let (own, ros) = arguments::split(arguments)?;
     let environment = Environment::read()?;
     let names = Names::new(default_name, &ros)?;
     let node = names.fully_qualified();
-    let rosout =
-        Rosout::new(logging::install(&node, &ros.log, environment.log_folder.as_deref()), logging::logger_name(&node));
+    let rosout = Rosout::new(
+        logging::install(&node, program, &ros.log, environment.log_folder.as_deref()),
+        logging::logger_name(&node),
+    );
     for warning in &environment.warnings {
         tracing::warn!("{warning}");
     }

@@ -49,7 +49,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return FAILURE;
         }
     };
-    match start::start("guard", arguments).and_then(|start| guard(start, &signals)) {
+    match start::start("guard", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| guard(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("needle_twin guard: {}", terminal::line(&error.to_string()));

@@ -61,7 +61,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return FAILURE;
         }
     };
-    match start::start("rig", arguments).and_then(|start| rig(start, &signals)) {
+    match start::start("rig", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| rig(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("rig_node: {}", terminal::line(&error.to_string()));

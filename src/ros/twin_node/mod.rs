@@ -110,7 +110,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return FAILURE;
         }
     };
-    match start::start("twin", arguments).and_then(|start| twin(start, &signals)) {
+    match start::start("twin", env!("CARGO_CRATE_NAME"), arguments).and_then(|start| twin(start, &signals)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("twin_node: {}", terminal::line(&error.to_string()));
