@@ -13,7 +13,7 @@ use super::names;
 use super::number::number;
 
 /// Lines that are looked at for the beginning of the data.
-const LOOKED_AT: usize = 400;
+pub(super) const LOOKED_AT: usize = 400;
 /// Rows in a row that are data.
 const ROWS: usize = 3;
 /// Rows by which columns and ways to read them are judged.
