@@ -402,10 +402,11 @@ pub(super) fn archive(bytes: Vec<u8>) -> Result<Arrays, String> {
         let name = file.name().to_owned();
         let Some(name) = name.strip_suffix(".npy") else { continue };
         let mut bytes = Vec::new();
-        let left = MOST_BYTES - unpacked;
-        let length = file.by_ref().take(left + 1).read_to_end(&mut bytes);
+        // what it says of its size may be wrong
+        let (left, said) = (MOST_BYTES - unpacked, file.size());
+        let length = if said > left { Ok(0) } else { file.by_ref().take(left + 1).read_to_end(&mut bytes) };
         unpacked += length.map_err(|e| format!("its array `{name}` can't be unpacked: {e}"))? as u64;
-        if unpacked > MOST_BYTES {
+        if said > left || unpacked > MOST_BYTES {
             return Err("it holds more than 2 GiB: save it as CSV, which is read piece by piece".to_owned());
         }
         match columns(bytes, Some(name), &mut notes) {
