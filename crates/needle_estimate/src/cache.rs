@@ -1,7 +1,8 @@
-//! Numbers that are dear to compute, kept in files below a folder.
+//! Stores numbers that are expensive to compute in files below a folder.
 //!
-//! A file is named by the hash of all that its numbers depend on. It holds them as they are and a hash of them, so that what is read again is the
-//! same to the last bit, and what is damaged is computed anew. Several processes may share a folder.
+//! The name of a file is the hash of everything that its numbers depend on. The file holds the exact bits of the
+//! numbers and a checksum of them. So a value that is read back is identical to the last bit, and a damaged file is
+//! computed again. Several processes may share a folder.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -15,7 +16,7 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// What is kept in a folder of this name below another.
+    /// A cache in the subfolder `name` of a folder.
     #[must_use]
     pub fn below(folder: &Path, name: &str) -> Self {
         Self { folder: folder.join(name) }
@@ -25,10 +26,11 @@ impl Cache {
         self.folder.join(format!("{:032x}.bin", xxh3_128(of.as_bytes())))
     }
 
-    /// Keeps lists of numbers under the text of all that they depend on: each list with its length before it, then their hash.
+    /// Stores lists of numbers under the text of everything that they depend on. The file has the length before each
+    /// list and the checksum at the end.
     ///
     /// # Errors
-    /// If the file can't be written; nothing of it is left then.
+    /// If the file can't be written. No partial file remains then.
     pub fn put(&self, of: &str, lists: &[Vec<f64>]) -> io::Result<()> {
         let path = self.path(of);
         let mut bytes = Vec::new();
@@ -41,13 +43,13 @@ impl Cache {
         let folder = fs::create_dir_all(&self.folder);
         let written = folder.and_then(|()| fs::write(&partial, bytes)).and_then(|()| fs::rename(&partial, path));
         if written.is_err() {
-            // it may not even be there
+            // the file may not exist
             let _ = fs::remove_file(&partial);
         }
         written
     }
 
-    /// The lists that were kept; `None` without them, or where they are damaged.
+    /// The stored lists; `None` if there are none, or if they are damaged.
     #[must_use]
     pub fn get(&self, of: &str) -> Option<Vec<Vec<f64>>> {
         let bytes = fs::read(self.path(of)).ok()?;

@@ -1,11 +1,11 @@
-//! Times of which nothing was recorded, or no force while the instrument moved: what happened there is not known.
+//! Finds the intervals without data, or without force while the instrument moved. The forces in them are unknown.
 
 use super::recording::{DepthSample, ForceSample, PoseSample};
 
-/// A pause of more than so many ordinary intervals, and of more than so long, s.
+/// A pause exceeds this many typical intervals, and `LEAST_S`.
 const INTERVALS: f64 = 10.0;
 const LEAST_S: f64 = 0.25;
-/// Share of the whole way that an instrument moves which does not rest.
+/// The instrument has moved if it travelled by more than this share of the total travel.
 const MOVED: f64 = 0.02;
 
 /// A sample, where and when.
@@ -62,7 +62,8 @@ fn pauses<S: Sample>(series: &[S]) -> Vec<[f64; 2]> {
     longer((INTERVALS * median).max(LEAST_S)).collect()
 }
 
-/// The holes of a recording, in the order of time. A sensor that only says what changes is silent while the instrument rests: that is none.
+/// The holes of a recording, in order of time. A sensor that publishes only changes is silent while the instrument
+/// rests; that is not a hole.
 pub(super) fn holes<M: Sample, F: Sample>(motion: &[M], force: &[F]) -> Vec<[f64; 2]> {
     let moved = |[from, to]: &[f64; 2], least: f64| {
         let (a, b) = (motion.partition_point(|m| m.time_s() < *from), motion.partition_point(|m| m.time_s() <= *to));
@@ -87,7 +88,7 @@ pub(super) fn holes<M: Sample, F: Sample>(motion: &[M], force: &[F]) -> Vec<[f64
     all
 }
 
-/// Largest extent of the places along an axis, m.
+/// Largest extent of the positions along an axis, m.
 fn extent<M: Sample>(places: &[M]) -> f64 {
     let along = |k: usize| {
         let values = places.iter().map(|p| p.place()[k]);
@@ -100,7 +101,7 @@ fn extent<M: Sample>(places: &[M]) -> f64 {
 mod tests {
     use super::*;
 
-    /// In at 1 mm/s, a rest of 2 s, and out, at 100 Hz.
+    /// Insertion at 1 mm/s, a rest of 2 s, and retraction, at 100 Hz.
     fn motion() -> Vec<DepthSample> {
         let depth = |t: f64| if t < 4.0 { t } else { 4.0 - (t - 6.0).max(0.0) };
         (0..1000).map(|i| f64::from(i) * 0.01).map(|t| DepthSample { time_s: t, depth_m: 1e-3 * depth(t) }).collect()

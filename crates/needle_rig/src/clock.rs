@@ -1,13 +1,13 @@
-//! The playback clock: the present bag time, and the wall time of a bag time.
+//! The playback clock: converts between wall time and bag time.
 //!
-//! It is arithmetic only, so that it can be tested without sleeping: the caller says what the wall clock shows.
+//! It is arithmetic only, so that it can be tested without sleeping: the caller passes the wall time.
 
 use std::time::{Duration, Instant};
 
 /// Time of a recording that is being played, ns since 1970.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaybackClock {
-    /// A pair of times that belong together.
+    /// Reference pair of wall time and bag time.
     wall: Instant,
     bag_ns: i64,
     /// Bag seconds per wall second.
@@ -33,7 +33,7 @@ impl PlaybackClock {
         self.bag_ns + (elapsed * self.rate) as i64
     }
 
-    /// When a bag time comes; `None` while paused. A time that has gone by is due now.
+    /// Wall time at which a bag time is reached; `None` while paused. A past time is due now.
     #[must_use]
     #[allow(clippy::cast_precision_loss)] // 2^53 ns are 104 days of playing
     pub fn due(&self, bag_ns: i64) -> Option<Instant> {
@@ -54,7 +54,7 @@ impl PlaybackClock {
         self.paused
     }
 
-    /// Changes the rate from now on; false (and nothing changes) unless it is a positive finite number.
+    /// Changes the rate from now on. Returns false, without a change, unless it is a positive finite number.
     pub fn set_rate(&mut self, wall: Instant, rate: f64) -> bool {
         let usable = rate.is_finite() && rate > 0.0;
         if usable {

@@ -1,4 +1,4 @@
-//! Sensor latency: readings are delivered later than they were taken.
+//! Sensor latency: readings are delivered after a delay.
 
 use std::collections::VecDeque;
 
@@ -10,7 +10,7 @@ pub struct Delay<T> {
 }
 
 impl<T> Delay<T> {
-    /// A line of `latency_s`, rounded to whole steps of `step_s`.
+    /// A line with the delay `latency_s`, rounded to whole steps of `step_s`.
     #[must_use]
     pub fn new(latency_s: f64, step_s: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count; negative and NaN become 0
@@ -18,7 +18,7 @@ impl<T> Delay<T> {
         Self { line: VecDeque::with_capacity(steps + 1), steps }
     }
 
-    /// Puts a reading in and takes out the oldest one, once the line is full.
+    /// Inserts a reading and returns the oldest one, once the line is full.
     pub fn pass(&mut self, reading: T) -> Option<T> {
         self.line.push_back(reading);
         if self.line.len() > self.steps { self.line.pop_front() } else { None }

@@ -1,8 +1,8 @@
 //! The needle driver: a joint under position control that follows commands within its limits.
 //!
-//! A single command is a goal, and the joint moves there. Commands that follow each other within the timeout are a stream,
-//! as a controller sends it. A stream that ceases means that the controller has died or a cable was cut: the joint then
-//! comes to rest as soon as its limits allow.
+//! A single command is a goal, and the joint moves there. Commands that follow each other within the timeout are a
+//! stream from a controller. If a stream ends, the controller has failed or a cable was cut. The joint then comes to
+//! rest as soon as its limits allow.
 
 use super::trajectory::{MotionLimits, Trajectory};
 
@@ -13,16 +13,16 @@ pub struct DriverLimits {
     pub motion: MotionLimits,
     /// Lowest and highest position, m.
     pub range_m: [f64; 2],
-    /// A stream of commands that is silent for longer has ceased, s; 0: never.
+    /// Time of silence after which a stream of commands has ended, s; 0: never.
     pub command_timeout_s: f64,
 }
 
-/// Kind of the commands received.
+/// Kind of the received commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Commands {
-    /// Nothing, or single goals: how long ago the last one came, s.
+    /// None, or single goals; time since the last one, s.
     Single { age_s: f64 },
-    /// A stream, and how long ago it was last heard, s.
+    /// A stream; time since the last command, s.
     Stream { age_s: f64 },
 }
 
@@ -36,7 +36,7 @@ pub struct Driver {
 }
 
 impl Driver {
-    /// A driver at rest, which is advanced in steps of `step_s`.
+    /// A driver at rest that advances in steps of `step_s`.
     #[must_use]
     pub fn new(limits: DriverLimits, step_s: f64, position_m: f64) -> Self {
         let position_m = position_m.clamp(limits.range_m[0], limits.range_m[1]);
@@ -44,7 +44,8 @@ impl Driver {
         Self { limits, step_s, trajectory: Trajectory::new(limits.motion, step_s, position_m), commands }
     }
 
-    /// Takes a command; false (and nothing changes) if it is not finite. Goals beyond the range are cut to it.
+    /// Takes a command. Returns false, without a change, if it is not finite. Goals beyond the range are limited to
+    /// it.
     pub fn go_to(&mut self, goal_m: f64) -> bool {
         if !goal_m.is_finite() {
             return false;
@@ -56,7 +57,7 @@ impl Driver {
         true
     }
 
-    /// What it keeps to.
+    /// Its limits.
     #[must_use]
     pub const fn limits(&self) -> &DriverLimits {
         &self.limits
@@ -68,30 +69,32 @@ impl Driver {
         self.trajectory.stop();
     }
 
-    /// Stands where it is: its controller was not running, and the motor's amplifier has stopped it meanwhile.
+    /// Stops at the present position. Its controller was not running, and the motor's amplifier has stopped it
+    /// meanwhile.
     pub fn halt(&mut self) {
         *self = Self::new(self.limits, self.step_s, self.position_m());
     }
 
-    /// Where it is, m.
+    /// Position, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {
         self.trajectory.position_m()
     }
 
-    /// How fast it moves, m/s.
+    /// Velocity, m/s.
     #[must_use]
     pub const fn velocity_m_per_s(&self) -> f64 {
         self.trajectory.velocity_m_per_s()
     }
 
-    /// Where it goes, m.
+    /// Goal, m.
     #[must_use]
     pub const fn goal_m(&self) -> f64 {
         self.trajectory.goal_m()
     }
 
-    /// Advances by one step; true if a stream of commands has ceased in this step while it was moving, so that it brakes.
+    /// Advances by one step. Returns true if a stream of commands ended in this step during a motion, so that the
+    /// joint brakes.
     pub fn step(&mut self) -> bool {
         let (Commands::Single { age_s } | Commands::Stream { age_s }) = &mut self.commands;
         *age_s += self.step_s;
@@ -126,7 +129,7 @@ mod tests {
     fn a_single_command_is_gone_to() {
         let mut driver = Driver::new(LIMITS, DT, 0.0);
         assert!(driver.go_to(0.008));
-        // 0.008 m at 0.01 m/s, and as long as the speed takes to come and to go
+        // 0.008 m at 0.01 m/s, plus the time to accelerate and decelerate
         for _ in 0..830 {
             assert!(!driver.step());
         }
@@ -142,7 +145,7 @@ mod tests {
             }
             assert!(!driver.step(), "{i}");
         }
-        // the last command came 5 steps ago; 50 steps are the timeout, but for rounding
+        // the last command came 5 steps ago; the timeout is 50 steps, up to rounding
         let ceased: Vec<usize> = (0..100).filter(|_| driver.step()).collect();
         assert!(ceased == [44] || ceased == [45], "{ceased:?}");
         let stood = driver.position_m();

@@ -1,4 +1,4 @@
-//! The needle recording of `bags/`, compiled in for `demo`.
+//! The needle recording of `bags/`, compiled into the program for `demo`.
 
 use rosbag2_mcap::BagError;
 use rosbag2_mcap::BagReader;
@@ -18,7 +18,7 @@ pub fn needle_insertion() -> Result<BagReader, BagError> {
     BagReader::from_bytes("needle_insertion", NEEDLE_INSERTION)
 }
 
-/// Unpacks the bag as a rosbag2 folder, for programs that open a path.
+/// Unpacks the bag to a rosbag2 folder, for programs that open a path.
 ///
 /// # Errors
 /// [`BagError::Exists`] if the folder exists and is not empty, [`BagError::Open`] if it can't be written.

@@ -1,4 +1,4 @@
-//! Plays a bag: which message comes next, and when. No sockets, no threads, no sleeping.
+//! Plays a bag: returns the next message and its time. It uses no sockets, threads or sleeping.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -21,14 +21,14 @@ pub struct PlayOptions {
     pub topics: Vec<String>,
     /// Topics not to play.
     pub exclude_topics: Vec<String>,
-    /// Where to end.
+    /// Where to stop.
     pub stretch: Stretch,
 }
 
-/// Where playing ends, if not at the end of the bag; the earlier of the two counts.
+/// Where playing stops, if not at the end of the bag; the earlier of the two applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stretch {
-    /// So long after the start.
+    /// Time after the start.
     pub duration: Option<Duration>,
     /// At this bag time, ns since 1970.
     pub until_ns: Option<i64>,
@@ -48,7 +48,7 @@ impl Default for PlayOptions {
     }
 }
 
-/// What to do next.
+/// The caller's next action.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// Publish this now.
@@ -57,9 +57,9 @@ pub enum Step {
     WaitUntil(Instant),
     /// The player is paused.
     Paused,
-    /// The bag has started anew: time has jumped back.
+    /// The bag has restarted: time has jumped back.
     Looped,
-    /// That was all.
+    /// The end was reached.
     Ended,
 }
 
@@ -70,7 +70,7 @@ pub struct Player {
     wanted: Vec<bool>,
     latched: Vec<bool>,
     messages: Messages,
-    /// Latched messages from before the start, then the next message in time.
+    /// Latched messages from before the start, then the next message in order of time.
     pending: Vec<Message>,
     clock: PlaybackClock,
     looping: bool,
@@ -83,7 +83,7 @@ pub struct Player {
 }
 
 impl Player {
-    /// Prepares to play; `None` if the bag has no message on any of the wanted topics.
+    /// Prepares to play; `None` if the bag has no message on any of the requested topics.
     #[must_use]
     pub fn new(bag: BagReader, options: &PlayOptions, wall: Instant) -> Option<Self> {
         let wanted: Vec<bool> = bag
@@ -119,7 +119,7 @@ impl Player {
         Some(player)
     }
 
-    /// Goes to an offset from the start of the bag and plays a stretch from there. The pause stays as it is.
+    /// Goes to an offset from the start of the bag and plays a section from there. A pause is kept.
     pub fn restart(&mut self, wall: Instant, offset: Duration, stretch: Stretch) {
         let (first, last) = self.bounds;
         let nanos = |d: Duration| i64::try_from(d.as_nanos()).unwrap_or(i64::MAX);
@@ -135,25 +135,25 @@ impl Player {
         &self.bag
     }
 
-    /// Whether a topic (index into the bag's) is played.
+    /// Whether a topic (index into the bag's topics) is played.
     #[must_use]
     pub fn plays(&self, topic: usize) -> bool {
         self.wanted.get(topic).copied().unwrap_or(false)
     }
 
-    /// First and last bag time that is played, ns since 1970.
+    /// First and last bag time to be played, ns since 1970.
     #[must_use]
     pub const fn span_ns(&self) -> (i64, i64) {
         (self.start_ns, self.end_ns)
     }
 
-    /// Messages that were handed out.
+    /// Number of messages that were returned.
     #[must_use]
     pub const fn played(&self) -> u64 {
         self.played
     }
 
-    /// What could not be read of the bag, so far.
+    /// Losses while reading the bag so far.
     #[must_use]
     pub fn losses(&self) -> Vec<Loss> {
         let mut all = self.bag.losses().to_vec();
@@ -161,7 +161,7 @@ impl Player {
         all
     }
 
-    /// Bag time; it does not run past the end.
+    /// Bag time; it stops at the end.
     #[must_use]
     pub fn now_ns(&self, wall: Instant) -> i64 {
         self.clock.now_ns(wall).min(self.end_ns)
@@ -173,7 +173,7 @@ impl Player {
         &self.clock
     }
 
-    /// What to do at a wall time. After [`Step::Publish`] and [`Step::Looped`] ask again at once.
+    /// The action at a wall time. After [`Step::Publish`] and [`Step::Looped`] call it again at once.
     pub fn step(&mut self, wall: Instant) -> Step {
         let Some(next) = self.peek() else {
             if self.looping && self.played > 0 {
@@ -189,7 +189,7 @@ impl Player {
         }
     }
 
-    /// The next message, now, and the clock goes to its time; for `play_next` while paused.
+    /// Returns the next message and sets the clock to its time; for `play_next` while paused.
     pub fn play_next(&mut self, wall: Instant) -> Option<Message> {
         if !self.clock.is_paused() {
             return None;
@@ -209,7 +209,7 @@ impl Player {
         self.clock.set_rate(wall, rate)
     }
 
-    /// Goes to a bag time; false if the bag does not reach there. Latched messages from before it come first.
+    /// Goes to a bag time; false if it is outside the bag. Latched messages from before it come first.
     pub fn seek(&mut self, wall: Instant, bag_ns: i64) -> bool {
         let inside = (self.bounds.0..=self.end_ns).contains(&bag_ns);
         if inside {
@@ -234,7 +234,7 @@ impl Player {
                 latched.insert(message.topic, message);
             }
         }
-        // A stack: what is due first lies on top.
+        // This is a stack: the next message is on top.
         self.pending.extend(latched.into_values().rev());
     }
 

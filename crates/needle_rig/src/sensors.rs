@@ -1,7 +1,7 @@
 //! Sensor models of the simulated rig: readings of a displacement sensor and a load cell from the true values.
 //!
-//! The numbers are of the class of instrument that such a rig uses (data sheets of magnetostrictive sensors and of
-//! subminiature load cells), chosen by us. They are no calibration of any real instrument.
+//! The numbers are typical of the instruments that such a rig uses (data sheets of magnetostrictive sensors and of
+//! subminiature load cells), chosen by us. They are not a calibration of any real instrument.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -29,8 +29,8 @@ impl DisplacementModel {
     /// A sensor without errors.
     pub const IDEAL: Self = Self { resolution_m: 0.0, noise_m: 0.0, nonlinearity_m: 0.0, nonlinearity_period_m: 1.0 };
 
-    /// Systematic error at a depth, m: `a (sin(2 pi d / p + 1) - sin(1))`. Zero at depth 0, where the rig is zeroed; the
-    /// phase keeps the error from being odd about it.
+    /// Systematic error at a depth, m: `a (sin(2 pi d / p + 1) - sin(1))`. It is zero at depth 0, where the rig is
+    /// zeroed. The phase prevents the error from being an odd function.
     #[must_use]
     pub fn deviation_m(&self, depth_m: f64) -> f64 {
         self.nonlinearity_m * ((TAU * depth_m / self.nonlinearity_period_m + 1.0).sin() - 1f64.sin())
@@ -40,7 +40,7 @@ impl DisplacementModel {
 /// Properties of a load cell for one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadCellModel {
-    /// Readings end at plus and minus this, N.
+    /// Readings are limited to plus and minus this, N.
     pub range_n: f64,
     /// Smallest step of the reading, N.
     pub resolution_n: f64,
@@ -48,15 +48,15 @@ pub struct LoadCellModel {
     pub noise_n: f64,
     /// Largest deviation from the straight line between zero and full range, as a fraction of the range.
     pub nonlinearity: f64,
-    /// Reading without load at time 0, N: what taring has left.
+    /// Reading without load at time 0, N: the remainder after taring.
     pub offset_n: f64,
     /// Change of the reading without load, N/s.
     pub drift_n_per_s: f64,
 }
 
 impl LoadCellModel {
-    /// A subminiature cell of 2.5 N: non-linearity 0.25 % of the range, resolution 0.1 mN, noise 0.4 mN, 0.3 mN left
-    /// after taring, drift 0.02 mN/s.
+    /// A subminiature cell of 2.5 N: non-linearity 0.25 % of the range, resolution 0.1 mN, noise 0.4 mN, remainder
+    /// after taring 0.3 mN, drift 0.02 mN/s.
     pub const SUBMINIATURE: Self = Self {
         range_n: 2.5,
         resolution_n: 1e-4,
@@ -132,7 +132,7 @@ impl LoadCell {
     }
 }
 
-/// White noise of unit variance; each sensor has a stream of its own.
+/// White noise of unit variance; each sensor has its own stream.
 #[derive(Clone, Debug)]
 struct Noise(ChaCha8Rng);
 

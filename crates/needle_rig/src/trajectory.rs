@@ -1,10 +1,10 @@
-//! A motion along one axis that can be sent elsewhere at any moment: limited speed, acceleration and jerk, planned anew from
-//! where it is (Berscheid and Kroeger, Jerk-limited Real-time Trajectory Generation with Arbitrary Target States, RSS 2021;
-//! crate `rsruckig`).
+//! A motion along one axis with limited speed, acceleration and jerk. The goal can change at any time; the motion is
+//! then replanned from the present state (Berscheid and Kroeger, Jerk-limited Real-time Trajectory Generation with
+//! Arbitrary Target States, RSS 2021; crate `rsruckig`).
 
 use rsruckig::prelude::{ControlInterface, InputParameter, Ruckig, ThrowErrorHandler, Trajectory as Plan};
 
-/// Limits of a motion. All positive.
+/// Limits of a motion. All are positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits {
     /// V: largest speed, m/s.
@@ -16,7 +16,7 @@ pub struct MotionLimits {
 }
 
 impl MotionLimits {
-    /// Time that it takes to come to rest from the largest speed, s: 2 sqrt(V/J), or V/A + A/J if A is reached.
+    /// Time to come to rest from the largest speed, s: 2 sqrt(V/J), or V/A + A/J if A is reached.
     #[must_use]
     pub fn braking_time_s(&self) -> f64 {
         let Self { speed_m_per_s: v, acceleration_m_per_s2: a, jerk_m_per_s3: j } = *self;
@@ -24,7 +24,7 @@ impl MotionLimits {
     }
 }
 
-/// A motion in equal steps of time. See the module.
+/// A motion in equal time steps. See the module.
 #[derive(Clone, Debug)]
 pub struct Trajectory {
     limits: MotionLimits,
@@ -33,22 +33,22 @@ pub struct Trajectory {
     state: [f64; 3],
     goal_m: f64,
     plan: Plan<1>,
-    /// Where the plan ends, m.
+    /// End position of the plan, m.
     end_m: f64,
     /// Time since the plan was made, s.
     since_s: f64,
 }
 
-/// What a plan is to end with.
+/// Target of a plan.
 enum End {
     /// At rest at the goal.
     Goal,
-    /// At rest, wherever.
+    /// At rest at any position.
     Rest,
 }
 
 impl Trajectory {
-    /// At rest.
+    /// A motion that starts at rest.
     #[must_use]
     pub fn new(limits: MotionLimits, step_s: f64, position_m: f64) -> Self {
         let state = [position_m, 0.0, 0.0];
@@ -61,43 +61,43 @@ impl Trajectory {
         &self.limits
     }
 
-    /// Where it is, m.
+    /// Position, m.
     #[must_use]
     pub const fn position_m(&self) -> f64 {
         self.state[0]
     }
 
-    /// m/s.
+    /// Velocity, m/s.
     #[must_use]
     pub const fn velocity_m_per_s(&self) -> f64 {
         self.state[1]
     }
 
-    /// m/s^2.
+    /// Acceleration, m/s^2.
     #[must_use]
     pub const fn acceleration_m_per_s2(&self) -> f64 {
         self.state[2]
     }
 
-    /// Where it goes, m.
+    /// Goal, m.
     #[must_use]
     pub const fn goal_m(&self) -> f64 {
         self.goal_m
     }
 
-    /// Where it comes to rest if it is stopped now, m.
+    /// Position at which it comes to rest if it is stopped now, m.
     #[must_use]
     pub fn stopping_place_m(&self) -> f64 {
         self.planned(&End::Rest).map_or(self.goal_m, |plan| at(&plan, plan.get_duration())[0])
     }
 
-    /// Whether it has come to rest.
+    /// Whether it is at rest.
     #[must_use]
     pub fn is_at_rest(&self) -> bool {
         self.state[1] == 0.0 && self.state[2] == 0.0
     }
 
-    /// Sets the goal. A number that is not finite is no goal: the old one stays.
+    /// Sets the goal. A number that is not finite is ignored.
     pub fn go_to(&mut self, goal_m: f64) {
         if goal_m.is_finite() && goal_m != self.goal_m {
             self.goal_m = goal_m;
@@ -110,7 +110,7 @@ impl Trajectory {
         self.go_to(self.stopping_place_m());
     }
 
-    /// Changes the largest speed, m/s; a faster motion slows down to it within the other limits. Zero makes it stand.
+    /// Changes the largest speed, m/s. A faster motion slows down within the other limits. Zero stops it.
     pub fn limit_speed(&mut self, speed_m_per_s: f64) {
         if speed_m_per_s >= 0.0 && speed_m_per_s != self.limits.speed_m_per_s {
             self.limits.speed_m_per_s = speed_m_per_s;
@@ -129,17 +129,17 @@ impl Trajectory {
 
     fn plan_anew(&mut self) {
         let end = if self.limits.speed_m_per_s > 0.0 { End::Goal } else { End::Rest };
-        // A plan that can't be made leaves the old one, which keeps its limits and comes to rest.
+        // If no plan can be made, the old one stays; it respects its limits and comes to rest.
         if let Some(plan) = self.planned(&end) {
             self.end_m = match end {
-                End::Goal => self.goal_m, // as it was given, and not as rounding left it
+                End::Goal => self.goal_m, // exactly, without rounding
                 End::Rest => at(&plan, plan.get_duration())[0],
             };
             (self.plan, self.since_s) = (plan, 0.0);
         }
     }
 
-    /// The quickest way to an end from where it is now.
+    /// The time-optimal plan to a target from the present state.
     fn planned(&self, end: &End) -> Option<Plan<1>> {
         let MotionLimits { speed_m_per_s, acceleration_m_per_s2, jerk_m_per_s3 } = self.limits;
         let mut input = InputParameter::<1>::new(None);
@@ -176,7 +176,7 @@ mod tests {
         MotionLimits { speed_m_per_s: 0.005, acceleration_m_per_s2: 0.5, jerk_m_per_s3: 100.0 };
     const DT: f64 = 1e-3;
 
-    /// Steps and checks every limit on what moved, with the rounding of the numbers themselves.
+    /// Steps and checks every limit on the motion, with a tolerance for rounding.
     fn step(t: &mut Trajectory, limits: &MotionLimits) -> Result<(), TestCaseError> {
         let (before, dt) = ([t.position_m(), t.velocity_m_per_s(), t.acceleration_m_per_s2()], t.step_s);
         t.step();
@@ -225,7 +225,7 @@ mod tests {
             let mut seen = 0.0_f64;
             for (goal, steps) in goals {
                 t.go_to(goal);
-                // what can't be stopped at any more is passed by no more than the stop takes
+                // a goal that is too close to stop at is overshot by no more than the stopping distance
                 seen = [goal, t.stopping_place_m()].into_iter().fold(seen, |s, p| s.max(p.abs()));
                 for _ in 0..steps {
                     step(&mut t, &limits)?;
@@ -254,7 +254,7 @@ mod tests {
             while !t.is_at_rest() {
                 step(&mut t, &limits)?;
                 taken += DT;
-                // an acceleration in full swing has to be taken away first
+                // the present acceleration must be reduced first
                 prop_assert!(taken <= limits.braking_time_s() + 2.0 * a + 2.0 * DT, "{t:?}");
             }
         }

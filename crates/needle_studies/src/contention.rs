@@ -1,7 +1,8 @@
-//! How fast a needle goes while other programs take processors: fixed numbers of threads and the default, in turn in one run.
+//! Speed of a needle insertion while other programs use the processors. Fixed numbers of threads and the default run
+//! in turn.
 //!
-//! The other programs are loops that never end, one to a thread. What one number of threads gains or loses against another is a ratio of
-//! two runs that follow each other, so that what else the machine does falls on both.
+//! The other programs are infinite loops, one per thread. The gain or loss of one number of threads against another
+//! is a ratio of two consecutive runs, so that the machine's other load affects both.
 
 use std::hint::spin_loop;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,24 +20,24 @@ const KEYS: [(&str, &str); 4] = [
     ("motion.depth_m", "0.002"),
     ("motion.speed_m_per_s", "0.005"),
 ];
-/// Poses per second of its motion.
+/// Poses per second of the motion.
 const POSE_HZ: f64 = 1000.0;
-/// Runs of each number of threads.
+/// Runs for each number of threads.
 pub const ROUNDS: usize = 3;
 
-/// A number of threads, and what it reached.
+/// A number of threads, and its results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Team {
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
     /// Simulated over wall time of each run.
     pub factors: Vec<f64>,
-    /// Force at the end, N: the same of all.
+    /// Force at the end, N: equal for all runs.
     pub force_n: [f64; 3],
 }
 
 impl Team {
-    /// The middle one of its factors.
+    /// Median of its factors.
     #[must_use]
     pub fn median(&self) -> f64 {
         let mut sorted = self.factors.clone();
@@ -45,17 +46,17 @@ impl Team {
     }
 }
 
-/// The teams beside so many loops.
+/// Results of the teams during a number of loops.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Beside {
-    /// Loops.
+    /// Number of loops.
     pub loops: usize,
-    /// Fixed numbers of threads, and last the default: one thread to each processor.
+    /// Fixed numbers of threads, and last the default: one thread per processor.
     pub teams: Vec<Team>,
 }
 
 impl Beside {
-    /// Median of the default over the best median of a fixed number.
+    /// Median of the default divided by the best median of a fixed number.
     #[must_use]
     pub fn ratio(&self) -> f64 {
         let best = self.teams.iter().map(Team::median).fold(0.0, f64::max);
@@ -86,7 +87,7 @@ pub fn heading() -> String {
         .to_owned()
 }
 
-/// Numbers of loops worth a look on a machine of so many processors: none, one, as many as processors.
+/// Useful numbers of loops on a machine with this many processors: none, one, as many as processors.
 #[must_use]
 pub fn loads(processors: usize) -> Vec<usize> {
     let mut loads = vec![0, 1, processors];
@@ -94,10 +95,11 @@ pub fn loads(processors: usize) -> Vec<usize> {
     loads
 }
 
-/// Runs teams of one, two and all threads in turn beside some loops, [`ROUNDS`] times; `None` if `watch` ended it.
+/// Runs teams of one, two and all threads in turn during some loops, [`ROUNDS`] times; `None` if `watch` cancelled
+/// it.
 ///
 /// # Errors
-/// [`SpeedError`] if the scene can't be built or the twin gives up.
+/// [`SpeedError`] if the scene can't be built or the twin halts.
 pub fn beside(loops: usize, processors: usize, watch: &dyn Watch) -> Result<Option<Beside>, SpeedError> {
     let keys = KEYS.map(|(key, value)| Override::text(key, value, "study speed"));
     let scene = Scene::preset("needle_insertion")?.with(&keys)?;
@@ -106,7 +108,7 @@ pub fn beside(loops: usize, processors: usize, watch: &dyn Watch) -> Result<Opti
     let mut twins = Vec::new();
     for threads in sizes {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        // without a team of its own the twin gets that of the caller
+        // without a thread pool of its own the twin uses the caller's
         let twin = pool.map_or_else(|_| Twin::new(&scene), |pool| pool.install(|| Twin::new(&scene)))?;
         twins.push((twin, Team { threads, factors: Vec::new(), force_n: [0.0; 3] }));
     }
@@ -139,7 +141,7 @@ fn insert(twin: &mut Twin, scene: &Scene) -> Result<(f64, [f64; 3]), SpeedError>
     Ok((depth / speed / begun.elapsed().as_secs_f64(), force_n))
 }
 
-/// Does some work beside loops that never end until it is done.
+/// Does some work during infinite loops, and ends these afterwards.
 fn among<R>(loops: usize, work: impl FnOnce() -> R) -> R {
     let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -155,7 +157,7 @@ fn among<R>(loops: usize, work: impl FnOnce() -> R) -> R {
     })
 }
 
-/// Ends the loops, whatever becomes of the work.
+/// Ends the loops when it is dropped, even if the work panics.
 struct EndOnDrop<'a>(&'a AtomicBool);
 
 impl Drop for EndOnDrop<'_> {
@@ -170,8 +172,9 @@ mod tests {
     use super::*;
     use needle_estimate::compare::Cancel;
 
-    /// Two threads are not much slower than one beside a loop, whatever else the machine does: of some pairs of runs that follow each
-    /// other one at least shows it. Threads that wait for one that isn't running are a half or a quarter as fast in all of them.
+    /// Next to a loop, two threads are not much slower than one, whatever the machine's other load: at least one of
+    /// several pairs of consecutive runs shows it. Threads that wait for one that is not scheduled are a half or a
+    /// quarter as fast in all pairs.
     #[test]
     fn a_busy_machine_does_not_slow_a_team_down() {
         let mut seen = Vec::new();

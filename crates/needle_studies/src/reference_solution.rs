@@ -1,5 +1,5 @@
-//! What predictions of a scene are compared with: independent finite elements where there are any, and the scene's own
-//! model on a much finer cloud where there are none.
+//! Reference solution for the predictions of a scene: independent finite elements if there are any, and otherwise the
+//! scene's own model on a much finer cloud.
 
 use super::accuracy::{COMPARED_FROM, Case, Driven, Steps, StudyError};
 use super::composites::{COMPOSITES, Composite, posed};
@@ -8,38 +8,40 @@ use super::tune::MOST_STEPS;
 use needle_core::scene::{Motion, Override, Preset, Scene, Target};
 use needle_estimate::compare::Cancel;
 
-/// Spacing of the own fine cloud over the scene's, in a half plane.
+/// Ratio of the fine cloud's spacing to the scene's, in a half plane.
 pub(super) const FINE: f64 = 0.5;
-/// The same in space, where half the spacing costs ten times as much.
+/// The same in three dimensions, where half the spacing costs ten times as much.
 pub(super) const FINE_IN_SPACE: f64 = 0.7;
-/// Fewest steps of a pose on the own fine cloud: in a fast motion its pace asks for more.
+/// Least number of steps per pose on the fine cloud; a fast motion uses more.
 const FINE_STEPS: u32 = 4;
-/// Depths at which forces are compared where the scene's own model is the reference.
+/// Number of depths at which forces are compared if the scene's own model is the reference.
 const DEPTHS: u32 = 20;
-/// Depth of the needle in the accuracy study, m: to the preset's whole depth a run in space takes minutes.
+/// Depth of the needle in the accuracy study, m. In three dimensions, a run to the preset's full depth takes minutes.
 const NEEDLE_DEPTH_M: f64 = 0.005;
 
-/// What predictions are held against.
+/// A reference solution.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReferenceSolution {
-    /// Where the forces come from, in a few words.
+    /// Source of the forces, in a few words.
     pub source: String,
     /// (depth in m, force in N) by rising depth.
     pub force: Vec<(f64, f64)>,
-    /// All of these forces, frame `sample`, N, where a path leans and what is across it counts as well; else none.
+    /// The same forces as vectors, frame `sample`, N, if the path is oblique and the lateral force matters; otherwise
+    /// empty.
     pub vectors: Vec<[f64; 3]>,
-    /// Relative uncertainty of these forces, where it is known.
+    /// Relative uncertainty of these forces, if it is known.
     pub uncertainty: Option<f64>,
-    /// Points in the tissue that are compared at the last depth, and where they should be then, m.
+    /// Points in the tissue that are compared at the last depth, and their reference positions there, m.
     pub displaced: Vec<(Target, [f64; 3])>,
-    /// Where these points are at each depth of `force`, at rest, m; none where that is not known.
+    /// Positions of these points in equilibrium at each depth of `force`, m; empty if they are not known.
     pub places: Vec<Vec<[f64; 3]>>,
-    /// Where the displacements come from, in a few words.
+    /// Source of the displacements, in a few words.
     pub displacement_source: String,
 }
 
 impl ReferenceSolution {
-    /// The reference solution of a scene to a depth, m; runs the scene's own model where finite elements don't say all of it.
+    /// The reference solution of a scene to a depth, m. If the finite elements do not contain everything, the scene's
+    /// own model is run.
     ///
     /// # Errors
     /// [`StudyError`] if the scene has no motion, or can't be built and driven.
@@ -61,7 +63,7 @@ impl ReferenceSolution {
         Ok(reference_solution)
     }
 
-    /// The scene's own model: half of the spacing, double precision, four steps per pose or more.
+    /// The scene's own model: half of the spacing, double precision, at least four steps per pose.
     fn own(scene: &Scene, depth_m: f64) -> Result<Self, StudyError> {
         let own = Case::of(scene)?;
         let mut case = own.spaced(scene, if own.is_half_plane() { FINE } else { FINE_IN_SPACE });
@@ -79,7 +81,7 @@ impl ReferenceSolution {
         Ok(Self { places: Vec::new(), ..Self::driven(&scene, &depths, driven, source)? })
     }
 
-    /// What a scene gave at some depths (m), where the tissue was waited for at each.
+    /// The reference solution from a run of a scene to equilibrium at some depths (m).
     pub(super) fn driven(scene: &Scene, depths: &[f64], driven: Driven, source: String) -> Result<Self, StudyError> {
         let lost = || StudyError::NoYardstick(scene.name.clone());
         if let Some(why) = driven.ended {
@@ -100,7 +102,7 @@ impl ReferenceSolution {
         })
     }
 
-    /// A scene whose targets are the points that are compared.
+    /// A scene whose targets are the compared points.
     pub(super) fn watched(&self, scene: &Scene) -> Scene {
         Scene { targets: self.displaced.iter().map(|(target, _)| target.clone()).collect(), ..scene.clone() }
     }
@@ -111,8 +113,9 @@ impl ReferenceSolution {
         self.force.last().map_or(0.0, |p| p.0)
     }
 
-    /// Where a path of (depth in m, force) reaches: depth, and force over that of the reference solution - 1. Where a path leans it is the distance of the
-    /// forces of `vectors` from the reference solution's, over their length.
+    /// Relative errors of a path of (depth in m, force) at the depths that it reaches: depth, and force over that of
+    /// the reference solution - 1. For an oblique path it is the distance between the force vectors over the length
+    /// of the reference's.
     #[must_use]
     pub fn force_errors(&self, path: &[(f64, f64)], vectors: &[[f64; 3]]) -> Vec<(f64, f64)> {
         let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -126,7 +129,8 @@ impl ReferenceSolution {
         self.force.iter().enumerate().filter_map(error).collect()
     }
 
-    /// Largest distance between places and where they should be, over the last depth; `None` if none is compared.
+    /// Largest distance between positions and reference positions, over the last depth; `None` if no point is
+    /// compared.
     #[must_use]
     pub fn displacement_error(&self, places: &[[f64; 3]]) -> Option<f64> {
         let distance = |(now, (_, then)): (&[f64; 3], &(Target, [f64; 3]))| {
@@ -136,8 +140,8 @@ impl ReferenceSolution {
         comparable.then(|| places.iter().zip(&self.displaced).map(distance).fold(0.0, f64::max) / self.depth_m())
     }
 
-    /// Largest distance of a point from where it is at rest, at the depths from a fifth of the last on, over its greatest motion; `None` if none is
-    /// compared.
+    /// Largest distance of a point from its equilibrium position, at depths from a fifth of the last on, over its
+    /// largest displacement; `None` if no point is compared.
     #[must_use]
     pub fn way_error(&self, at_depths: &[Vec<[f64; 3]>]) -> Option<f64> {
         let distance = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
@@ -156,21 +160,22 @@ impl ReferenceSolution {
     }
 }
 
-/// Force at a depth on the way in, between the two answers (depth, force) next to it; `None` if it was not reached.
+/// Force at a depth during the insertion, interpolated between neighbouring answers (depth, force); `None` if the
+/// depth was not reached.
 pub(super) fn force_at(path: &[(f64, f64)], depth_m: f64) -> Option<f64> {
     let (before, next, share) = between(path, depth_m)?;
     let [a, b] = [path[before].1, path[next].1];
     Some(a + share * (b - a))
 }
 
-/// The same of all components, those of each answer.
+/// The same for the force vector.
 fn vector_at(path: &[(f64, f64)], vectors: &[[f64; 3]], depth_m: f64) -> Option<[f64; 3]> {
     let (before, next, share) = between(path, depth_m)?;
     let [a, b] = [vectors.get(before)?, vectors.get(next)?];
     Some(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])))
 }
 
-/// The answers next to a depth, and its place between them.
+/// The answers on both sides of a depth, and its position between them.
 fn between(path: &[(f64, f64)], depth_m: f64) -> Option<(usize, usize, f64)> {
     let next = path.iter().position(|(depth, _)| *depth >= depth_m * (1.0 - 1e-9))?;
     let before = next.saturating_sub(1);
@@ -178,7 +183,7 @@ fn between(path: &[(f64, f64)], depth_m: f64) -> Option<(usize, usize, f64)> {
     Some((before, next, if b > a { ((depth_m - a) / (b - a)).min(1.0) } else { 1.0 }))
 }
 
-/// The preset or sample of several materials that poses the same problem (sample, materials, instrument), whatever its discretisation.
+/// The preset or composite with the same problem (sample, materials, instrument), whatever its discretisation.
 #[must_use]
 pub fn preset_of(scene: &Scene) -> Option<&'static str> {
     let same = |other: &Scene| {
@@ -192,12 +197,15 @@ pub fn preset_of(scene: &Scene) -> Option<&'static str> {
     names.into_iter().find(|name| posed(name).is_ok_and(|other| same(&other)))
 }
 
-/// How deep the accuracy study takes a scene, m: the indentation to where displacements are known and the reference's
-/// force is good to 0.45 %, the needle to half of its way, samples of several materials to the last depth of their reference before that, any other
-/// as far as it goes.
+/// Depth of the accuracy study for a scene, m:
+///
+/// - the indentation: the depth at which displacements are known and the reference's force is accurate to 0.45 %;
+/// - the needle: half of its path;
+/// - samples of several materials: the last depth of their reference before that;
+/// - any other scene: its full depth.
 ///
 /// # Errors
-/// [`StudyError::NoMotion`] if it doesn't move.
+/// [`StudyError::NoMotion`] if it has no motion.
 pub fn study_depth(scene: &Scene) -> Result<f64, StudyError> {
     let Motion { depth, .. } = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
     let most = match preset_of(scene) {
@@ -216,14 +224,14 @@ fn is_indentation_at_4mm(scene: &Scene, depth_m: f64) -> bool {
     preset_of(scene) == Some("indentation") && (depth_m / DISPLACEMENT_DEPTH_M - 1.0).abs() < 1e-9
 }
 
-/// The part of a table to a depth; `None` where the table ends before.
+/// The part of a table up to a depth; `None` if the table ends before.
 fn within(mut table: Vec<(f64, f64)>, depth_m: f64) -> Option<Vec<(f64, f64)>> {
     let reaches = table.last().is_some_and(|p| p.0 >= depth_m * (1.0 - 1e-9));
     table.retain(|(depth, _)| *depth <= depth_m * (1.0 + 1e-9));
     (reaches && !table.is_empty()).then_some(table)
 }
 
-/// Points to compare in a scene that names none: on the axis half-way down, and beside it.
+/// Points to compare in a scene without targets: on the axis at half the depth, and next to it.
 fn probes(scene: &Scene) -> Vec<Target> {
     let Some(height) = scene.sample.shape.height() else { return Vec::new() };
     let h = height.get();
@@ -257,7 +265,7 @@ mod tests {
         assert!(errors.len() == 1 && errors[0].0 == 0.0015 && (errors[0].1 - 0.15).abs() < 1e-12, "{errors:?}");
         let along = ReferenceSolution { vectors: Vec::new(), ..all };
         assert!(along.force_errors(&path, &vectors)[0].1.abs() < 1e-12);
-        // and so `of` a scene
+        // the same via `of` for a scene
         let leaning = |tilt: &str| {
             let mut scene = Scene::preset("needle_insertion").unwrap();
             for (key, value) in

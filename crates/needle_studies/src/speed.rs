@@ -1,8 +1,8 @@
-//! What a step costs on this machine: the presets, the number of support nodes, the size of the model, and how fast a
-//! needle may go in three dimensions.
+//! Measures the cost of a step on this machine: for the presets, the number of support nodes and the size of the
+//! model. Also measures the largest real-time speed of a needle in three dimensions.
 //!
-//! A step is timed as a pose that takes one step, many times. The shortest time is the cost on an otherwise idle machine; the
-//! median is the cost in this run.
+//! A step is measured as a pose that takes one step, many times. The shortest time is the cost on an otherwise idle
+//! machine; the median is the cost in this run.
 
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ use needle_core::scene::{Override, Preset, Scene, SceneError};
 use needle_core::twin::{BuildError, Halt, StampedPose, Twin};
 use needle_estimate::compare::{Cancel, Watch};
 
-/// Poses that are timed.
+/// Number of timed poses.
 const POSES: u32 = 120;
 /// Travel per timed pose, m.
 const TRAVEL_M: f64 = 2e-6;
@@ -37,7 +37,7 @@ pub enum SpeedError {
 /// One model to time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What the row shows.
+    /// Group of the row in the table.
     pub group: &'static str,
     /// Preset.
     pub preset: &'static str,
@@ -46,18 +46,18 @@ pub struct Case {
     pub threads: usize,
 }
 
-/// One timed model.
+/// Timings of one model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// What was timed.
+    /// The model.
     pub case: Case,
     /// Nodes.
     pub nodes: usize,
     /// Integration points.
     pub points: usize,
-    /// What a step does for each point.
+    /// Operations per point and step.
     pub work: StepWork,
-    /// From the scene to the first step, s.
+    /// Time from the scene to the first step, s.
     pub build_s: f64,
     /// Shortest step, s.
     pub best_s: f64,
@@ -123,7 +123,7 @@ impl Case {
     /// Builds the model and times its steps, on as many threads as the present rayon pool has.
     ///
     /// # Errors
-    /// [`SpeedError`] if the scene can't be built or the twin gives up.
+    /// [`SpeedError`] if the scene can't be built or the twin halts.
     pub fn run(&self) -> Result<Row, SpeedError> {
         let mut keys = self.keys.clone();
         keys.push(("stepping.max_steps_per_pose", "1".to_owned()));
@@ -224,18 +224,18 @@ impl From<&Row> for Record {
     }
 }
 
-/// A needle that goes in at one speed, poses at one rate, in three dimensions.
+/// An insertion in three dimensions at one speed and one rate of poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// m/s
+    /// Speed, m/s.
     pub speed: f64,
-    /// 1/s
+    /// Poses per second, 1/s.
     pub pose_hz: f64,
-    /// Simulated over wall time, the model's building not counted.
+    /// Simulated time over wall time, without the time to build the model.
     pub real_time_factor: f64,
     /// Mean steps per pose.
     pub steps_per_pose: f64,
-    /// Largest difference from the quasi-static force of the same cloud, over its peak.
+    /// Largest difference from the quasi-static force on the same cloud, over its peak.
     pub error: f64,
 }
 
@@ -266,7 +266,7 @@ const QUASI_STATIC_STEPS: &str = "8";
 
 /// One insertion.
 struct Insertion {
-    /// m, N.
+    /// Depth, m, and force, N.
     force: Vec<[f64; 2]>,
     real_time_factor: f64,
     steps_per_pose: f64,
@@ -301,10 +301,10 @@ fn insertion(
     }))
 }
 
-/// Runs [`MOTIONS`] and hands each to `row`; ends early when `progress` says so.
+/// Runs [`MOTIONS`] and passes each to `row`; ends early if `progress` is cancelled.
 ///
 /// # Errors
-/// [`SpeedError`] if the scene can't be built or the twin gives up.
+/// [`SpeedError`] if the scene can't be built or the twin halts.
 pub fn motions(progress: &dyn Watch, mut row: impl FnMut(&Motion)) -> Result<(), SpeedError> {
     let cancel = progress.cancel();
     let full = ("discretisation.dimension", "full".to_owned());

@@ -124,7 +124,7 @@ impl Run {
         self.run.diverged.as_deref()
     }
 
-    /// Writes metrics.json, force.csv, targets.csv, final.vtu, force.png, force.svg and report.html, as `--out` does, and returns their paths.
+    /// Writes metrics.json, force.csv, targets.csv, final.vtu, force.svg and report.html, as `--out` does, and returns their paths.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
         let run = &self.run;
         let write = || needle_report::prepare(&folder).and_then(|()| needle_report::write_all(&folder, run));

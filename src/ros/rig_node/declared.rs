@@ -308,7 +308,7 @@ pub(super) fn rig(parameters: &Parameters) -> Result<Rig, String> {
     })
 }
 
-/// What a word stands for.
+/// The value that a word of a parameter stands for.
 fn one_of<T: Copy>(parameters: &Parameters, parameter: Parameter<String>, words: &[(&str, T)]) -> Result<T, String> {
     let given = parameters.get(parameter);
     words.iter().find(|(word, _)| *word == given).map(|(_, value)| *value).ok_or_else(|| {

@@ -117,7 +117,7 @@ fn thinner(scene: &Scene, contact: &Contact) -> Option<String> {
     let made = match contact {
         Contact::Needle(path) => path.effective_radius(),
         Contact::Frictional(needle) => needle.effective_radius(),
-        Contact::Press(_) => return None,
+        Contact::Press(_) | Contact::Own(_) => return None,
     };
     let InstrumentKind::Needle(needle) = &scene.instrument.as_ref()?.kind else { return None };
     let asked = needle.capture_radius.get();

@@ -18,7 +18,7 @@ impl Twin {
     #[must_use]
     pub fn sibling(&self, scene: &Scene) -> Option<Self> {
         let own = &*self.fixed;
-        if !are_alike(&own.scene, scene) {
+        if !are_alike(&own.scene, scene) || matches!(self.contact, Some(Contact::Own(_))) {
             return None;
         }
         let model = self.solver.model();

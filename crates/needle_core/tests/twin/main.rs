@@ -25,6 +25,7 @@ mod needle_resistance;
 mod needle_sideways;
 mod needle_wall;
 mod outline;
+mod own_instrument;
 mod regions;
 mod relaxation;
 mod scene_properties;

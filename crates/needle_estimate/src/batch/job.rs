@@ -1,4 +1,4 @@
-//! One recording with every candidate.
+//! Runs one recording with every candidate.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,19 +13,19 @@ use needle_core::scene::{Override, Scene, file as scene_file};
 use needle_recording::Recording;
 use needle_recording::{At, ForceSeries, Reading};
 
-/// A recording of a manifest.
+/// One recording of a manifest.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
     /// The manifest.
     pub manifest: &'a Manifest,
-    /// Which of its recordings.
+    /// Index of the recording in the manifest.
     pub number: usize,
-    /// Curves that recordings share.
+    /// Curves that the recordings share.
     pub tables: &'a Tables,
 }
 
 impl<'a> Job<'a> {
-    /// What is said of it.
+    /// The manifest's entry for this recording.
     #[must_use]
     pub fn entry(&self) -> &Entry {
         &self.manifest.recordings[self.number]
@@ -42,7 +42,7 @@ impl<'a> Job<'a> {
         entry.file.iter().chain(&entry.force_file).map(PathBuf::from).collect()
     }
 
-    /// The scene with the changes of the entry and of a candidate.
+    /// The scene, with the changes of the entry and of a candidate applied.
     pub(super) fn scene(&self, candidate: &Candidate, recording: Option<&Recording>) -> Result<Scene, String> {
         let named = self.entry().scene.as_deref().or_else(|| recording.and_then(|r| r.scene.as_deref()));
         let name = named.ok_or("no scene: name one in the manifest")?;
@@ -55,7 +55,8 @@ impl<'a> Job<'a> {
         if changes.is_empty() { Ok(scene) } else { scene.with(&changes).map_err(|e| e.to_string()) }
     }
 
-    /// Hash of all that the row depends on: what the manifest says, the files' bytes, the scenes, and the version.
+    /// Hash of everything that the row depends on: the manifest's entry, the bytes of the files, the scenes and the
+    /// version.
     #[must_use]
     pub fn fingerprint(&self) -> String {
         let mut hash = Xxh3::new();
@@ -64,7 +65,7 @@ impl<'a> Job<'a> {
             hash.update(bytes);
         };
         add(needle_core::WRITER.as_bytes());
-        // of the same file in another folder the row is the same
+        // the row must not depend on the folder that a file is in
         let said = Entry { file: None, force_file: None, scene: None, ..self.entry().clone() };
         add(&serde_json::to_vec(&said).unwrap_or_default());
         add(&serde_json::to_vec(&self.manifest.candidates).unwrap_or_default());
@@ -80,7 +81,7 @@ impl<'a> Job<'a> {
         format!("{:032x}", hash.digest128())
     }
 
-    /// The row: what fails is said in it.
+    /// Computes the row. Failures are recorded in the row.
     #[must_use]
     pub fn run(&self, cancel: &Cancel) -> Row {
         let entry = self.entry();
@@ -104,7 +105,7 @@ impl<'a> Job<'a> {
         };
         let losses = recording.losses.iter().map(ToString::to_string).collect();
         let fits: Vec<Fit> = self.manifest.candidates.iter().map(|c| self.fit(c, &recording, cancel)).collect();
-        // every candidate failed: so did the recording
+        // if every candidate failed, the recording failed
         let failed = fits.iter().all(|fit| fit.failed.is_some()).then(|| fits.first()?.failed.clone()).flatten();
         Row { failed, losses, fits, ..row }
     }
@@ -129,7 +130,7 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// What is fitted, with what is wrong with the recording.
+    /// Prepares the recording for a candidate's fit. The error describes what is wrong with the recording.
     pub(super) fn prepared(&self, candidate: &Candidate, recording: &Recording) -> Result<Prepared<'a>, String> {
         let entry = self.entry();
         let scene = self.scene(candidate, Some(recording))?;
@@ -151,7 +152,7 @@ impl<'a> Job<'a> {
         let prepared = self.prepared(candidate, recording)?;
         let Prepared { scene, readings, measured, .. } = &prepared;
         let mut watch = cancel.clone();
-        // with a table the candidates differ in nothing that units depend on
+        // with a table, the unit checks give the same result for every candidate
         let first = self.manifest.candidates.first().is_none_or(|first| first.name == candidate.name);
         let looked_at = prepared.table.is_none() || first;
         let session =
@@ -169,7 +170,7 @@ impl<'a> Job<'a> {
         let found = calibrate(&prepared.task(), &mut watch, &mut |_| {}).map_err(|e| e.to_string())?;
         let fit = calibrated(candidate, &found, readings);
         let Some(from_m) = self.entry().choose_from_depth_m else { return Ok(fit) };
-        // nothing deeper than what is fitted is looked at for the choice
+        // the choice must not use readings deeper than the fitted part
         let fitted: Vec<Reading> =
             self::readings(&recording.aligned(scene), self.entry().fit_to_depth_m.or(self.entry().to_depth_m));
         let task = Task { readings: &fitted, part: HoldOut::Beyond(from_m), ..prepared.task() };
@@ -179,7 +180,7 @@ impl<'a> Job<'a> {
     }
 }
 
-/// A recording as a candidate is fitted to it.
+/// A recording, prepared for the fit of one candidate.
 pub(super) struct Prepared<'a> {
     scene: Scene,
     wanted: Vec<Wanted>,
@@ -215,7 +216,7 @@ fn load_cell(word: Option<&str>) -> Result<LoadCell, String> {
     }
 }
 
-/// The content of a file, or of the files of a bag's folder.
+/// Feeds the content of a file, or of all files in a bag's folder, to `add`.
 fn add_file(path: &Path, add: &mut impl FnMut(&[u8])) {
     let mut inside: Vec<PathBuf> = fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect();
     inside.sort();

@@ -1,32 +1,35 @@
-//! Whether a recorded motion is in the sample's frame at all: the unit and the frame of poses, and the zero of a depth.
+//! Checks whether a recorded motion is in the sample's frame: the unit and the frame of poses, and the zero of a
+//! depth.
 
 use needle_core::twin::{Pose, StampedPose, Twin};
 use needle_recording::{At, ForceSeries, Reading};
 
-/// A tip that stays farther away than so many heights or reaches of the sample is in another frame, or in another unit.
+/// If the tip stays farther away than this many heights or reaches of the sample, the poses are in another frame or
+/// unit.
 const FAR: f64 = 3.0;
-/// Units that poses come in, m.
+/// Possible units of poses, m.
 const UNITS: [(&str, f64); 4] = [("mm", 1e-3), ("um", 1e-6), ("cm", 1e-2), ("in", 0.0254)];
-/// Share of the reach that a needle may be in at the beginning.
+/// Largest share of the reach that the needle may already be inserted at the start.
 const BEGUN: f64 = 0.3;
-/// Poses of a coarse run.
+/// Number of poses of a coarse run.
 const POSES: u32 = 16;
-/// Depths at which a contact is looked for.
+/// Number of depths at which a contact is tried.
 const CONTACTS: u32 = 240;
-/// Readings that are looked at for it.
+/// Number of readings used for it.
 const LOOKED_AT: usize = 400;
-/// A force counts from so many times its noise on.
+/// A force is significant above this multiple of its noise.
 const CLEAR: f64 = 10.0;
-/// A force across an instrument that goes straight in counts from this share of that along it on (19 degrees, and 6 % of the force).
+/// Smallest share of the axial force at which a lateral force on a straight insertion is refused: 19 degrees, an error
+/// of 6 % of the force.
 const BESIDE: f64 = 0.35;
-/// Share of the squares of all forces that may lie beside their common direction.
+/// Largest share of the squared forces off their common direction.
 const ONE_DIRECTION: f64 = 0.01;
-/// Cosine of an angle up to which an instrument is upright and goes straight.
+/// Smallest cosine of the tilt of an instrument that counts as upright.
 const STRAIGHT: f64 = 0.999;
-/// Share of the way that a depth at the surface may pass it by: a displacement sensor's noise.
+/// Tolerance of a depth at the surface, as a share of the insertion: a displacement sensor's noise.
 const SURFACE: f64 = 0.02;
 
-/// What is wrong with the frame or the unit of poses, with what is likely.
+/// Reports a wrong frame or unit of the poses, with the likely cause.
 pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
     let pose = |r: &Reading| if let At::Pose(pose) = r.at { Some(pose) } else { None };
     let poses: Vec<Pose> = readings.iter().filter_map(pose).filter(|p| p.tip.iter().all(|x| x.is_finite())).collect();
@@ -75,7 +78,7 @@ pub(super) fn misplaced(twin: &Twin, readings: &[Reading]) -> Option<String> {
     ))
 }
 
-/// What to say of a force that lies beside an instrument that only goes straight in, and keeps its direction: the sensor is turned.
+/// Reports a rotated sensor: the force has a constant direction off the axis although the instrument moves along it.
 pub(super) fn turned(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<String> {
     let axis = twin.pose_at_depth(0.0).axis;
     let depth = |r: &Reading| match r.at {
@@ -144,8 +147,8 @@ fn rotation(force: [f64; 3], axis: [f64; 3]) -> Option<[f64; 4]> {
     (size > 1e-6).then(|| [w, x, y, z].map(|part| (part / size * 1e5).round() * 1e-5 + 0.0))
 }
 
-/// The recorded depth at which the sample is likely touched, m, where by the recorded depths it never is and the load cell has clearly
-/// felt it.
+/// Likely recorded depth of first contact, m, if the recorded depths never reach the sample but the load cell clearly
+/// shows contact.
 #[must_use]
 pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> Option<f64> {
     let pairs = super::scale::pairs(twin, readings, measured);
@@ -167,7 +170,8 @@ pub fn unreached(twin: &Twin, readings: &[Reading], measured: &ForceSeries) -> O
     (range > CLEAR * noise).then_some(contact)
 }
 
-/// What to say of a sample that is never touched; `reading` is the recorded number there, if it is not the depth in m.
+/// The message if the sample is never touched. `reading` is the recorded number at the contact, if it is not the
+/// depth in m.
 #[must_use]
 pub fn never_touched(contact_m: f64, reading: Option<f64>) -> String {
     let what = reading.map_or_else(
@@ -181,7 +185,7 @@ pub fn never_touched(contact_m: f64, reading: Option<f64>) -> String {
     )
 }
 
-/// Depths and predicted forces of a coarse way in, the surface first.
+/// Depths and predicted forces of a coarse insertion, the surface first.
 fn curve(twin: &Twin, depth_m: f64) -> Option<Vec<(f64, f64)>> {
     let mut double = twin.double();
     super::scale::limit_steps(&mut double, twin);
@@ -195,7 +199,8 @@ fn curve(twin: &Twin, depth_m: f64) -> Option<Vec<(f64, f64)>> {
     curve.iter().all(|(_, f)| f.is_finite()).then_some(curve)
 }
 
-/// What a curve that begins at a contact leaves of the readings, by its size and the load cell's zero.
+/// Residual of the readings against a curve that begins at a contact, with its factor and the load cell's zero
+/// fitted.
 fn left(way: &[(f64, f64)], curve: &[(f64, f64)], contact: f64) -> Option<f64> {
     let model = |depth: f64| {
         let d = depth - contact;

@@ -1,4 +1,4 @@
-//! The one way to drive a twin: readings in; answers, comparison, events and figures out.
+//! Session: drives a twin with readings, and collects answers, comparison, events and figures. All runs use it.
 
 use std::time::Instant;
 
@@ -29,18 +29,18 @@ pub struct Session<'a> {
     measured: Option<&'a ForceSeries>,
 }
 
-/// What a session leaves.
+/// Result of a session.
 pub struct Finished {
     /// The run.
     pub run: Run,
-    /// Which of the readings each answer is of.
+    /// Index of the reading that each answer belongs to.
     pub answered: Vec<usize>,
-    /// The twin as it is at the end.
+    /// The twin at the end of the run.
     pub twin: Twin,
 }
 
 impl<'a> Session<'a> {
-    /// Builds the twin of a scene. `command` is the word for what runs (`replay`).
+    /// Builds the twin of a scene. `command` is the name of the command (`replay`).
     ///
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
@@ -48,7 +48,7 @@ impl<'a> Session<'a> {
         Self::built(command, keep, || Twin::new(scene))
     }
 
-    /// The same, as a sibling of another twin where it can be one ([`Twin::sibling`]).
+    /// The same; shares the cloud of another twin if possible ([`Twin::sibling`]).
     ///
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
@@ -56,7 +56,7 @@ impl<'a> Session<'a> {
         Self::built(command, keep, || other.and_then(|other| other.sibling(scene)).map_or_else(|| Twin::new(scene), Ok))
     }
 
-    /// The same, on the cloud that the scene has with other regions ([`Twin::on_cloud_of`]).
+    /// The same, on the cloud of the scene with other regions ([`Twin::on_cloud_of`]).
     ///
     /// # Errors
     /// [`BuildError`] if the scene can't be discretised.
@@ -70,7 +70,7 @@ impl<'a> Session<'a> {
         Ok(Self::with(twin, begun.elapsed().as_secs_f64(), command, keep))
     }
 
-    /// With a twin that has just been built, in `build_s` seconds, or reset.
+    /// From a twin that has just been built, in `build_s` seconds, or reset.
     #[must_use]
     pub fn with(twin: Twin, build_s: f64, command: &str, keep: Keep) -> Self {
         let collector = Collector::new(&twin, command, build_s, keep);
@@ -83,7 +83,8 @@ impl<'a> Session<'a> {
         Self { measured: Some(measured), ..self }
     }
 
-    /// Compares with a recording, whose losses become the run's. `measured` is [`Recording::measured`].
+    /// Compares with a recording. The recording's losses are added to the run's. `measured` is
+    /// [`Recording::measured`].
     #[must_use]
     pub fn of_recording(mut self, recording: &Recording, measured: &'a ForceSeries) -> Self {
         recording.losses.iter().for_each(|loss| self.collector.lost(loss.to_string()));
@@ -105,10 +106,10 @@ impl<'a> Session<'a> {
         motion.poses().map(|(time_s, depth)| Reading { time_s, at: At::Depth(depth) })
     }
 
-    /// Sends readings into the twin, in their order. A pose that the twin refuses is counted and left out, and so is one that a model that
-    /// diverged has no answer to: see [`Twin::step`] for how it comes back.
+    /// Sends readings into the twin, in order. A pose that the twin refuses is counted and left out. So is a pose
+    /// without an answer because the model diverged; see [`Twin::step`] for the recovery.
     ///
-    /// Only the steps are timed. A deadline counts as missed where a step took longer than the time to the next reading.
+    /// Only the steps are timed. A deadline counts as missed if a step took longer than the time to the next reading.
     pub fn run(self, readings: impl IntoIterator<Item = Reading>, watch: &mut dyn Watch) -> Finished {
         let Self { mut twin, mut collector, measured } = self;
         let cancel = watch.cancel().clone();
@@ -162,13 +163,13 @@ impl<'a> Session<'a> {
         Finished { run: collector.finish(&twin), answered, twin }
     }
 
-    /// [`Session::run`] where nobody watches and nothing but the run is wanted.
+    /// [`Session::run`] without observer; returns the run alone.
     pub fn unwatched(self, readings: impl IntoIterator<Item = Reading>) -> Run {
         self.run(readings, &mut Cancel::default()).run
     }
 }
 
-/// What a run says that has lost its numbers.
+/// The loss of a run whose forces are not finite.
 pub(super) fn not_finite(depth_m: f64) -> String {
     format!("the force is not finite at depth {depth_m:.6} m")
 }
@@ -183,10 +184,10 @@ pub(super) fn stamped(twin: &Twin, reading: Reading) -> StampedPose {
 }
 
 impl Keep {
-    /// Answers only: no field is computed.
+    /// Answers only: no fields are computed.
     pub const ANSWERS: Self = Self { fields: false, duration_s: None, save_every_s: None };
 
-    /// Fields as well, of readings whose length is known.
+    /// Fields as well, for readings of a known length.
     #[must_use]
     pub fn fields_of(readings: &[Reading]) -> Self {
         let duration_s = readings.first().zip(readings.last()).map(|(first, last)| last.time_s - first.time_s);

@@ -1,23 +1,23 @@
-//! Who looks at a run while it goes on, and who ends it.
+//! Observation and cancellation of a run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Answer;
 
-/// Asks long work to end. Clones are one flag: whoever has one can set it, from any thread or signal handler.
+/// A request to end long work. Clones share one flag: any of them can set it, from any thread or signal handler.
 ///
-/// A run looks at it between two poses, and inside a pose that takes long.
+/// A run checks it between two poses, and inside a pose that takes long.
 #[derive(Clone, Debug, Default)]
 pub struct Cancel(Arc<AtomicBool>);
 
 impl Cancel {
-    /// Asks.
+    /// Requests the end.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether somebody has asked.
+    /// Whether the end was requested.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
@@ -32,14 +32,14 @@ impl Cancel {
 
 /// Observes a run.
 pub trait Watch {
-    /// One pose was answered, or refused (`None`); `done` of them in all.
+    /// Called after each pose, with its answer or `None` if it was refused; `done` is the number of poses so far.
     fn progress(&mut self, done: usize, answer: Option<&Answer>);
 
-    /// What ends the run.
+    /// The cancellation of the run.
     fn cancel(&self) -> &Cancel;
 }
 
-/// Shows nothing.
+/// Shows no progress.
 impl Watch for Cancel {
     fn progress(&mut self, _: usize, _: Option<&Answer>) {}
 

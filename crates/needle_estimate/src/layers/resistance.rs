@@ -1,21 +1,24 @@
-//! From friction and the first insertion's drops to cutting and puncture forces.
+//! Derives cutting and puncture forces from the friction and the first insertion's drops.
 
 use super::fit::{Fit, pieces};
 use super::{Found, Known, Layer, PIECE, Reading};
 
-/// The tissue behind a membrane is felt before it is met: only so much before the rise counts, in diameters.
+/// The force rises already before the tip reaches a membrane; only this distance before the rise is used, in
+/// diameters.
 const NEAR: f64 = 0.15;
-/// The way before a drop over which its rise is a line, in diameters.
+/// Travel before a drop over which the rise is linear, in diameters.
 const RISE: f64 = 0.15;
-/// Readings this near to a drop may be of it, in diameters: what springs back rubs along the needle before the force falls.
+/// Readings this close to a drop may belong to it, in diameters: the tissue springs back along the needle, with
+/// friction, before the force falls.
 const AT: f64 = 0.04;
-/// Readings this near to where the recording turns, or to a drop before which a rise is looked for, in diameters.
+/// Readings this close to a reversal of the recording, or to a drop whose rise is evaluated, are left out, in
+/// diameters.
 const TURNS: f64 = 0.01;
-/// Way after a drop in which the tissue springs back, in diameters.
+/// Travel after a drop in which the tissue springs back, in diameters.
 const SPRINGS: f64 = 0.1;
-/// The least drop of a membrane over what is none.
+/// Least ratio of a membrane's drop to other drops.
 const MEMBRANE: f64 = 2.0;
-/// Fewest pieces on either side of a bend.
+/// Fewest intervals on either side of a bend.
 const FEWEST: usize = 3;
 
 pub(super) fn resistance(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diameter: f64) -> Found {
@@ -74,8 +77,9 @@ pub(super) fn resistance(fit: &Fit, first: &[Reading], drops: &[[f64; 2]], diame
     Found { layers, cannot_tell, alone: Vec::new(), rmse_n: fit.rmse(), drops_m: drops.iter().map(|d| d[0]).collect() }
 }
 
-/// Depths of so many drops, in order, if the rest are much smaller: membranes are broken one after the other, however deep each was pushed,
-/// and what else makes the force fall is a cutting force that varies. None if there are too few, or others as large.
+/// Depths of the largest drops, one per layer, in order, if the others are much smaller. Membranes are punctured one
+/// after the other, however far each was displaced; other falls of the force come from a varying cutting force. Empty
+/// if there are too few drops, or others of similar size.
 fn largest(drops: &[[f64; 2]], layers: usize) -> Vec<Option<f64>> {
     let mut sizes: Vec<f64> = drops.iter().map(|d| d[1]).collect();
     sizes.sort_by(|a, b| b.total_cmp(a));
@@ -86,20 +90,21 @@ fn largest(drops: &[[f64; 2]], layers: usize) -> Vec<Option<f64>> {
     drops.iter().filter(|d| d[1] >= least).map(|d| Some(d[0])).collect()
 }
 
-/// The drop of each layer's membrane: the largest after the last boundary that the tip can have come to.
+/// The drop of each layer's membrane: the largest after the last boundary that the tip can have reached.
 fn membranes(fit: &Fit, drops: &[[f64; 2]]) -> Vec<Option<f64>> {
     let comes = |i: usize| drops.iter().filter(move |d| (0..fit.layers).rfind(|&k| fit.comes(k) <= d[0]) == Some(i));
     (0..fit.layers).map(|i| comes(i).max_by(|a, b| a[1].total_cmp(&b[1])).map(|d| d[0])).collect()
 }
 
-/// A force less what is friction of it, where that leaves one that is not nothing within its error.
+/// A force minus its friction; `None` if the difference is zero within its error.
 fn less(force: Known, friction: Known) -> Option<Known> {
     let value = force.value - friction.value;
     let standard_error = force.standard_error.hypot(friction.standard_error);
     (value > 1.96 * standard_error).then_some(Known { value, standard_error })
 }
 
-/// Least squares of a line with a bend, or none: force at the bend, or else at depth 0; its standard error; sum of squares.
+/// Least-squares line with or without a bend: force at the bend, or at depth 0 without one; its standard error; sum
+/// of squares.
 #[allow(clippy::cast_precision_loss)]
 fn line(points: &[[f64; 2]], at: f64, bent: bool) -> Option<(Known, f64, [f64; 2])> {
     let rows = |p: &[f64; 2]| [1.0, p[0] - at, if bent { (p[0] - at).max(0.0) } else { 0.0 }];
@@ -121,15 +126,16 @@ fn line(points: &[[f64; 2]], at: f64, bent: bool) -> Option<(Known, f64, [f64; 2
     Some((Known { value: found[0], standard_error }, squares, [found[1], found[1] + found[2]]))
 }
 
-/// Force just before a depth at which it drops or turns, N, from readings that are no nearer than `at` diameters.
+/// Force just before a depth at which it drops or reverses, N, from readings no closer than `at` diameters.
 fn before(first: &[Reading], depth: f64, diameter: f64, at: f64) -> Option<Known> {
     let near = |r: &&Reading| r[1] > depth - RISE * diameter && r[1] < depth - at * diameter;
     let points: Vec<[f64; 2]> = first.iter().filter(near).map(|r| [r[1], r[2]]).collect();
     line(&points, depth, false).map(|(force, ..)| force)
 }
 
-/// Force at which its rise to a drop begins, N. Where that is by all of the way is not quite right, since the tissue ahead is felt before
-/// it is met: the way just before counts, and the difference as an error.
+/// Force at the start of the rise to a drop, N. An evaluation over the whole interval is biased, since the force
+/// rises already before the tip reaches the tissue ahead. So the interval just before it is used, with the difference
+/// as an error.
 fn bend(first: &[Reading], from: f64, to: f64, diameter: f64) -> Option<Known> {
     let on: Vec<Reading> = first.iter().filter(|r| r[1] > from && r[1] < to).copied().collect();
     let points = pieces(&on, PIECE * diameter);

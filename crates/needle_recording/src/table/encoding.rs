@@ -1,4 +1,4 @@
-//! In which encoding the bytes of a text file stand.
+//! Finds the encoding of a text file.
 
 use std::io::{self, Read};
 

@@ -1,4 +1,4 @@
-//! Tables of numbers as text: what load cells, testing machines and spreadsheets write.
+//! Text tables of numbers, as written by load cells, testing machines and spreadsheets.
 
 mod arrays;
 mod clock;
@@ -35,17 +35,17 @@ pub enum TableError {
         /// Why.
         source: std::io::Error,
     },
-    /// A file of another program.
+    /// A file in another format.
     #[error("{}: {what} is not read; make a CSV of it: {how}", .path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// Its format.
         what: &'static str,
-        /// How to make a table of it.
+        /// How to convert it to a table.
         how: String,
     },
-    /// There is no table in it.
+    /// The file contains no table.
     #[error(
         "{}: no rows of numbers were found in its first lines; say how it is laid out with --separator, --decimal-comma, \
          --header-line or --comment", .path.display()
@@ -54,44 +54,44 @@ pub enum TableError {
         /// The file.
         path: PathBuf,
     },
-    /// Columns can't be told, or have no unit.
+    /// Columns are ambiguous, or have no unit.
     #[error("{file}: {reason}. Its columns: {columns}")]
     Columns {
         /// The file.
         file: String,
         /// What is wrong, and what to do.
         reason: String,
-        /// What there is.
+        /// The columns of the file.
         columns: String,
     },
-    /// No file has what is needed.
+    /// No file has a required quantity.
     #[error("no column for the {what}: name it with {option}, by its header or its number from 1. {columns}")]
     Missing {
-        /// What is needed.
+        /// The quantity.
         what: &'static str,
-        /// How it is named.
+        /// The option that names its column.
         option: &'static str,
         /// Columns of all files.
         columns: String,
     },
-    /// No file has a column that was named.
+    /// No file has a column that the user named.
     #[error("{option} {name}: there is no such column. {columns}")]
     NoColumn {
-        /// How it was named.
+        /// The option that named it.
         option: &'static str,
         /// Its name.
         name: String,
         /// Columns of all files.
         columns: String,
     },
-    /// Several recordings are in one file, or not as many as was said.
+    /// One file has several recordings, or not the requested number.
     #[error("{file}: {reason}: {blocks}")]
     Blocks {
         /// The file.
         file: String,
         /// What is wrong, and what to do.
         reason: String,
-        /// What there is.
+        /// The recordings of the file.
         blocks: String,
     },
     /// A file that is no text can't be taken as it is.
@@ -114,30 +114,30 @@ pub enum TableError {
     },
 }
 
-/// Rows of one file, as far as they were taken.
+/// The rows of one file that were read.
 #[derive(Debug, Default)]
 pub struct Table {
     /// Its name.
     pub file: String,
-    /// How it is laid out, in words.
+    /// Description of the layout.
     pub layout: String,
-    /// The columns that were taken.
+    /// The columns that are used.
     pub columns: Columns,
-    /// All columns, in words.
+    /// Description of all columns.
     pub all_columns: String,
-    /// Rows of data.
+    /// Number of data rows.
     pub rows: u64,
-    /// Rows with a cell that is no number, and the first of them with its line.
+    /// Number of rows with a cell that is not a number.
     pub bad: u64,
-    /// See `bad`.
+    /// The first of these rows with its line number.
     pub first_bad: Option<String>,
-    /// What is odd but cost nothing.
+    /// Irregularities without a loss of data.
     pub warnings: Vec<String>,
-    /// Rows per second, where they have no time of their own.
+    /// Rows per second, if they have no time.
     pub rate_hz: Option<f64>,
-    /// Columns that were named, by their options, and are not in this file.
+    /// Columns that the user named, by their options, and that are not in this file.
     absent: Vec<(&'static str, String)>,
-    /// Lines from the first to the last, from 1.
+    /// First and last line, from 1.
     lines: [usize; 2],
     pub(super) depths: Vec<(i64, f64)>,
     pub(super) forces: Vec<(i64, [f64; 3])>,
@@ -146,7 +146,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads the file with the given number, from 0, of those of a recording.
+    /// Reads one file of a recording; `file_number` is its index, from 0.
     ///
     /// # Errors
     /// [`TableError`].
@@ -154,7 +154,7 @@ impl Table {
         Self::of_source(path, Source::of_file(path, &said.layout)?, said, file_number)
     }
 
-    /// As [`Table::read`], from what the file holds.
+    /// Same as [`Table::read`], with the file's content given.
     ///
     /// # Errors
     /// [`TableError`].
@@ -173,7 +173,7 @@ impl Table {
                     all.push(block.extent());
                     wanted = if said.layout.block == Some(number) { block } else { wanted };
                 }
-                // of a block that nobody wants the columns don't matter
+                // errors in the columns of a block that is not requested are ignored
                 Err(error) if said.layout.block == Some(number) => return Err(error),
                 Err(error @ TableError::Open { .. }) => return Err(error),
                 Err(_) => all.push("of other columns".to_owned()),
@@ -189,7 +189,7 @@ impl Table {
         Err(TableError::Blocks { file, reason: reason.to_owned(), blocks: blocks.join(", ") })
     }
 
-    /// Columns that were named and are not in this file.
+    /// Columns that the user named and that are not in this file.
     pub(super) fn absent(&self) -> &[(&'static str, String)] {
         &self.absent
     }
@@ -205,7 +205,7 @@ pub(super) fn refuse_options(paths: &[PathBuf], said: &Selection) -> Result<(), 
     source::refuse_options(paths.iter().map(PathBuf::as_path), &said.layout)
 }
 
-/// How many recordings a file holds one after the other; 1 where that can't be told.
+/// Number of consecutive recordings in a file; 1 if it can't be determined.
 #[must_use]
 pub fn blocks(path: &Path, said: &Selection) -> usize {
     let Ok(source) = Source::of_file(path, &said.layout) else { return 1 };

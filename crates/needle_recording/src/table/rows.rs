@@ -1,4 +1,4 @@
-//! The rows of a table: cells that are wanted, and where the next recording begins.
+//! Reads the rows of a table: the required cells, and the start of the next recording.
 
 use std::borrow::Cow;
 use std::io;
@@ -12,15 +12,15 @@ use crate::adapter::forward;
 use needle_core::twin::Pose;
 use ros2_messages::geometry_msgs::Quaternion;
 
-/// The instrument of poses without an orientation points straight down.
+/// Direction of an instrument whose poses have no orientation: straight down.
 const DOWN: [f64; 3] = [0.0, 0.0, -1.0];
-/// Times beyond this are no stamps in ns of 64 bits, s.
+/// Largest time that fits a stamp of 64 bits in ns, s.
 const LONGEST_S: f64 = 9e9;
-/// A time that steps back by more begins again, ns.
+/// A larger step back in time starts a new recording, ns.
 const AGAIN_NS: i64 = 1_000_000_000;
 const HALF_A_DAY_NS: i64 = 43_200_000_000_000;
 
-/// What a row says.
+/// Content of a row.
 #[derive(Default)]
 struct Row {
     stamp: Option<i64>,
@@ -28,11 +28,11 @@ struct Row {
     force_n: Option<[f64; 3]>,
     pose: Option<Pose>,
     markers: Option<Vec<[f64; 3]>>,
-    /// Whether a cell that is needed is no number.
+    /// Whether a required cell is not a number.
     bad: bool,
 }
 
-/// Lines without data, and bad rows among them: the end of a recording, or of the file, or a loss.
+/// Lines without data, with the bad rows among them: the end of a recording or of the file, or a loss.
 #[derive(Default)]
 struct Gap {
     /// Line of its beginning, and its text.
@@ -41,7 +41,7 @@ struct Gap {
     rows: Vec<Row>,
     bad: u64,
     first_bad: Option<String>,
-    /// The headers stand in it again.
+    /// Whether it repeats the headers.
     headers: bool,
 }
 
@@ -56,7 +56,7 @@ impl Cells<'_> {
         self.cells.get(index).map_or("", |cell| cell.as_ref())
     }
 
-    /// The number in SI; `None` of an empty cell.
+    /// The number in SI; `None` for an empty cell.
     fn value(&self, column: &Column) -> Result<Option<f64>, ()> {
         let cell = self.text(column.index);
         if cell.is_empty() {
@@ -65,7 +65,7 @@ impl Cells<'_> {
         number(cell, self.comma).filter(|x| x.is_finite()).map(|x| Some(column.si(x))).ok_or(())
     }
 
-    /// As [`Cells::value`], NaN of a cell that says so: an axis that is not measured.
+    /// As [`Cells::value`]; NaN if the cell says so: an axis that is not measured.
     fn component(&self, column: &Column) -> Result<f64, ()> {
         let nan = |cell: &str| cell.is_empty() || cell.eq_ignore_ascii_case("nan");
         if nan(self.text(column.index)) { Ok(f64::NAN) } else { self.value(column).map(|x| x.unwrap_or(f64::NAN)) }
@@ -80,7 +80,7 @@ impl Cells<'_> {
         Ok(Some(values))
     }
 
-    /// Time, ns; `None` of an empty cell.
+    /// Time, ns; `None` for an empty cell.
     fn stamp(&self, (column, clock): &(Column, Clock)) -> Result<Option<i64>, ()> {
         let cell = self.text(column.index);
         if cell.is_empty() {
@@ -114,7 +114,7 @@ impl Cells<'_> {
         row
     }
 
-    /// What stands before a cell that is no number is kept.
+    /// Fills the row; on an error, the cells before the bad one are kept.
     fn fill(&self, columns: &Columns, row: &mut Row) -> Result<(), ()> {
         if let Some(column) = &columns.position {
             row.depth_m = self.value(column)?;
@@ -136,7 +136,7 @@ impl Cells<'_> {
             row.pose = self.several(pose)?.zip(axis).map(|(tip, axis)| Pose { tip, axis });
         }
         if !columns.markers.is_empty() {
-            // an empty cell: not seen
+            // an empty cell means that the marker was not seen
             let one = |column: &Column| self.value(column).map(|x| x.unwrap_or(f64::NAN));
             let of = |[x, y, z]: &[Column; 3]| Ok::<_, ()>([one(x)?, one(y)?, one(z)?]);
             row.markers = Some(columns.markers.iter().map(of).collect::<Result<Vec<_>, ()>>()?);
@@ -244,7 +244,7 @@ impl Table {
         self.markers.extend(row.markers.map(|markers| (stamp, markers)));
     }
 
-    /// Refuses a table of which no row could be taken.
+    /// Rejects a table without a usable row.
     pub(super) fn believable(&self) -> Result<(), TableError> {
         let nothing =
             self.depths.is_empty() && self.forces.is_empty() && self.poses.is_empty() && self.markers.is_empty();
@@ -264,7 +264,7 @@ impl Table {
     }
 }
 
-/// Times of day as they go on past midnight.
+/// Continues times of day past midnight.
 #[derive(Default)]
 struct Unrolled {
     of_day: bool,

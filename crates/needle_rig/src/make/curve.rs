@@ -1,6 +1,6 @@
 //! Force over depth from the reference solutions in `bags/reference/`.
 
-/// A curve through the origin and the points of a table, monotone where they are.
+/// A curve through the origin and the points of a table, monotone wherever they are.
 #[derive(Clone, Debug)]
 pub struct Curve {
     /// (depth in m, force in N), the origin first.
@@ -26,7 +26,7 @@ impl Curve {
         self.points.last().map_or(0.0, |p| p.0)
     }
 
-    /// Force at a depth, N: 0 above the surface, that of the last point beyond it. Piecewise cubic (Hermite).
+    /// Force at a depth, N: 0 above the surface, constant beyond the last point. Piecewise cubic (Hermite).
     #[must_use]
     pub fn force_n(&self, depth_m: f64) -> f64 {
         let after = self.points.partition_point(|p| p.0 <= depth_m);
@@ -86,7 +86,7 @@ mod tests {
         let table: String =
             std::iter::once("depth_m,force_N,uncertainty_N\n".to_owned()).chain((1..=10).map(line)).collect();
         let curve = Curve::from_table(&table);
-        // the first interval has a single neighbour to take its slope from
+        // exclude the first interval: its slope is estimated from a single neighbour
         for i in 20..100 {
             let d = f64::from(i) * 1e-4;
             assert!((curve.force_n(d) / (700.0 * d * d) - 1.0).abs() < 0.02, "{d}");

@@ -1,7 +1,7 @@
-//! Synthetic recordings of the rig: depth and force as its sensors would give them for a stated motion.
+//! Synthetic recordings of the rig: depth and force as its sensors would read them for a given motion.
 //!
-//! The force is that of the independent finite-element curves in `bags/reference/`, read at the true depth; both depth
-//! and force then go through the sensor models of [`crate::sensors`]. Nothing here is a measurement.
+//! The force is that of the independent finite-element curves in `bags/reference/` at the true depth. Depth and force
+//! then pass through the sensor models of [`crate::sensors`]. Nothing here is a measurement.
 
 mod curve;
 mod motion;
@@ -22,14 +22,15 @@ use std::path::Path;
 
 /// Stamp of the first reading: 2026-01-01 00:00:00 UTC, ns since 1970.
 const START_NS: i64 = 1_767_225_600_000_000_000;
-/// The load cell is read this part of a period after the displacement sensor (2 ms at 200 Hz): the two are not in step.
+/// The load cell is read this fraction of a period after the displacement sensor (2 ms at 200 Hz): they are not
+/// synchronised.
 const FORCE_DELAY: f64 = 0.4;
-/// A message is received and logged this long after its reading, ns.
+/// Delay between a reading and its reception and logging, ns.
 const TRANSPORT_NS: i64 = 300_000;
 /// Longest recording, s.
 const LONGEST_S: f64 = 3600.0;
 
-/// Which of the source paper's three tests is recorded.
+/// One of the source paper's three tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RigScene {
     /// Bonded plate.
@@ -65,7 +66,7 @@ impl RigScene {
     }
 }
 
-/// A recording to be made. All depths are positive into the sample.
+/// Settings of a synthetic recording. All depths are positive into the sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigRecording {
     /// The test.
@@ -95,7 +96,7 @@ pub struct RigRecording {
 }
 
 impl RigRecording {
-    /// The recording that `bags/` holds of a scene.
+    /// The settings of the recording in `bags/` for a scene.
     #[must_use]
     pub fn of(scene: RigScene) -> Self {
         let (depth_m, approach_m, retraction_speed_m_per_s, seed) = match scene {
@@ -130,7 +131,7 @@ impl RigRecording {
             .rest(-self.approach_m, self.rest_s)
     }
 
-    /// Checks every number.
+    /// Checks the range of every number.
     ///
     /// # Errors
     /// [`BagError::OutOfRange`] with the value's name and range.
@@ -156,8 +157,9 @@ impl RigRecording {
 
     /// Force of the tissue on the instrument at a true depth, N, positive against the insertion.
     ///
-    /// The same curve on the way in and out: the material is elastic, and the needle's rule (captured points follow the
-    /// tip by a fraction of the way since their capture) can be undone. A real needle would show friction.
+    /// Insertion and retraction have the same curve: the material is elastic, and the needle's constraint is
+    /// reversible (captured points follow the tip by a fraction of its displacement since their capture). A real
+    /// needle would show friction.
     #[must_use]
     pub fn true_force_n(&self, depth_m: f64) -> f64 {
         self.scene.curve().force_n(depth_m)
@@ -169,7 +171,7 @@ impl RigRecording {
         self.motion().depth_m(time_s)
     }
 
-    /// What the bag says of itself.
+    /// Metadata in the bag.
     fn custom_data(&self) -> BTreeMap<String, String> {
         let description = format!(
             "synthetic {}: force from finite elements, sensors modelled, seed {}; not a measurement",
@@ -186,10 +188,10 @@ impl RigRecording {
         .into()
     }
 
-    /// Writes the recording as a rosbag2 folder. Nothing is left behind if that fails.
+    /// Writes the recording as a rosbag2 folder. No files remain if that fails.
     ///
     /// # Errors
-    /// [`BagError::OutOfRange`], [`BagError::Exists`], or what writing gives.
+    /// [`BagError::OutOfRange`], [`BagError::Exists`], or an error of writing.
     pub fn write(&self, folder: impl AsRef<Path>) -> Result<Written, BagError> {
         self.check()?;
         let folder = folder.as_ref();
@@ -200,7 +202,7 @@ impl RigRecording {
         let Some(name) = folder.file_name().map(|n| n.to_string_lossy().into_owned()) else {
             return Err(BagError::Exists { path: folder.to_path_buf() });
         };
-        // Made beside and moved: whoever looks sees all of it or nothing.
+        // Written under a temporary name and renamed, so that the folder never exists incomplete.
         let aside = folder.with_file_name(format!(".{name}.new"));
         if aside.exists() {
             fs::remove_dir_all(&aside).map_err(|e| open(&aside, e))?;
@@ -212,7 +214,7 @@ impl RigRecording {
             fs::rename(&aside, folder).map_err(|e| open(folder, e))?;
             Ok(Written { folder: folder.to_path_buf(), ..written })
         });
-        // Whoever reads the message knows of `folder` only.
+        // The message must name `folder`, since the user does not know the temporary one.
         let written = written.map_err(|error| match error {
             BagError::Open { path, source } if path.starts_with(&aside) => open(folder, source),
             other => other,

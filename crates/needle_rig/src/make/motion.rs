@@ -1,9 +1,9 @@
-//! The stated motion of a recording: rest, approach and insertion, hold, retraction, rest.
+//! The motion of a recording: rest, approach and insertion, hold, retraction, rest.
 
-/// A motion along the instrument's axis, in moves with limited acceleration.
+/// A motion along the instrument's axis, composed of moves with limited acceleration.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
-    /// (start time in s, what happens).
+    /// (start time in s, part).
     parts: Vec<(f64, Part)>,
     /// Duration, s.
     pub(super) duration_s: f64,
@@ -16,19 +16,19 @@ enum Part {
 }
 
 impl Motion {
-    /// Nothing yet.
+    /// An empty motion.
     pub(super) fn new() -> Self {
         Self { parts: Vec::new(), duration_s: 0.0 }
     }
 
-    /// Then stays at a depth.
+    /// Appends a rest at a depth.
     pub(super) fn rest(mut self, depth_m: f64, duration_s: f64) -> Self {
         self.push(Part::Rest { depth_m }, duration_s);
         self
     }
 
-    /// Then moves from one depth to another: constant acceleration, constant speed, constant deceleration. A way too
-    /// short for the speed is done with less of it.
+    /// Appends a move between two depths: constant acceleration, constant speed, constant deceleration. A short move
+    /// does not reach the full speed.
     pub(super) fn go(mut self, from_m: f64, to_m: f64, speed_m_per_s: f64, acceleration_m_per_s2: f64) -> Self {
         let way = (to_m - from_m).abs();
         let speed = speed_m_per_s.min((way * acceleration_m_per_s2).sqrt());
@@ -54,7 +54,7 @@ impl Motion {
                 let way = (to_m - from_m).abs();
                 let duration = way / speed_m_per_s + ramp_s;
                 let t = (time_s - start).clamp(0.0, duration);
-                // Way since the start; the end is the start backwards.
+                // Displacement since the start; the second half mirrors the first.
                 let begun = |t: f64| {
                     if t < ramp_s { 0.5 * speed_m_per_s / ramp_s * t * t } else { speed_m_per_s * (t - 0.5 * ramp_s) }
                 };

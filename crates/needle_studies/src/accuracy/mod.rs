@@ -1,9 +1,9 @@
-//! Accuracy against cost: one scene, many ways to discretise and step it, and for each the processor time that it takes
-//! and how far forces and displacements are from independent finite elements ([`ReferenceSolution`]).
+//! Accuracy against cost for one scene with many discretisations and step counts. For each, it measures the processor
+//! time and the error of forces and displacements relative to independent finite elements ([`ReferenceSolution`]).
 //!
-//! A [`Case`] is one way, [`plan`] says which there are, [`Case::run`] gives the [`Row`] of one. Runs don't share
-//! anything, so any number of them go side by side, each on a thread of its own. Cost is the processor time of that
-//! thread, the least of up to five runs where they are short: what else the machine does adds little to it.
+//! A [`Case`] is one combination, [`plan`] lists them, and [`Case::run`] gives the [`Row`] of one. Runs share
+//! nothing, so any number of them can run in parallel, each on its own thread. Cost is the processor time of that
+//! thread. For short runs it is the smallest of up to five, which reduces the influence of other programs.
 
 mod case;
 mod drive;
@@ -34,7 +34,7 @@ use needle_estimate::compare::Cancel;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
-    /// There is no reference for the scene.
+    /// The scene has no reference solution.
     #[error(
         "there is no reference solution of {0}; the presets compression, indentation and needle_insertion have one"
     )]
@@ -42,13 +42,13 @@ pub enum StudyError {
     /// The scene reads its cloud from a file, so there is no spacing to change.
     #[error("scene {0} has no discretisation.spacing_m to change: its cloud comes from a mesh file")]
     NoCloud(String),
-    /// The scene doesn't move.
+    /// The scene has no motion.
     #[error("scene {0} has no [motion] of its own (motion.depth_m, motion.speed_m_per_s, motion.pose_hz)")]
     NoMotion(String),
     /// The scene's own fine model gives no forces to compare with.
     #[error("the own model of scene {0} on a fine cloud did not come through, so there is nothing to compare with")]
     NoYardstick(String),
-    /// The scene's own fine model was lost on the way.
+    /// The run of the scene's own fine model ended early.
     #[error("scene {scene}: its own model on a fine cloud ended {why}, so there is nothing to compare with")]
     Lost {
         /// The scene.
@@ -70,18 +70,18 @@ pub enum StudyError {
         /// What is wrong and what to do.
         reason: String,
     },
-    /// No discretisation meets what is asked.
+    /// No discretisation meets the requirements.
     #[error("{0}")]
     Untuned(String),
 }
 
 impl Case {
-    /// Runs the case on the present rayon pool, against a reference solution; one that is corrected needs `study::correction::row`.
-    /// `None` if it was stopped on the way.
+    /// Runs the case on the present rayon pool and compares it with a reference solution. A corrected case needs
+    /// `study::correction::row`. `None` if it was cancelled.
     ///
     /// # Errors
-    /// [`StudyError`] if the scene doesn't take the case. A model that can't be built or diverges is a result, not an
-    /// error.
+    /// [`StudyError`] if the scene does not accept the case. A model that can't be built or diverges is a result, not
+    /// an error.
     pub fn run(
         &self,
         scene: &Scene,
@@ -91,7 +91,7 @@ impl Case {
         self.row_of(&reference_solution.watched(&self.scene(scene)?), reference_solution, cancel)
     }
 
-    /// The row of a scene that has the case's keys already.
+    /// The row of a scene that already has the case's keys.
     ///
     /// # Errors
     /// As [`Case::run`].
@@ -106,7 +106,7 @@ impl Case {
         Ok((!driven.stopped).then(|| self.row(scene, reference_solution, driven)))
     }
 
-    /// The row of what came of a scene.
+    /// The row for the result of a run.
     pub(super) fn row(&self, scene: &Scene, reference_solution: &ReferenceSolution, driven: Driven) -> Row {
         let compared = reference_solution.displaced.iter().map(|(target, _)| target).eq(&scene.targets);
         Row {

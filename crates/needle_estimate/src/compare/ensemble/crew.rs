@@ -1,5 +1,5 @@
-//! Many runs on the threads that there are: each thread takes the next run that nobody has taken, so that the result of a run depends
-//! on nothing but the run.
+//! Distributes many runs over worker threads. Each thread takes the next run that is not taken yet. The result of a
+//! run does not depend on the thread or on the other runs.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -7,18 +7,19 @@ use rayon::ThreadPoolBuildError;
 
 use crate::compare::Cancel;
 
-/// Threads that take runs, and who is told of it.
+/// Worker threads, and a callback for progress.
 pub struct Crew<'a> {
-    /// How many threads.
+    /// Number of threads.
     pub threads: usize,
-    /// What ends the runs.
+    /// Ends the runs.
     pub cancel: Cancel,
     /// Called after each run, by the thread that made it.
     pub done: &'a (dyn Fn() + Sync),
 }
 
 impl Crew<'_> {
-    /// Does work 0, 1, ... and gives the results in this order. Each is done with one thread: what asks rayon for more gets none.
+    /// Does work 0, 1, ... and returns the results in this order. Each run uses one thread: rayon has no further
+    /// threads inside it.
     ///
     /// # Errors
     /// If no thread can be started.

@@ -1,9 +1,9 @@
-//! Small matrices of all candidates side by side.
+//! Small matrices, batched over all candidates.
 //!
-//! What is computed for one of N candidates is computed for all of them, which is what a processor does best: each element is an array. Of a symmetric
-//! matrix there is the lower triangle, row by row.
+//! Every operation is done for all N candidates at once, for vectorisation: each element is an array. A symmetric
+//! matrix is stored as its lower triangle, row by row.
 
-/// Where a triangle has an element, k <= i.
+/// Index of an element of the triangle, k <= i.
 #[inline(always)]
 pub(super) fn at(i: usize, k: usize) -> usize {
     i * (i + 1) / 2 + k
@@ -17,7 +17,7 @@ pub(super) fn add<const N: usize>(to: &mut [f64; N], a: &[f64; N], b: &[f64; N])
     }
 }
 
-/// Takes a b away.
+/// Subtracts a b.
 #[inline(always)]
 pub(super) fn subtract<const N: usize>(from: &mut [f64; N], a: &[f64; N], b: &[f64; N]) {
     for j in 0..N {
@@ -25,7 +25,7 @@ pub(super) fn subtract<const N: usize>(from: &mut [f64; N], a: &[f64; N], b: &[f
     }
 }
 
-/// Multiplies.
+/// Scales by factors.
 #[inline(always)]
 pub(super) fn scale<const N: usize>(a: &mut [f64; N], by: &[f64; N]) {
     for j in 0..N {
@@ -33,7 +33,7 @@ pub(super) fn scale<const N: usize>(a: &mut [f64; N], by: &[f64; N]) {
     }
 }
 
-/// Sum of weight times number, of those that have a weight.
+/// Weighted sum over the candidates with a non-zero weight.
 #[inline(always)]
 pub(super) fn mean<const N: usize>(weight: &[f64; N], of: &[f64; N]) -> f64 {
     let mut parts = [0.0; 8];
@@ -60,7 +60,8 @@ pub(super) fn form<const N: usize>(c: &[[f64; N]], a: &[[f64; N]]) -> [f64; N] {
     form
 }
 
-/// P^-1 b and P^-1 of a symmetric matrix, each in its place; b . P^-1 b and ln |P|, not finite where P isn't positive.
+/// P^-1 b and P^-1 of a symmetric matrix, in place. Returns b . P^-1 b and ln |P|, not finite where P is not positive
+/// definite.
 ///
 /// ```text
 /// P = L L',   L h = b,   b . P^-1 b = h . h,   ln |P| = ln prod_i L_ii^2,   L' m = h,   M = L^-1,   P^-1 = M' M
@@ -69,7 +70,7 @@ pub(super) fn form<const N: usize>(c: &[[f64; N]], a: &[[f64; N]]) -> [f64; N] {
 pub(super) fn solve<const N: usize>(p: &mut [[f64; N]], b: &mut [[f64; N]]) -> [[f64; N]; 2] {
     let n = b.len();
     let (mut square, mut ln, mut product) = ([0.0; N], [0.0; N], [1.0; N]);
-    // h, and L, but for its diagonal the inverse
+    // h, and L with the diagonal inverted
     for i in 0..n {
         for k in 0..=i {
             let mut l = p[at(i, k)];
@@ -87,7 +88,7 @@ pub(super) fn solve<const N: usize>(p: &mut [[f64; N]], b: &mut [[f64; N]]) -> [
         scale(&mut h, &p[at(i, i)]);
         add(&mut square, &h, &h);
         b[i] = h;
-        // a logarithm of four together
+        // one logarithm for four factors
         if i % 4 == 3 || i + 1 == n {
             ln.iter_mut().zip(&product).for_each(|(ln, product)| *ln += product.ln());
             product = [1.0; N];
@@ -148,7 +149,7 @@ mod tests {
         let weights: [f64; 19] = std::array::from_fn(|j| j as f64);
         let numbers = std::array::from_fn(|j| if j == 0 { f64::NAN } else { 2.0 });
         assert_eq!(mean(&weights, &numbers), 342.0);
-        // what is not positive has no inverse
+        // a matrix that is not positive definite has no inverse
         let [_, [ln]] = solve(&mut [[-1.0]], &mut [[0.0]]);
         assert!(!ln.is_finite());
     }
