@@ -55,6 +55,8 @@ pub(super) struct Census {
     topic: String,
     all: usize,
     unstamped: usize,
+    /// Number of those with more nanoseconds than a second has.
+    invalid: usize,
     /// Number of messages with the time of the previous one and another value, by each of the three clocks.
     repeats: [usize; 3],
     /// Median of stamp minus time of recording, ns, and its scatter.
@@ -81,6 +83,7 @@ impl Census {
             topic: of.topic.clone(),
             all: of.samples.len(),
             unstamped: of.samples.len() - stamped.len(),
+            invalid: of.samples.iter().filter(|(at, _)| at.stamp.nanosec >= BILLION).count(),
             repeats,
             ahead: quantile(2).zip(quantile(1).zip(quantile(3)).map(|(a, b)| b.saturating_sub(a))),
             span: stamps().min().zip(stamps().max()),
@@ -102,6 +105,13 @@ pub(super) fn choose(topics: [&Census; 2], warnings: &mut Vec<String>) -> Base {
     let base = if published { Base::Published } else { Base::Recorded };
     let word = if published { "sent" } else { "recorded" };
     let why = match without {
+        Some(t) if t.invalid == t.unstamped => {
+            format!("{} of {} messages have a stamp with more than {} ns", t.invalid, t.all, BILLION - 1)
+        }
+        Some(t) if t.invalid > 0 => {
+            let (all, most) = (t.all, BILLION - 1);
+            format!("{} of {all} messages have no stamp, or one with more than {most} ns ({})", t.unstamped, t.invalid)
+        }
         Some(t) => format!("{} of {} messages have no stamp", t.unstamped, t.all),
         None => format!("{} of {} messages have the stamp of the one before", one.repeats[0], one.all),
     };

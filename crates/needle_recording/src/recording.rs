@@ -3,12 +3,12 @@
 use super::Adapter;
 use super::Refusal;
 use super::clocks::{self, Census};
-use super::foreign::{ForeignError, pose_of, wrench_of};
+use super::foreign::{ForeignError, WRENCHES, pose_of, wrench_of};
 use super::frame::{FrameError, Frames};
 use super::holes::holes;
 use super::selection::{Selection, UnknownUnit};
 use super::series::{Held, Reading, Series, in_order};
-use super::table::{Table, TableError};
+use super::table::{Table, TableError, refuse_options};
 use super::topics::{self, describe, force_source, no_motion, position_source, topic_error};
 use super::unit::Dimension;
 use needle_core::instrument::reading::MeasuredAxes;
@@ -179,7 +179,7 @@ impl Recording {
             [bag] if is_bag(bag) => Self::of_bag(&BagReader::open(bag)?, said),
             _ => match paths.iter().find(|path| is_bag(path)) {
                 Some(bag) => Err(RecordingError::SeveralBags(bag.clone())),
-                None => Self::of_tables(&tables(paths, said)?, said),
+                None => Self::of_tables(&mut tables(paths, said)?, said),
             },
         }
     }
@@ -262,6 +262,14 @@ impl Recording {
             Ok((Held::<_, String>::Value(<[f64; 3]>::from(m.wrench.force)), m.header))
         });
         let taken = measured_axes(&forces.topic, &mut reading, forces.samples.iter().map(|s| s.1));
+        said.zero_of_a_force(wrench.is_some())?;
+        if said.has_force_zero() {
+            let across = forces.samples.iter().any(|(_, [x, y, _])| [x, y].iter().any(|f| f.is_finite() && **f != 0.0));
+            let is_number = wrench.is_some_and(|t| !WRENCHES.contains(&bag.topics()[t].type_name.as_str()));
+            let zero = said.zero_in_a_bag(taken.only(), across, is_number)?;
+            let n_per_unit = said.force.scale(Dimension::Force, "--force-unit")?;
+            forces.samples.iter_mut().for_each(|(_, force)| (0..3).for_each(|k| force[k] -= n_per_unit * zero[k]));
+        }
         forces.samples.retain_mut(|(_, force)| {
             taken.force(*force).is_some_and(|measured| {
                 *force = measured;
@@ -317,20 +325,21 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The recording in one or several tables.
+    /// The recording in one or several tables. The samples are moved out of them.
     ///
     /// # Errors
     /// [`TableError::Missing`] if none of them has the position.
-    pub fn of_tables(read: &[Table], said: &Selection) -> Result<Self, RecordingError> {
+    pub fn of_tables(read: &mut [Table], said: &Selection) -> Result<Self, RecordingError> {
         let columns =
             || read.iter().map(|t| format!("{} has {}", t.file, t.all_columns)).collect::<Vec<_>>().join("; ");
         if let Some((option, name)) = in_no_file(read) {
             return Err(TableError::NoColumn { option, name, columns: columns() }.into());
         }
         let missing = |what, option| TableError::Missing { what, option, columns: columns() };
-        let moves = |t: &&Table| t.columns.position.is_some() || t.columns.pose.is_some();
-        let motion = read.iter().find(moves).ok_or_else(|| missing("position", "--position"))?;
-        let cell = read.iter().find(|t| t.columns.force.is_some() || t.columns.forces.is_some());
+        let moves = |t: &Table| t.columns.position.is_some() || t.columns.pose.is_some();
+        let moving = read.iter().position(moves).ok_or_else(|| missing("position", "--position"))?;
+        let feeling = read.iter().position(|t| t.columns.force.is_some() || t.columns.forces.is_some());
+        let (motion, cell) = (&read[moving], feeling.map(|k| &read[k]));
         let timed = |t: &Table| t.columns.time.is_some() || t.rate_hz.is_some();
         if let Some(untimed) = [Some(motion), cell].into_iter().flatten().find(|t| !timed(t)) {
             return Err(match said.time.last() {
@@ -346,6 +355,7 @@ impl Recording {
             return Err(missing("three components in one file", "--pose-columns or --force-columns").into());
         }
         said.fits_a_table(motion.columns.pose.is_some())?;
+        said.zero_of_a_force(cell.is_some())?;
         let frames = Frames::of(said)?;
         let (mut losses, mut warnings) = (Vec::new(), Vec::new());
         read.iter().for_each(|t| warnings.extend(t.warnings.iter().cloned()));
@@ -355,7 +365,11 @@ impl Recording {
             losses.push(Loss::Samples { topic: table.file.clone(), count: table.bad, reason });
         }
         let mut axes = MeasuredAxes::default();
-        let mut forces = cell.map_or_else(Vec::new, |t| t.forces.clone());
+        let mut forces = feeling.map(|k| std::mem::take(&mut read[k].forces)).unwrap_or_default();
+        let depths = std::mem::take(&mut read[moving].depths);
+        let poses = std::mem::take(&mut read[moving].poses);
+        let markers = std::mem::take(&mut read[moving].markers);
+        let (motion, cell) = (&read[moving], feeling.map(|k| &read[k]));
         forces.iter().for_each(|(_, force)| axes.note(force));
         let all = forces.len();
         forces.retain_mut(|(_, force)| {
@@ -366,13 +380,13 @@ impl Recording {
         });
         if let Some(cell) = cell {
             warnings.extend(axes.missing());
-            lose_unmeasured(&cell.file, all - forces.len(), cell.forces.is_empty(), &mut losses);
+            lose_unmeasured(&cell.file, all - forces.len(), all == 0, &mut losses);
         }
-        let poses = motion.poses.iter().map(|&(t, pose)| (t, frames.pose(pose))).collect();
+        let poses = poses.into_iter().map(|(t, pose)| (t, frames.pose(pose))).collect();
         let places = |p: &Vec<[f64; 3]>| p.iter().map(|p| frames.point(*p)).collect();
-        let markers = motion.markers.iter().map(|(t, p)| (*t, places(p))).collect();
+        let markers = markers.iter().map(|(t, p)| (*t, places(p))).collect();
         let stamped = Stamped {
-            depths: (in_order(&motion.file, motion.depths.clone(), &mut losses, &mut warnings), String::new()),
+            depths: (in_order(&motion.file, depths, &mut losses, &mut warnings), String::new()),
             poses: (in_order(&motion.file, poses, &mut losses, &mut warnings), String::new()),
             markers: (in_order(&motion.file, markers, &mut losses, &mut warnings), String::new()),
             forces: cell.map_or_else(Default::default, |t| {
@@ -410,15 +424,16 @@ impl Recording {
         let count = markers.last().map_or(0, |m| m.1.len());
         let whole = markers.into_iter().filter(|m| m.1.len() == count);
         let markers = whole.map(|(t, positions)| MarkerSample { time_s: seconds(t), positions }).collect();
-        let depth = |&(t, depth_m): &(i64, f64)| DepthSample { time_s: seconds(t), depth_m };
-        let pose = |&(t, Pose { tip, axis }): &(i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
+        let depth = |(t, depth_m): (i64, f64)| DepthSample { time_s: seconds(t), depth_m };
+        let pose = |(t, Pose { tip, axis }): (i64, Pose)| PoseSample { time_s: seconds(t), tip, axis };
         Self {
             source: String::new(),
             scene: None,
             origin_ns,
-            depths: depths.iter().map(depth).collect(),
-            poses: poses.iter().map(pose).collect(),
-            forces: forces.iter().map(|&(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
+            // samples of one size become others where they lie
+            depths: depths.into_iter().map(depth).collect(),
+            poses: poses.into_iter().map(pose).collect(),
+            forces: forces.into_iter().map(|(t, force_n)| ForceSample { time_s: seconds(t), force_n }).collect(),
             markers,
             one_clock: false,
             topics: TopicNames::default(),
@@ -473,13 +488,8 @@ impl Recording {
             let topic = self.topics.wrench.clone().unwrap_or_else(|| "force".to_owned());
             self.losses.push(Loss::Samples { topic, count: self.forces.len() as u64, reason });
         }
-        let forces: Vec<f64> = self.forces.iter().map(|s| s.time_s).collect();
-        let places = if self.depths.is_empty() {
-            self.poses.iter().map(|s| (s.time_s, s.tip)).collect()
-        } else {
-            self.depths.iter().map(|s| (s.time_s, [s.depth_m, 0.0, 0.0])).collect::<Vec<_>>()
-        };
-        self.holes = holes(&places, &forces);
+        self.holes =
+            if self.depths.is_empty() { holes(&self.poses, &self.forces) } else { holes(&self.depths, &self.forces) };
         let what =
             "nothing was recorded of the motion or of the force: what the tissue went through there is not known";
         let hole = |[from, to]: &[f64; 2]| {
@@ -561,5 +571,6 @@ pub fn is_bag(path: &Path) -> bool {
 /// # Errors
 /// [`TableError`].
 pub fn tables(paths: &[PathBuf], said: &Selection) -> Result<Vec<Table>, TableError> {
+    refuse_options(paths, said)?;
     paths.iter().enumerate().map(|(number, path)| Table::read(path, said, number)).collect()
 }

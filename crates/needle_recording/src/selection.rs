@@ -68,6 +68,8 @@ pub struct TableLayout {
     pub comment: Option<String>,
     /// Index of the recording in a file with several, from 1.
     pub block: Option<usize>,
+    /// Sheet of a workbook; `None`: the first that has rows of numbers.
+    pub sheet: Option<String>,
 }
 
 /// All options for reading a recording, for bags and tables.
@@ -93,6 +95,8 @@ pub struct Selection {
     pub orientation: Option<[String; 4]>,
     /// Columns of the force's x, y and z.
     pub forces: Option<[String; 3]>,
+    /// Reading of a load cell with three components without load, in the force's unit. With one component: `force.zero`.
+    pub force_zeros: Option<[f64; 3]>,
     /// Rotates the force from the sensor's frame to the sample's: w, x, y, z.
     pub sensor_rotation: Option<[f64; 4]>,
     /// Pose of the sample in the frame of the recorded poses: x, y, z in m, and the quaternion x, y, z, w.
@@ -121,6 +125,40 @@ impl Selection {
         Self::refused(&[("--sample-pose", self.sample_pose.is_some())], "depths", remedy)
     }
 
+    /// Whether it was said what the load cell reads without load.
+    pub(super) fn has_force_zero(&self) -> bool {
+        self.force.zero != 0.0 || self.force_zeros.is_some()
+    }
+
+    /// Refuses a zero of a force where there is none.
+    pub(super) fn zero_of_a_force(&self, is_there: bool) -> Result<(), RecordingError> {
+        let options = [("--force-zero", self.has_force_zero() && !is_there)];
+        Self::refused(
+            &options,
+            "a recording without a force",
+            "name the force with --force-column (--force-topic of a bag)",
+        )
+    }
+
+    /// What a force of a bag reads without load, in the recorded unit. `only`: the one axis that is measured; `across`: whether there is a
+    /// force along x or y; `is_number`: it was recorded as one number.
+    pub(super) fn zero_in_a_bag(
+        &self,
+        only: Option<usize>,
+        across: bool,
+        is_number: bool,
+    ) -> Result<[f64; 3], RecordingError> {
+        let one = [("--force-zero with one number", self.force.zero != 0.0 && only.is_none() && across)];
+        Self::refused(&one, "a force with three components", "give what each of them reads without load, X,Y,Z")?;
+        let three = [("--force-zero X,Y,Z", self.force_zeros.is_some() && is_number)];
+        Self::refused(&three, "a force that is one number", "give one number")?;
+        let mut zero = self.force_zeros.unwrap_or_default();
+        if self.force.zero != 0.0 {
+            zero[only.unwrap_or(2)] = self.force.zero;
+        }
+        Ok(zero)
+    }
+
     /// Rejects options that do not apply to a bag.
     pub(super) fn fits_a_bag(&self, by_pose: bool) -> Result<(), RecordingError> {
         let options = [
@@ -131,6 +169,7 @@ impl Selection {
             ("--force-columns", self.forces.is_some()),
             ("--gauge-length-m", self.gauge_length_m.is_some()),
             ("--block", self.layout.block.is_some()),
+            ("--sheet", self.layout.sheet.is_some()),
         ];
         Self::refused(&options, "a bag", "leave it out")?;
         if by_pose { self.of_poses() } else { self.of_depths() }
@@ -140,6 +179,10 @@ impl Selection {
     pub(super) fn fits_a_table(&self, by_pose: bool) -> Result<(), RecordingError> {
         let options = [("--force-column", self.forces.is_some() && self.force.place.is_some())];
         Self::refused(&options, "a force of --force-columns", "give one of them")?;
+        let vector = [("--force-zero with one number", self.forces.is_some() && self.force.zero != 0.0)];
+        Self::refused(&vector, "a force of three columns", "give what each of them reads without load, X,Y,Z")?;
+        let scalar = [("--force-zero X,Y,Z", self.forces.is_none() && self.force_zeros.is_some())];
+        Self::refused(&scalar, "a force of one column", "give one number")?;
         if by_pose { self.of_poses() } else { self.of_depths() }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::foreign::{ForceSource, POSES, PositionSource, WRENCHES};
 use super::recording::RecordingError;
-use super::selection::Selection;
+use super::selection::{Quantity, Selection};
 use super::unit::Dimension;
 use ros2_messages::RosMessage;
 use ros2_messages::geometry_msgs::PoseStamped;
@@ -172,7 +172,8 @@ pub(super) fn position_source(bag: &BagReader, said: &Selection) -> Result<Optio
 /// The load cell as the user describes it; `None` as in [`position_source`].
 pub(super) fn force_source(bag: &BagReader, said: &Selection) -> Result<Option<ForceSource>, RecordingError> {
     let n_per_unit = said.force.scale(Dimension::Force, "--force-unit")?;
-    if said.force.is_plain() {
+    // the zero is taken off where the measured axes are known
+    if (Quantity { zero: 0.0, ..said.force.clone() }).is_plain() {
         return Ok(None);
     }
     let own = wrench(bag, said);

@@ -87,6 +87,8 @@ pub struct Entry {
     pub force_unit: Option<String>,
     /// 1 or -1.
     pub force_sign: Option<f64>,
+    /// Reading of the load cell without load, in its unit: one number, or x, y and z.
+    pub force_zero: Option<Zero>,
     /// Delay of the force's stamps, s.
     pub time_offset_s: Option<f64>,
     /// Column of the time.
@@ -103,6 +105,8 @@ pub struct Entry {
     pub sample_pose: Option<[f64; 7]>,
     /// Index of the recording in a file with several, from 1. Default: one row for each.
     pub block: Option<usize>,
+    /// Sheet of a workbook.
+    pub sheet: Option<String>,
     /// Rows per second of a table without time.
     pub rate_hz: Option<f64>,
     /// The position is a strain over this gauge length, m.
@@ -115,6 +119,16 @@ pub struct Entry {
     pub header_line: Option<usize>,
     /// Joint whose position is the depth.
     pub joint: Option<String>,
+}
+
+/// Reading of a load cell without load.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Zero {
+    /// Of a force that is one number.
+    One(f64),
+    /// Of a force with three components.
+    Three([f64; 3]),
 }
 
 /// A manifest as it is written in the file.
@@ -155,8 +169,8 @@ pub struct Manifest {
 
 /// Columns of a CSV manifest that hold several values, separated by `;`.
 const LISTS: [&str; 6] = ["set", "fit", "force_columns", "pose_columns", "sensor_rotation", "sample_pose"];
-/// Those of [`LISTS`] whose values are numbers.
-const NUMBERS: [&str; 2] = ["sensor_rotation", "sample_pose"];
+/// Those of [`LISTS`], and others, whose values are numbers.
+const NUMBERS: [&str; 3] = ["sensor_rotation", "sample_pose", "force_zero"];
 
 impl Manifest {
     /// Reads a manifest, TOML or CSV. Paths are relative to `root`, or by default to the manifest's folder.
@@ -208,13 +222,13 @@ fn from_csv(text: &str) -> Result<Written, String> {
         let value = |key: &str, cell: &str| {
             let number = |part: &str| serde_json::from_str(part).unwrap_or_else(|_| Value::from(part));
             let one = |part: &str| if NUMBERS.contains(&key) { number(part) } else { part.into() };
-            if LISTS.contains(&key) {
+            if LISTS.contains(&key) || (key == "force_zero" && cell.contains(';')) {
                 return Value::from_iter(cell.split(';').map(|part| one(part.trim())));
             }
             // only these columns hold numbers and booleans; a name may look like a number
             let numeric = key.ends_with("_m") || key.ends_with("_s") || key.ends_with("_sign") || key.ends_with("_hz");
             let typed = numeric || key == "header_line" || key == "decimal_comma" || key == "together";
-            let typed = typed || ["position_zero", "position_scale", "block"].contains(&key);
+            let typed = typed || ["position_zero", "position_scale", "force_zero", "block"].contains(&key);
             if typed { serde_json::from_str(cell).unwrap_or_else(|_| cell.into()) } else { cell.into() }
         };
         let object: Map<String, Value> = cells.map(|(key, cell)| (key.to_owned(), value(key, cell))).collect();
@@ -346,7 +360,13 @@ impl Entry {
             return Err(format!("pose_columns = {names:?}: three columns, or seven with a quaternion"));
         }
         let finite = [("time_offset_s", self.time_offset_s), ("position_zero", self.position_zero)];
-        let wrong = finite.into_iter().find_map(|(key, value)| Some((key, value.filter(|x| !x.is_finite())?)));
+        let zeros = match &self.force_zero {
+            Some(Zero::One(zero)) => &[*zero][..],
+            Some(Zero::Three(zeros)) => zeros,
+            None => &[],
+        };
+        let mut finite = finite.into_iter().chain(zeros.iter().map(|zero| ("force_zero", Some(*zero))));
+        let wrong = finite.find_map(|(key, value)| Some((key, value.filter(|x| !x.is_finite())?)));
         wrong.map_or(Ok(()), |(key, x)| Err(format!("{key} = {x}: a finite number is needed")))
     }
 
@@ -376,6 +396,7 @@ impl Entry {
             force,
             force_unit,
             force_sign,
+            force_zero,
             time_offset_s,
             time,
             time_unit,
@@ -386,6 +407,7 @@ impl Entry {
             sensor_rotation,
             sample_pose,
             block,
+            sheet,
             rate_hz,
             gauge_length_m,
             separator,
@@ -410,7 +432,11 @@ impl Entry {
         Selection {
             names: TopicNames { joint: self.joint.clone().unwrap_or(names.joint.clone()), ..names },
             position: Quantity { zero: self.position_zero.unwrap_or(0.0), factor: self.position_scale, ..position },
-            force: quantity(&self.force, &self.force_unit, self.force_sign),
+            force: Quantity {
+                zero: if let Some(Zero::One(zero)) = self.force_zero { zero } else { 0.0 },
+                ..quantity(&self.force, &self.force_unit, self.force_sign)
+            },
+            force_zeros: if let Some(Zero::Three(zeros)) = self.force_zero { Some(zeros) } else { None },
             time_offset_s: self.time_offset_s.unwrap_or(0.0),
             time: self.time.iter().cloned().collect(),
             time_unit: self.time_unit.iter().cloned().collect(),
@@ -428,6 +454,7 @@ impl Entry {
                 header_line: self.header_line,
                 comment: None,
                 block: self.block,
+                sheet: self.sheet.clone(),
             },
         }
     }

@@ -294,11 +294,15 @@ impl Finder<'_> {
         }
         let length = |i| self.column(&POSITION, i, &Quantity { reversed: false, zero: 0.0, ..said.position.clone() });
         let plain = |i| Ok(Column { index: i, name: self.name(i), unit: "1".to_owned(), scale: 1.0, zero: 0.0 });
+        let mut forces = self.several(said.forces.as_ref(), |i| self.column(&FORCE, i, &said.force))?;
+        if let (Some(columns), Some(zeros)) = (&mut forces, said.force_zeros) {
+            columns.iter_mut().zip(zeros).for_each(|(column, zero)| column.zero = zero);
+        }
         let mut columns = Columns {
             time,
             pose: self.several(said.pose.as_ref(), length)?,
             orientation: self.several(said.orientation.as_ref(), plain)?,
-            forces: self.several(said.forces.as_ref(), |i| self.column(&FORCE, i, &said.force))?,
+            forces,
             ..Columns::default()
         };
         for names in said.markers.chunks_exact(3) {

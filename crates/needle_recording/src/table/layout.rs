@@ -13,7 +13,7 @@ use super::names;
 use super::number::number;
 
 /// Number of lines in which the beginning of the data is searched.
-const LOOKED_AT: usize = 400;
+pub(super) const LOOKED_AT: usize = 400;
 /// Number of consecutive rows that establish data.
 const ROWS: usize = 3;
 /// Number of rows on which the choice of columns and formats is based.

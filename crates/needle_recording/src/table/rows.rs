@@ -1,10 +1,12 @@
 //! Reads the rows of a table: the required cells, and the start of the next recording.
 
 use std::borrow::Cow;
+use std::io;
 
 use super::columns::{Column, Columns};
 use super::layout::{self, Kind, Layout, Splitter};
 use super::number::number;
+use super::text::Text;
 use super::{Clock, Table, TableError, clock};
 use crate::adapter::forward;
 use needle_core::twin::Pose;
@@ -33,9 +35,9 @@ struct Row {
 /// Lines without data, with the bad rows among them: the end of a recording or of the file, or a loss.
 #[derive(Default)]
 struct Gap {
-    /// Byte offset and line of its beginning.
-    place: [usize; 2],
-    words: usize,
+    /// Line of its beginning, and its text.
+    line: usize,
+    text: String,
     rows: Vec<Row>,
     bad: u64,
     first_bad: Option<String>,
@@ -144,81 +146,85 @@ impl Cells<'_> {
 }
 
 impl Table {
-    /// Reads the required cells of every row, and returns byte offset and line of the next recording. `line`: number
-    /// of the text's first line, from 0.
-    pub(super) fn take(
-        &mut self,
-        text: &str,
-        layout: &Layout,
-        line: usize,
-        rate_hz: Option<f64>,
-    ) -> Option<[usize; 2]> {
-        let (columns, split) = (self.columns.clone(), Splitter::new(layout.separator));
-        let (mut byte, mut number) = (layout.offset, line + layout.first_row);
-        let (mut cells, mut gap, mut blank) = (Vec::new(), None::<Gap>, false);
+    /// Takes the cells that are wanted of every row, and gives the line at which the next recording begins; the text goes on there. `line`:
+    /// number of the text's first line, from 0.
+    pub(super) fn take(&mut self, text: &mut Text, layout: &Layout, line: usize) -> io::Result<Option<usize>> {
+        let (columns, split, rate_hz) = (self.columns.clone(), Splitter::new(layout.separator), self.rate_hz);
+        let (mut number, mut gap, mut blank) = (line + layout.first_row, None::<Gap>, false);
         let mut clock = Unrolled { of_day: matches!(columns.time, Some((_, Clock::TimeOfDay))), ..Unrolled::default() };
         self.lines = [number + 1; 2];
         let mut passed = 0_u64;
-        for whole in text[byte..].split_inclusive('\n') {
-            let (place, raw) = ([byte, number], whole.trim_end_matches(['\n', '\r']));
-            byte += whole.len();
-            number += 1;
-            if raw.trim().is_empty() {
-                blank = true;
-                continue;
-            }
-            if layout::is_comment(raw, layout.comment.as_deref()) {
-                continue;
-            }
-            split.split(raw, &mut cells);
-            let of = Cells { cells: &cells, comma: layout.decimal_comma };
-            let mut row = of.row(&columns, rate_hz.map(|hz| passed as f64 / hz));
-            row.stamp = row.stamp.map(|stamp| clock.unrolled(stamp));
-            let back = row.stamp.zip(clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
-            let text = row.bad && {
-                let data = |&c: &usize| Kind::of(of.text(c), layout.decimal_comma).is_data();
-                !layout.numeric.iter().any(data)
-            };
-            if !row.bad {
-                if gap.as_ref().map_or(blank && back, |gap| gap.headers || back) {
-                    return Some(gap.map_or(place, |gap| gap.place));
+        text.skip(layout.offset);
+        while let Some(piece) = text.take()? {
+            let (mut cells, mut byte) = (Vec::new(), 0);
+            for whole in piece.split_inclusive('\n') {
+                let (place, raw) = ([byte, number], whole.trim_end_matches(['\n', '\r']));
+                byte += whole.len();
+                number += 1;
+                if let Some(gap) = &mut gap {
+                    gap.text.push_str(whole);
                 }
-                if let Some(gap) = gap.take() {
-                    self.lose(gap);
+                if raw.trim().is_empty() {
+                    blank = true;
+                    continue;
                 }
-                clock.last = row.stamp.or(clock.last);
-                self.add(row);
-            } else if text || gap.is_some() {
-                let gap = gap.get_or_insert_with(|| Gap { place, ..Gap::default() });
-                gap.words += usize::from(text);
-                gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
-                gap.bad += 1;
-                gap.first_bad.get_or_insert_with(|| shown(number, &cells));
-                gap.rows.push(row);
-            } else {
-                self.bad += 1;
-                self.first_bad.get_or_insert_with(|| shown(number, &cells));
-                self.add(row);
-            }
-            blank = false;
-            passed += 1;
-            if gap.is_none() {
-                self.rows += 1;
-                self.lines[1] = number;
+                if layout::is_comment(raw, layout.comment.as_deref()) {
+                    continue;
+                }
+                split.split(raw, &mut cells);
+                let of = Cells { cells: &cells, comma: layout.decimal_comma };
+                let mut row = of.row(&columns, rate_hz.map(|hz| passed as f64 / hz));
+                row.stamp = row.stamp.map(|stamp| clock.unrolled(stamp));
+                let back = row.stamp.zip(clock.last).is_some_and(|(now, last)| last.saturating_sub(now) > AGAIN_NS);
+                let words = row.bad && {
+                    let data = |&c: &usize| Kind::of(of.text(c), layout.decimal_comma).is_data();
+                    !layout.numeric.iter().any(data)
+                };
+                if !row.bad {
+                    if gap.as_ref().map_or(blank && back, |gap| gap.headers || back) {
+                        let (mut again, next) =
+                            gap.map_or_else(|| (whole.to_owned(), place[1]), |gap| (gap.text, gap.line));
+                        again.push_str(&piece[byte..]);
+                        text.put_back(again);
+                        return Ok(Some(next));
+                    }
+                    if let Some(gap) = gap.take() {
+                        self.lose(gap);
+                    }
+                    clock.last = row.stamp.or(clock.last);
+                    self.add(row);
+                } else if words || gap.is_some() {
+                    let begun = || Gap { line: place[1], text: whole.to_owned(), ..Gap::default() };
+                    let gap = gap.get_or_insert_with(begun);
+                    gap.headers |= layout.header_text.as_deref() == Some(raw.trim());
+                    gap.bad += 1;
+                    gap.first_bad.get_or_insert_with(|| shown(number, &cells));
+                    gap.rows.push(row);
+                } else {
+                    self.bad += 1;
+                    self.first_bad.get_or_insert_with(|| shown(number, &cells));
+                    self.add(row);
+                }
+                blank = false;
+                passed += 1;
+                if gap.is_none() {
+                    self.rows += 1;
+                    self.lines[1] = number;
+                }
             }
         }
-        let gap = gap?;
-        // the lines after the last row are not part of it: another table, or a footer
-        let another =
-            Layout::of(&text[gap.place[0]..], &super::TableLayout { header_line: None, ..Default::default() });
+        let Some(gap) = gap else { return Ok(None) };
+        // what stands behind the last row is no row of it: another table, or a foot
+        let another = Layout::of(&gap.text, &super::TableLayout { header_line: None, ..Default::default() });
         if another.is_some_and(|other| other.has_rows()) {
-            return Some(gap.place);
+            text.put_back(gap.text);
+            return Ok(Some(gap.line));
         }
         let (file, count) = (&self.file, gap.bad);
         let lines = if count == 1 { "1 line" } else { &format!("{count} lines") };
         self.warnings
-            .push(format!("{file}: {lines} behind the data, from line {} on, are no rows of it", gap.place[1] + 1));
-        None
+            .push(format!("{file}: {lines} behind the data, from line {} on, are no rows of it", gap.line + 1));
+        Ok(None)
     }
 
     fn lose(&mut self, gap: Gap) {
