@@ -155,11 +155,6 @@ impl Solver {
         self.state.begin_cut();
     }
 
-    /// [`State::mend`].
-    pub fn mend(&mut self) {
-        self.state.mend();
-    }
-
     /// [`State::forget_motion`].
     pub fn forget_motion(&mut self) {
         self.state.forget_motion();
@@ -185,6 +180,12 @@ impl Solver {
     #[must_use]
     pub fn cut(&self) -> f64 {
         self.state.cut()
+    }
+
+    /// [`State::carried`].
+    #[must_use]
+    pub fn carried(&self) -> f64 {
+        self.state.carried()
     }
 
     /// [`State::internal_force`].
