@@ -286,23 +286,6 @@ impl Drag {
         }
     }
 
-    /// Push of the end that the tissue withstands where it is, N: the internal force f of the layers that the end acts on, less what the
-    /// wall does to them,
-    ///
-    /// ```text
-    /// sum_n a . f_n - sum_l P_l        a: axis; n: nodes of those layers; l: those layers
-    /// ```
-    ///
-    /// At rest that is the sum of the P_i. In motion these also hold the inertia of the scaled masses: after a step that the rod has set
-    /// out with a tenth of them.
-    pub fn carried(&self, moving: &Moving) -> f64 {
-        let Moving { f, slip, .. } = moving;
-        let layers = (self.end.first..).zip(self.end.shares).filter(|(_, s)| *s > 0.0);
-        let of_layer =
-            |layer: usize| self.layer(layer).map(|p| along(&f[self.nodes[p] as usize], &self.axis)).sum::<f64>();
-        layers.map(|(layer, _)| of_layer(layer) - slip.pull[layer]).sum()
-    }
-
     /// Mean of c_i over the end's area, m.
     pub fn cut(&self, slip: &Slip) -> f64 {
         self.areas.iter().zip(&slip.end).map(|(a, c)| a * c).sum()

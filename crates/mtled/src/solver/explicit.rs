@@ -182,12 +182,6 @@ impl Solver {
         self.state.cut()
     }
 
-    /// [`State::carried`].
-    #[must_use]
-    pub fn carried(&self) -> f64 {
-        self.state.carried()
-    }
-
     /// [`State::internal_force`].
     #[must_use]
     pub fn internal_force(&self, node: usize) -> [f64; 3] {

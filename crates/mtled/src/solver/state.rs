@@ -348,12 +348,6 @@ impl State {
         self.constraints.drag.cut(&self.moving.slip)
     }
 
-    /// Push of the rod's end that the tissue withstands where it is, N: without the inertia of what it accelerates.
-    #[must_use]
-    pub fn carried(&self) -> f64 {
-        self.constraints.drag.carried(&self.moving)
-    }
-
     /// Internal force on a node after the last step, N: what its holder exerts on the tissue.
     #[must_use]
     pub fn internal_force(&self, node: usize) -> [f64; 3] {

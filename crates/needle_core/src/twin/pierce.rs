@@ -35,11 +35,12 @@ impl Twin {
             let energies = self.energies(balance);
             let settled = self.progress.pace.is_settled(balance, energies);
             let force_n = self.corrected(balance.instrument, tip.depth);
+            let [friction, _] = self.needle_forces().unwrap_or_default();
             let Some(Contact::Frictional(needle)) = &mut self.contact else { break };
             let springs = needle.springs_back(&self.solver, balance.gap, energies);
             let spent = taken >= self.progress.pace.most();
             if (settled && !springs) || spent {
-                if !needle.breaks(&self.solver) {
+                if !needle.breaks(&balance.instrument, friction) {
                     break;
                 }
                 self.happened.close(force_n);

@@ -1,12 +1,12 @@
 //! How the front goes on: cutting, membranes, regions.
 //!
 //! ```text
-//! membrane    breaks once P >= F        P: force on the tissue across the tip's face, N; F: puncture force, N; the front is at it
+//! membrane    breaks once F - T >= P    F: force along the needle, N; T: friction of its shaft, N; P: puncture force, N
 //! ```
 //!
-//! P is what the membrane carries: whatever lies between the face and the boundary passes it on. It is that of the tissue's stresses
-//! ([`Solver::carried`]), where a pose has come to rest. The tip's push also accelerates tissue, whose masses are not those of tissue:
-//! judged by it, a membrane breaks the earlier the farther poses are apart, and at once where the front stops at it.
+//! F - T is what the face of the tip passes on, and so what the membrane carries: whatever lies between the two passes it on. F is that at
+//! rest, without inertia, where a pose has come to it. The tip's own push also accelerates tissue, whose masses are not those of tissue.
+//! Judged by it a membrane broke at once where the front stopped at it, and wherever a cell beside the edge gave way: a tenth too early.
 
 use super::{Frictional, LAG, STICKING, TIP_STIFFNESS};
 use crate::instrument::Event;
@@ -45,9 +45,10 @@ impl Frictional {
         Some(Event::Puncture { depth_m: self.progress.depth, region: self.shaft.under[layer].region })
     }
 
-    /// Whether the membrane that the front is at breaks where the tissue is now, as near to rest as it comes at this pose.
-    pub fn breaks(&mut self, solver: &Solver) -> bool {
-        let push = solver.carried();
+    /// Whether the membrane that the front is at breaks: force of the tissue on the needle as near to rest as it comes at this pose, and
+    /// friction of the whole shaft, N.
+    pub fn breaks(&mut self, force: &[f64; 3], friction: f64) -> bool {
+        let push = -(0..3).map(|k| force[k] * self.shaft.axis[k]).sum::<f64>() - friction;
         let broken = self.membrane().is_some_and(|layer| self.is_at(layer) && push >= self.shaft.under[layer].puncture);
         if broken && self.progress.released.is_none() {
             self.progress.broken = Some(push);
