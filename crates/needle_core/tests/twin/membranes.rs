@@ -1,5 +1,5 @@
 //! Membranes: each breaks at its puncture force, as finite elements have it, whatever cuts, however fast, in the half plane and in space.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::panic, clippy::unwrap_used)]
 
 use needle_core::scene::Scene;
 use needle_core::twin::{Event, StampedPose, Twin};
