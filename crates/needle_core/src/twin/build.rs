@@ -79,6 +79,7 @@ impl Twin {
         let pace = Pace::new(scene, height);
         let scene = scene.clone();
         let along = Along::of(&scene, &tissue, top);
+        warnings.extend(contact.iter().flat_map(|contact| along.missed(&scene, contact)));
         let mirror = scene.mirror();
         let tissue = Arc::new(tissue);
         let fixed = Fixed {

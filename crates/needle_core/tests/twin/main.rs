@@ -13,6 +13,7 @@ mod force_balance;
 mod frictional_oblique;
 mod half_plane;
 mod invariance;
+mod membranes;
 mod mesh_files;
 mod mesh_hexahedra;
 mod mesh_import;
