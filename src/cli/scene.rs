@@ -160,6 +160,20 @@ fn keys_json() -> String {
     format!("{:#}\n", serde_json::Value::from_iter(rows))
 }
 
+/// How the nodes are spaced, after a semicolon; empty where a mesh brings them.
+fn spaced(scene: &Scene) -> String {
+    scene.grading().map_or_else(String::new, |grading| {
+        let far = grading.spacing.get();
+        format!(
+            "; nodes {:.2} mm apart, {:.3} mm at the instrument, growing by {} per metre between; supports of {} spacings",
+            1e3 * far,
+            1e3 * far * grading.edge_refinement,
+            grading.growth,
+            scene.support_factor()
+        )
+    })
+}
+
 fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliError> {
     let sized = |scene: Scene| {
         scene.advice().iter().chain(&scene.absent_regions()).for_each(|advice| super::warn(advice));
@@ -170,12 +184,19 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
         let rows = scenes.iter().zip(&checked).map(|(name, result)| match result {
             Ok((scene, (size, extents))) => {
                 let model = scene.dimension();
-                let because = model.because + &scene.discretisation.left_out();
+                let because = model.because + &scene.left_out();
                 json!({
                     "mesh_extents_m": extents,
                     "scene": name, "ok": true, "name": scene.name,
                     "dimension": model.dimension.as_str(), "dimension_because": because,
                     "estimated_nodes": size.nodes, "estimated_bytes": size.bytes,
+                    "spacing_m": scene.grading().map(|g| g.spacing.get()),
+                    "edge_refinement": scene.grading().map(|g| g.edge_refinement),
+                    "growth": scene.grading().map(|g| g.growth),
+                    "support_factor": scene.support_factor(),
+                    "cells_per_point": scene.cells_per_point(),
+                    "points_per_support_node": scene.points_per_support_node(),
+                    "integration": if scene.is_consistent_in(model.dimension) { "consistent" } else { "plain" },
                 })
             }
             Err(error) => json!({ "scene": name, "ok": false, "error": error.to_string() }),
@@ -189,10 +210,11 @@ fn check(scenes: &[String], set: &SetOptions, as_json: bool) -> Result<(), CliEr
             let kind = model.dimension.as_str();
             let mesh = extents.map_or_else(String::new, |extents| format!(", mesh of {}", shown(extents)));
             print(&format!(
-                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB{mesh}; {kind}: {}{}\n",
+                "{name}: ok, about {:.0} nodes and {megabytes:.0} MB{mesh}; {kind}: {}{}{}\n",
                 size.nodes,
                 model.because,
-                scene.discretisation.left_out()
+                scene.left_out(),
+                spaced(scene)
             ))?;
         }
     }

@@ -27,7 +27,7 @@ pub fn declarations(scene: &Scene) -> Vec<Declaration> {
             let default = to_parameter(&value);
             let range = match key.kind {
                 // The closed interval; the scene itself rejects excluded ends.
-                Kind::Real(range) => Range::Double(range.low, range.high),
+                Kind::Real(range) if matches!(value, Value::Real(_)) => Range::Double(range.low, range.high),
                 Kind::Integer(low, high) => Range::Integer(low, high),
                 _ => Range::Any,
             };

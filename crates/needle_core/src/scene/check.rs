@@ -64,8 +64,12 @@ impl Check<'_> {
 
     fn spacing(&self) -> Result<(), SceneError> {
         const KEY: &str = "discretisation.spacing_m";
-        let Some(grading) = &self.scene.discretisation.grading else { return Ok(()) };
+        let Some(grading) = &self.scene.grading() else { return Ok(()) };
         let spacing = grading.spacing.get();
+        if !spacing.is_finite() {
+            let reason = "an outline needs a number: its size is not known before its file is read. A seventh of its thickness is a start";
+            return self.refuse(KEY, reason.to_owned());
+        }
         let least = smallest_size(&self.scene.sample.shape);
         if spacing > 0.5 * least {
             return self.refuse(

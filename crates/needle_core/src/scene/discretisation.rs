@@ -18,43 +18,32 @@ section! {
         /// scene allows.
         dimension: Dimension = Key::word("discretisation.dimension", Dimension::WORDS).or("auto"),
         /// How the nodes are spaced; absent where a mesh file brings them.
-        grading: Option<Grading>,
-        /// alpha: support radius over mean edge length at a node; 0, the default, is 1.8, and 2.1 with consistent gradients
-        /// in three dimensions in a sample of one material.
+        grading: Option<AskedGrading>,
+        /// alpha: support radius over mean edge length at a node; 0, the default, is 1.8; in three dimensions round a needle and generated
+        /// nodes 1.6, and else with consistent gradients in a sample of one material 2.1.
         support_factor: f64 = Key::real("discretisation.support_factor", Range::closed(0.0, 4.0), "").or("0.0"),
         /// eta: MMLS penalty on the quadratic coefficients, dimensionless (local scaled coordinates).
         penalty: f64 = Key::real("discretisation.penalty", Range::closed(0.0, 1e6), "").or("1e-2"),
         /// Integration points per tetrahedral cell; a triangle of the half plane then has 3, 6 or 7.
         points_per_cell: u32 = Key::one_of("discretisation.points_per_cell", &[1, 4, 5]).or("1"),
         /// Tetrahedra that share an integration point: 2 joins neighbours in pairs, for half the work. Only meshless
-        /// methods with one point per cell do so, and no half plane.
-        cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[1, 2]).or("1"),
+        /// methods with one point per cell do so, and no half plane. 0, the default: 2 in a cylinder or box round a needle, and
+        /// under a plate on one material; else 1.
+        cells_per_point: u32 = Key::one_of("discretisation.cells_per_point", &[0, 1, 2]).or("0"),
         /// Fewest of eight integration points beside each other whose support a node has to be in: one that fewer have is left out of those
-        /// supports, which saves work. 1, the default, leaves none out. Only meshless methods have supports.
-        points_per_support_node: u32 = Key::integer("discretisation.points_per_support_node", 1, 4).or("1"),
+        /// supports, which saves work. 1 leaves none out. Only meshless methods have supports. 0, the default: 2 with consistent gradients
+        /// round a needle, else 1.
+        points_per_support_node: u32 = Key::integer("discretisation.points_per_support_node", 0, 4).or("0"),
         /// What is integrated.
         cells: Cells,
         /// Gradients of the shape functions at the integration points: exact, or corrected so that a uniform stress is in balance, in space
-        /// alone; `auto`: so corrected in a sample of one material.
-        integration: Integration = Key::word("discretisation.integration", Integration::WORDS).or("plain"),
+        /// alone; `auto`: so corrected in a cylinder or box of one material.
+        integration: Integration = Key::word("discretisation.integration", Integration::WORDS).or("auto"),
         /// Volume ratio that the law sees: projected (onto a coarser cloud) cures volumetric locking, mixed cures that of sheared tissue
         /// as well, averaged (over each node) half-way; `auto`: mixed round a needle in space, else projected.
         volume_ratio: VolumeRatio = Key::word("discretisation.volume_ratio", VolumeRatio::WORDS).or("auto"),
         /// Precision of the internal-force kernel.
         precision: Precision = Key::word("discretisation.precision", Precision::WORDS).or("f32"),
-    }
-}
-
-impl Discretisation {
-    /// What its supports lack, after a semicolon; empty where they lack nothing.
-    #[must_use]
-    pub fn left_out(&self) -> String {
-        match self.points_per_support_node {
-            ..=1 => String::new(),
-            fewest => {
-                format!("; supports without the nodes that fewer than {fewest} of 8 points beside each other have")
-            }
-        }
     }
 }
 
@@ -88,22 +77,21 @@ impl Cells {
 }
 
 section! {
-    /// Spacing of the nodes of a generated cloud.
+    /// Spacing of the nodes of a generated cloud, as far as the scene says; `None`: left to the program ([`Grading`]).
     #[derive(Clone, Copy, Debug, PartialEq)]
-    pub struct Grading when |values| values.word("sample.shape").is_some_and(|s| GENERATED.contains(&s.as_str())) => {
-        /// Spacing of the nodes far from every edge.
-        spacing: Metres = generated(Key::real("discretisation.spacing_m", Range::above(0.0, 1.0), "m")),
-        /// Spacing at the instrument's contact edge as a fraction of spacing_m.
-        edge_refinement: f64 =
-            generated(Key::real("discretisation.edge_refinement", Range::closed(0.01, 1.0), "").or("0.3")),
-        /// Growth of the spacing per metre of distance from an edge.
-        growth: f64 = generated(
+    pub struct AskedGrading when |values| values.word("sample.shape").is_some_and(|s| GENERATED.contains(&s.as_str())) => {
+        /// Spacing of the nodes far from every edge; `auto`: by the sample's size and the instrument. An outline needs a number.
+        spacing: Option<Metres> = generated(Key::real("discretisation.spacing_m", Range::above(0.0, 1.0), "m").or_auto()),
+        /// Spacing at the instrument's contact edge as a fraction of spacing_m; `auto`: by the instrument.
+        edge_refinement: Option<f64> =
+            generated(Key::real("discretisation.edge_refinement", Range::closed(0.01, 1.0), "").or_auto()),
+        /// Growth of the spacing per metre of distance from an edge; `auto`: by the instrument.
+        growth: Option<f64> = generated(
             Key::real("discretisation.growth", Range::above(0.0, 0.5), "m/m")
-                .or("0.35")
+                .or_auto()
                 .because("cells that grow faster than by half their size from one to the next lose their shape"),
         ),
-        /// Fewest rings of nodes round a needle's path in space, within its capture radius; layers are as far apart as rings. 0: three
-        /// down to ten radii where a kinematic needle leans and enters at once, else two.
+        /// Fewest rings of nodes round a needle's path in space, within its capture radius; layers are as far apart as rings. 0: two.
         path_rings: u32 = generated(Key::one_of("discretisation.path_rings", &[0, 2, 3, 4]).or("0")),
     }
 }
@@ -157,7 +145,7 @@ pub enum Integration {
     Plain,
     /// Corrected by as little as makes sums over the points the integrals that they stand for.
     Consistent,
-    /// Consistent in a sample of one material, plain in one of several.
+    /// Consistent in a cylinder or box of one material, else plain.
     Auto,
 }
 

@@ -42,11 +42,16 @@ pub struct Key {
     pub reason: &'static str,
     /// Whether it can change while the twin runs.
     pub live: bool,
+    /// Whether [`AUTO`] is taken as well: the program chooses.
+    pub auto: bool,
 }
+
+/// What a file says to leave a number to the program.
+pub const AUTO: &str = "auto";
 
 impl Key {
     const fn new(path: &'static str, kind: Kind, unit: &'static str) -> Self {
-        Self { path, kind, default: None, unit, description: "", only_with: None, reason: "", live: false }
+        Self { path, kind, default: None, unit, description: "", only_with: None, reason: "", live: false, auto: false }
     }
 
     pub(super) const fn text(path: &'static str) -> Self {
@@ -107,6 +112,11 @@ impl Key {
         Self { live: true, ..self }
     }
 
+    /// Leaves the number to the program unless one is given.
+    pub(super) const fn or_auto(self) -> Self {
+        Self { default: Some(AUTO), auto: true, ..self }
+    }
+
     /// Section of the path; empty for the keys at the top of a file.
     #[must_use]
     pub fn section(&self) -> &'static str {
@@ -136,6 +146,7 @@ impl Key {
         match self.kind {
             Kind::Text => "text".to_owned(),
             Kind::Word(words) => format!("one of {}", words.join(", ")),
+            Kind::Real(range) if self.auto => format!("number in {range}{unit}, or {AUTO}"),
             Kind::Real(range) => format!("number in {range}{unit}"),
             Kind::Integer(low, high) => format!("whole number in [{low}, {high}]"),
             Kind::OneOf(choices) => {
@@ -158,6 +169,7 @@ impl Key {
             (Kind::Word(words), Value::Text(word)) => {
                 return self.check_word(words, word, path, place);
             }
+            (Kind::Real(_), Value::Text(word)) if self.auto && word == AUTO => (true, value.clone()),
             (Kind::Real(range), Value::Real(_) | Value::Integer(_)) => {
                 let x = value.as_real().unwrap_or(f64::NAN);
                 (range.contains(x), Value::Real(x))
@@ -222,7 +234,7 @@ impl Key {
             Kind::Text | Kind::Word(_) => Value::Text(unquoted(trimmed)),
             Kind::Boolean => trimmed.parse().map_or_else(|_| Value::from(trimmed), Value::Boolean),
             Kind::Integer(..) | Kind::OneOf(_) => number(trimmed),
-            Kind::Real(_) => number(trimmed),
+            Kind::Real(_) => number(&unquoted(trimmed)),
             Kind::Point => match numbers(trimmed).map(Value::of_numbers) {
                 Some(point @ Value::Point(_)) => point,
                 _ => Value::from(trimmed),

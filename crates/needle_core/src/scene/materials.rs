@@ -3,7 +3,7 @@
 use super::instrument::{FORCE, FRICTION, PER_LENGTH, SHARE};
 use super::section::{Scope, Section, read, section, write};
 use super::values::Values;
-use super::{Key, Material, SceneError};
+use super::{Interaction, Key, Material, Region, Scene, SceneError};
 
 /// A material with a name.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +34,21 @@ section! {
         cutting_rate_exponent: f64 = Key::real("materials.cutting_rate_exponent", SHARE, "").or("0.0"),
         /// Fracture toughness: where no cutting force is given, it is the toughness times the needle's diameter.
         fracture_toughness: f64 = Key::real("materials.fracture_toughness_j_per_m2", FORCE, "J/m2").or("0.0"),
+    }
+}
+
+impl Scene {
+    /// Whether a needle with friction has a membrane to pierce anywhere.
+    #[must_use]
+    pub fn has_membrane(&self) -> bool {
+        let named = |name: &str| self.materials.iter().find(|m| m.name == name);
+        let of_region = |r: &Region| named(&r.material).is_some_and(|m| m.pierced.puncture_force > 0.0);
+        match self.instrument.map(|i| i.interaction) {
+            Some(Interaction::Frictional { puncture_force, .. }) => {
+                puncture_force > 0.0 || self.regions.iter().any(of_region)
+            }
+            _ => false,
+        }
     }
 }
 

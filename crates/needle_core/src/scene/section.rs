@@ -4,6 +4,7 @@
 //! type says how the value is read, and the [`Key`] beside it gives path, range, unit and default. The registry
 //! ([`super::keys`]), reading, writing and `--set` all come from there.
 
+use super::key::AUTO;
 use super::values::Values;
 use super::{Hertz, KilogramsPerCubicMetre, MetresPerSecond, Pascals, PoissonRatio, Radians, Seconds};
 use super::{Key, Metres, SceneError, Value, Word};
@@ -108,6 +109,26 @@ impl Field for f64 {
         (*self).into()
     }
 }
+
+/// `None`: left to the program.
+impl<T: Number> Field for Option<T> {
+    fn from_value(value: &Value) -> Option<Self> {
+        match value {
+            Value::Text(word) => (word == AUTO).then_some(None),
+            number => T::from_value(number).map(Some),
+        }
+    }
+
+    fn to_value(&self) -> Value {
+        self.as_ref().map_or_else(|| AUTO.into(), Field::to_value)
+    }
+}
+
+/// What a key may leave to the program.
+pub(super) trait Number: Field {}
+
+impl Number for f64 {}
+impl Number for Metres {}
 
 impl Field for u32 {
     fn from_value(value: &Value) -> Option<Self> {

@@ -42,7 +42,7 @@ impl Scene {
     #[must_use]
     pub fn estimate(&self) -> Option<Estimate> {
         let of_mesh = self.sample.shape.mesh().is_some();
-        self.discretisation.grading.filter(|_| !of_mesh).map(|grading| self.estimate_with(&grading))
+        self.grading().filter(|_| !of_mesh).map(|grading| self.estimate_with(&grading))
     }
 
     /// The same with another grading.
@@ -66,7 +66,7 @@ impl Scene {
             Precision::F64 => 8.0,
         };
         let points = match d.cells.points_per_hexahedron() {
-            0 => cells * f64::from(d.points_per_cell) / f64::from(d.cells_per_point),
+            0 => cells * f64::from(d.points_per_cell) / f64::from(self.cells_per_point()),
             points => cells * f64::from(points.max(6)) / 6.0, // of six tetrahedra
         };
         // Per point of a relaxing material: H, and twice Pi and every h_i, of six components each.

@@ -3,7 +3,7 @@
 
 use mtled::mirror::Mirror;
 
-use super::{Dimension, InstrumentKind, Integration, Region, RegionShape, Scene, Shape, VolumeRatio};
+use super::{Dimension, InstrumentKind, Region, RegionShape, Scene, Shape, VolumeRatio};
 
 /// Largest distance of an entry point from a plane of symmetry, m: a thousandth of what a sensor resolves.
 const ON_PLANE: f64 = 1e-9;
@@ -120,37 +120,6 @@ impl Scene {
             },
             dimension => Resolved { dimension, because: asked },
         }
-    }
-
-    /// Support radius over the mean edge length at a node, in the dimension that the scene runs in.
-    #[must_use]
-    pub fn support_factor(&self) -> f64 {
-        self.support_factor_in(self.dimension().dimension)
-    }
-
-    /// The same in another dimension. Narrow supports are too stiff where the field bends sharply, plain sums too soft: consistent ones
-    /// leave the first error alone, and take wider supports. Beside an interface, where supports are one-sided, wide ones are too soft
-    /// (`docs/lab/integration.md`).
-    #[must_use]
-    pub fn support_factor_in(&self, dimension: Dimension) -> f64 {
-        let wide = self.is_consistent_in(dimension) && self.regions.is_empty();
-        match self.discretisation.support_factor {
-            0.0 if wide => 2.1,
-            0.0 => 1.8,
-            given => given,
-        }
-    }
-
-    /// Whether gradients are corrected so that a uniform stress is in balance, in a dimension. `auto` leaves it where supports can't be wide:
-    /// with narrow ones an indenter's force is further off with consistent sums than with plain ones.
-    #[must_use]
-    pub fn is_consistent_in(&self, dimension: Dimension) -> bool {
-        let wanted = match self.discretisation.integration {
-            Integration::Plain => false,
-            Integration::Consistent => true,
-            Integration::Auto => self.regions.is_empty(),
-        };
-        wanted && dimension != Dimension::Axisymmetric
     }
 
     /// Volume ratio that the law sees, in a dimension, never `auto`. Beside a needle's entry tissue is sheared so far that the distortion locks

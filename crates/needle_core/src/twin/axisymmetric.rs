@@ -20,8 +20,7 @@ use super::{BuildError, regions};
 /// # Errors
 /// [`BuildError`] if the half plane can't be discretised.
 pub(super) fn build(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built, BuildError> {
-    let (Shape::Cylinder { diameter, height }, Some(grading)) = (&scene.sample.shape, &scene.discretisation.grading)
-    else {
+    let (Shape::Cylinder { diameter, height }, Some(grading)) = (&scene.sample.shape, &scene.grading()) else {
         return Err(BuildError::Unsupported {
             key: "discretisation.dimension",
             reason: "only a cylinder with a spacing has a half plane; use \"full\" or \"auto\"",
@@ -44,7 +43,7 @@ pub(super) fn build(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> R
     let targets = scene.targets.iter().map(|t| moved::back(moved, in_half_plane(t.position)));
     let targets: Vec<[f64; 3]> = targets.collect();
     let table = approximation.repaired_table(&[&plane.points[..], &targets].concat())?;
-    let mut table = approximation.pruned(table, scene.discretisation.points_per_support_node);
+    let mut table = approximation.pruned(table, scene.points_per_support_node());
     let fields = [approximation.field(&plane.points)?, approximation.field(&targets)?];
     let fitted = moved.map(|moved| {
         moved.stretch(&mut table, &plane.points, &plane.triangles);

@@ -1,9 +1,9 @@
 //! The body of a scene: its cloud, and where the instrument meets it.
 
-use crate::instrument::{Contact, Resistance, surface};
+use crate::instrument::{Contact, surface};
 use crate::mesh::Volumes;
 use crate::scene::{Cells, Grading, IndenterTip, Instrument, InstrumentKind, Metres, Scene, Shape};
-use mtled::cloud::{self, Axis, Cloud, Domain, Feature, MAX_GROWTH, Reflected, Solid, Spacing};
+use mtled::cloud::{self, Axis, Cloud, Domain, Feature, Reflected, Solid, Spacing};
 use mtled::mirror::Mirror;
 
 use super::{BuildError, mesh, outline, regions};
@@ -13,11 +13,6 @@ const PATH_MARGIN: f64 = 1.0;
 /// Largest spacing along a needle's path over the capture radius, that is two rings of nodes round it: the effective radius equals the capture
 /// radius only where the cloud resolves it.
 const PATH_SPACING: f64 = 0.5;
-/// Rings round the upper part of a path that leans, where the tip enters at once. Two can't follow the field at its entry: in every seventh of
-/// 48 clouds the force vector was more than 1 % off that of four rings, with three in none (`docs/lab/verification.md`).
-const LEANING_RINGS: f64 = 3.0;
-/// Down to this depth over the capture radius.
-const LEANING_DEPTH: f64 = 10.0;
 /// Numbers of rings that differ by less are the same: the digits that a scene writes.
 const SAME_RINGS: f64 = 0.01;
 /// A contact ring has at least this many nodes along its radius's worth of arc.
@@ -87,7 +82,8 @@ impl Body {
     /// # Errors
     /// [`BuildError`] if the cloud can't be made, or the mesh doesn't fit the scene.
     pub fn new(scene: &Scene) -> Result<Self, BuildError> {
-        let (domain, grading) = match (&scene.sample.shape, &scene.discretisation.grading) {
+        let grading = scene.grading();
+        let (domain, grading) = match (&scene.sample.shape, &grading) {
             (Shape::Mesh(file), _) => return mesh::body(scene, file),
             (Shape::Outline(file), Some(grading)) => return outline::body(scene, file, grading),
             (_, None) => {
@@ -229,7 +225,7 @@ impl Layout {
             layout.spacing.growth = layout.spacing.growth.min(WALL_GROWTH);
             layout.spacing.features.iter_mut().for_each(refine_edge);
         }
-        if wall || Resistance::any_membrane(scene) {
+        if wall || scene.has_membrane() {
             layout.refine_path(PRESSED_PATH_SPACING);
         }
         if scene.regions.is_empty() && scene.instrument.as_ref().is_some_and(enters_at_once) {
@@ -286,10 +282,6 @@ impl Layout {
                     let length = (deepest + PATH_MARGIN * capture_radius).min(floor).max(spacing);
                     reach = length;
                     features.push(Feature::Path { axis, capture_radius, length, spacing });
-                    if leans(instrument) && grading.path_rings == 0 {
-                        let depth = (LEANING_DEPTH * capture_radius).min(length / axis.secant());
-                        features.extend(three_rings(axis, capture_radius, spacing, depth));
-                    }
                 }
             }
         }
@@ -326,13 +318,6 @@ fn along_path(asked: f64, instrument: &Instrument, capture_radius: f64, coarsest
 /// Whether a needle's path leans, and its tip enters at once ([`enters_at_once`] has why the others keep their cloud).
 fn leans(instrument: &Instrument) -> bool {
     instrument.slope() != [0.0; 2] && enters_at_once(instrument)
-}
-
-/// What gives a path that leans three rings down to a depth, if it has fewer.
-fn three_rings(axis: Axis, radius: f64, spacing: f64, depth: f64) -> Option<Feature> {
-    let fine = radius / LEANING_RINGS;
-    let entry = Feature::Entry { axis, radius, spacing: fine, depth, growth: MAX_GROWTH };
-    (spacing > (1.0 + SAME_RINGS) * fine).then_some(entry)
 }
 
 /// Cells across the thickness of a region in a half plane, at least, and in space across one that is crushed; across others one has to do.

@@ -64,7 +64,7 @@ impl Twin {
             return Err(BuildError::Mesh { key: "correction.mesh".to_owned(), reason });
         }
         let mut dimension = scene.dimension();
-        dimension.because += &scene.discretisation.left_out();
+        dimension.because += &scene.left_out();
         dimension.because += &super::correction::told(scene);
         let made_for = moved.as_ref().map(|(_, regions)| Scene { regions: regions.to_vec(), ..scene.clone() });
         let (made_for, moved) = (made_for.as_ref().unwrap_or(scene), moved.map(|(moved, _)| moved));
@@ -156,7 +156,7 @@ fn full(scene: &Scene, made_for: &Scene, moved: Option<&Moved>) -> Result<Built,
     let consistent = scene.is_consistent_in(scene.dimension().dimension);
     let surface = if consistent { approximation.surface_points() } else { Vec::new() };
     let mut table = approximation.repaired_table(&[&cloud.points[..], &targets, &surface].concat())?;
-    table = approximation.pruned(table, scene.discretisation.points_per_support_node);
+    table = approximation.pruned(table, scene.points_per_support_node());
     if consistent {
         let tied: Vec<bool> = roles.iter().map(|role| *role != Role::Free).collect();
         table = approximation.consistent(table, &tied)?;
@@ -238,7 +238,7 @@ pub(super) fn settings(scene: &Scene) -> Settings {
         },
         support_factor: scene.support_factor(),
         points_per_cell: d.points_per_cell,
-        cells_per_point: d.cells_per_point,
+        cells_per_point: scene.cells_per_point(),
     }
 }
 

@@ -80,7 +80,7 @@ const THIN: f64 = 2.0;
 /// Two nodes across and one point in each of its cells do not see it fold, and then an instrument goes through it without a
 /// force (docs/lab/layers.md).
 pub(super) fn is_crushed(scene: &Scene, region: &Region) -> bool {
-    let (Some(solid), Some(grading)) = (region.shape.solid(0.0), &scene.discretisation.grading) else { return false };
+    let (Some(solid), Some(grading)) = (region.shape.solid(0.0), &scene.grading()) else { return false };
     let named = |name: &str| scene.materials.iter().find(|m| m.name == name);
     let others = scene.regions.iter().filter_map(|r| named(&r.material)).filter(|m| !m.rigid).map(|m| &m.material);
     let stiffest = others.chain([&scene.material]).map(Material::shear_modulus).fold(0.0, f64::max);

@@ -100,7 +100,7 @@ impl Case {
     /// motion.
     pub fn of(scene: &Scene) -> Result<Self, StudyError> {
         let d = &scene.discretisation;
-        let grading = d.grading.ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
+        let grading = scene.grading().ok_or_else(|| StudyError::NoCloud(scene.name.clone()))?;
         let motion = scene.motion.ok_or_else(|| StudyError::NoMotion(scene.name.clone()))?;
         let spacing_m = grading.spacing.get();
         let dimension = scene.dimension().dimension;
@@ -114,8 +114,8 @@ impl Case {
             path_rings: grading.path_rings,
             support_factor: scene.support_factor(),
             points_per_cell: d.points_per_cell,
-            cells_per_point: d.cells_per_point,
-            points_per_support_node: d.points_per_support_node,
+            cells_per_point: scene.cells_per_point(),
+            points_per_support_node: scene.points_per_support_node(),
             points_per_hexahedron: d.cells.points_per_hexahedron(),
             precision: d.precision.as_str().to_owned(),
             pose_hz: motion.pose_rate.get(),
@@ -157,7 +157,7 @@ impl Case {
     /// Spacing along a needle's path above which the needle is not resolved, m.
     fn coarsest_edge(&self, scene: &Scene) -> f64 {
         let half_plane = self.dimension == Dimension::Axisymmetric.as_str();
-        match (&scene.instrument, &scene.discretisation.grading) {
+        match (&scene.instrument, &scene.grading()) {
             (Some(instrument), Some(grading)) => coarsest_path(instrument, grading, half_plane),
             _ => f64::INFINITY,
         }

@@ -231,7 +231,7 @@ fn hexahedra(scene: &Scene, case: &Case) -> Vec<Case> {
 /// and without support nodes that few points share; and coarse clouds with a correction from the equilibrium of a
 /// finer one.
 fn reduced(scene: &Scene, case: &Case, extent: Extent) -> Vec<Case> {
-    let coarse = case.spacing_m > COARSE * scene.discretisation.grading.map_or(0.0, |grading| grading.spacing.get());
+    let coarse = case.spacing_m > COARSE * scene.grading().map_or(0.0, |grading| grading.spacing.get());
     let corrected = |case: &Case| Case { corrected: true, ..at(case, PACES[2]) };
     if case.is_half_plane() {
         return if coarse { vec![corrected(case)] } else { Vec::new() };

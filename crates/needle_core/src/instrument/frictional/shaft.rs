@@ -65,14 +65,6 @@ impl Resistance {
             }
         }
     }
-
-    /// Whether a needle with friction has a membrane to pierce anywhere in the scene.
-    #[must_use]
-    pub fn any_membrane(scene: &Scene) -> bool {
-        let frictional = scene.instrument.is_some_and(|i| i.is_frictional());
-        let regions = 0..=u8::try_from(scene.regions.len()).unwrap_or(u8::MAX);
-        frictional && regions.into_iter().any(|r| Self::of(scene, r, 0.0).puncture > 0.0)
-    }
 }
 
 /// Layers of nodes across the path, all alike, and what lies between them.
